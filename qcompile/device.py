@@ -1,0 +1,134 @@
+"""Devices: the qubits of a machine and their calibration, read from hardware/*.json."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from qcompile.catalogue import find, names, nearest
+from qcompile.errors import DeviceError
+from qcompile.validation import explain
+
+IDEAL_NAME = "ideal"
+
+Probability = Annotated[float, Field(ge=0, le=1)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+
+class _Record(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=False)
+
+
+class GateCalibration(_Record):
+    """One gate on one qubit: its average gate error (1 - fidelity) and its length."""
+
+    error: Probability
+    length_ns: Annotated[float, Field(ge=0, allow_inf_nan=False)]
+
+
+class Qubit(_Record):
+    """One physical qubit. p10 = P(1 | 0) and p01 = P(0 | 1) are its readout errors.
+
+    A gate without an entry in `gates` is free of noise, as the virtual rz is.
+    """
+
+    t1_us: Positive
+    t2_us: Positive
+    p10: Probability
+    p01: Probability
+    readout_ns: Annotated[float, Field(ge=0)] | None = None
+    gates: dict[str, GateCalibration] = {}
+    doubtful: tuple[str, ...] = ()
+
+    @property
+    def contrast(self) -> float:
+        """1 - p01 - p10: how much of <Z> is left after the readout."""
+        return 1.0 - self.p01 - self.p10
+
+
+class Device(_Record):
+    """A machine that runs circuits: its gates and its qubits.
+
+    `qubits` is empty for `ideal`, which has as many perfect qubits as a program needs.
+    """
+
+    format: Literal["qcompile-device-1"] = "qcompile-device-1"
+    name: Annotated[str, Field(pattern=r"^[\w.-]+$")]
+    aliases: tuple[str, ...] = ()
+    source: str
+    calibrated: str | None = None
+    basis_gates: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+    qubits: tuple[Qubit, ...] = ()
+
+    @model_validator(mode="after")
+    def _check(self) -> Device:
+        gates = set(self.basis_gates)
+        if not (gates >= {"rz", "rx"} or gates >= {"rz", "sx", "x"}):
+            raise ValueError(
+                f"basis_gates holds {sorted(gates)}; it needs rz, sx, x or rz, rx"
+            )
+        if not self.qubits and self.name != IDEAL_NAME:
+            raise ValueError("qubits is empty; a device needs at least one")
+        return self
+
+    @property
+    def is_ideal(self) -> bool:
+        return not self.qubits
+
+    @cached_property
+    def usable(self) -> tuple[int, ...]:
+        """The qubits worth using, the best readout first.
+
+        Left out are those that keep less than 0.8 of <Z>, as long as others are left.
+        """
+        ranked = sorted(range(len(self.qubits)), key=lambda q: (-self.qubits[q].contrast, q))
+        good = [q for q in ranked if self.qubits[q].contrast >= 0.8]
+        return tuple(good or ranked[:1])
+
+    def to_json(self) -> str:
+        return self.model_dump_json(indent=1, exclude_defaults=False) + "\n"
+
+
+IDEAL = Device(
+    name=IDEAL_NAME,
+    source="as many perfect qubits as needed",
+    basis_gates=("rz", "sx", "x"),
+)
+
+
+def device_names() -> list[str]:
+    """Every device known by name, `ideal` first; aliases are left out."""
+    return [IDEAL_NAME, *names("hardware", [".json"])]
+
+
+def load_device(name: str) -> Device:
+    """The device with this name or alias, or of the file at this path.
+
+    Raises:
+        DeviceError: no such device (the message has the nearest names), or a wrong file.
+    """
+    if name == IDEAL_NAME:
+        return IDEAL
+    path = find("hardware", name, [".json"])
+    if path is not None:
+        return _read(path)
+    for known in names("hardware", [".json"]):
+        other = find("hardware", known, [".json"])
+        if other is not None and name in (device := _read(other)).aliases:
+            return device
+    raise DeviceError(
+        f"Unknown backend {name!r}.",
+        nearest(name, device_names()),
+        "A path to a device file works too; `qcompile backends` lists what is there.",
+    )
+
+
+def _read(path: Path) -> Device:
+    try:
+        return Device.model_validate_json(path.read_bytes())
+    except (OSError, ValidationError) as error:
+        raise DeviceError(f"{path} is no device file.", *explain(error)) from error

@@ -1,0 +1,72 @@
+"""The exceptions a user can cause. A defect of ours is any other type.
+
+QcompileError                 exit code 1 on the command line
+├── CircuitError              a gate, an angle or a program that is not legal IR
+├── ProgramFileError          an OpenQASM file that cannot be read or compiled
+├── DeviceError               an unknown device, or a device file with wrong contents
+├── PolicyError               a policy file or an array that does not fit the policy
+├── CountsError               shots or counts outside their range
+├── EnvironmentMismatchError  an environment that is unknown or does not fit the policy
+├── CalibrationError          counts from which no calibration can be fitted
+├── TrainingError             training settings that contradict each other
+├── OutputError               a file or folder that cannot be written
+└── MissingExtraError         an optional package that is not installed
+"""
+
+from __future__ import annotations
+
+
+class QcompileError(Exception):
+    """What failed, then what was found against what was needed, then what to try.
+
+    `what` is the first line; each of `hints` becomes an indented line below it.
+    """
+
+    def __init__(self, what: str, *hints: str):
+        super().__init__("\n  ".join((what, *hints)))
+
+
+class CircuitError(QcompileError, ValueError):
+    """A gate, an angle or a program is not legal IR."""
+
+
+class ProgramFileError(QcompileError, ValueError):
+    """An OpenQASM file cannot be read, or holds what cannot be compiled."""
+
+
+class DeviceError(QcompileError, ValueError):
+    """A device is unknown, or its file holds wrong values."""
+
+
+class PolicyError(QcompileError, ValueError):
+    """A policy file cannot be read, or an array does not fit the policy."""
+
+
+class CountsError(QcompileError, ValueError):
+    """Shots or counts lie outside their range."""
+
+
+class EnvironmentMismatchError(QcompileError, ValueError):
+    """The environment is unknown or does not fit the policy."""
+
+
+class CalibrationError(QcompileError, ValueError):
+    """No calibration can be fitted to these counts."""
+
+
+class TrainingError(QcompileError, ValueError):
+    """Training settings contradict each other or the environment."""
+
+
+class OutputError(QcompileError, OSError):
+    """A file or folder cannot be written."""
+
+
+class MissingExtraError(QcompileError, ImportError):
+    """An optional package is needed; the message holds the line that installs it."""
+
+    def __init__(self, purpose: str, extra: str):
+        super().__init__(
+            f"{purpose} needs packages that are not installed.",
+            f"Install them with: pip install 'qcompile[{extra}]'",
+        )

@@ -1,0 +1,176 @@
+"""Angles: affine expressions in named symbols, in radians."""
+
+from __future__ import annotations
+
+import ast
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+
+from qcompile.errors import CircuitError
+
+NEGLIGIBLE_RAD = 1e-13
+"""An angle this close to a special value counts as that value: <Z> moves by less than 1e-12."""
+
+_SYMBOL = re.compile(r"[A-Za-z_]\w*\Z")
+
+
+@dataclass(frozen=True)
+class Angle:
+    """constant + sum of coefficient * symbol, in radians.
+
+    `terms` is sorted by symbol, holds each symbol once and no coefficient of zero; make one with
+    `Angle.of` or by arithmetic and this is so.
+    """
+
+    constant: float = 0.0
+    terms: tuple[tuple[str, float], ...] = ()
+
+    @classmethod
+    def of(cls, value: Angle | float | int | str) -> Angle:
+        """The angle that a number, a text such as "0.5*x1+theta2-pi/2", or an Angle stands for.
+
+        Raises:
+            CircuitError: the text is not affine, or a number is not finite.
+        """
+        if isinstance(value, Angle):
+            return value
+        if isinstance(value, str):
+            return _parse(value)
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise CircuitError(
+                f"{value!r} is no angle.", "An angle is a number or an affine text like 'x0+0.5'."
+            )
+        return cls._checked(float(value), {})
+
+    @classmethod
+    def symbol(cls, name: str) -> Angle:
+        """The angle `1 * name`."""
+        if not _SYMBOL.match(name) or name == "pi":
+            raise CircuitError(
+                f"{name!r} is no symbol.", "A symbol is letters, digits and _, not 'pi'."
+            )
+        return cls(0.0, ((name, 1.0),))
+
+    @classmethod
+    def _checked(cls, constant: float, terms: Mapping[str, float]) -> Angle:
+        if not all(math.isfinite(v) for v in (constant, *terms.values())):
+            raise CircuitError("An angle is not finite.", f"Found {constant} with {dict(terms)}.")
+        kept = tuple(sorted((s, c) for s, c in terms.items() if abs(c) > NEGLIGIBLE_RAD))
+        return cls(constant, kept)
+
+    @property
+    def is_constant(self) -> bool:
+        return not self.terms
+
+    @property
+    def symbols(self) -> tuple[str, ...]:
+        return tuple(symbol for symbol, _ in self.terms)
+
+    def __add__(self, other: Angle | float) -> Angle:
+        other = Angle.of(other)
+        terms = dict(self.terms)
+        for symbol, coefficient in other.terms:
+            terms[symbol] = terms.get(symbol, 0.0) + coefficient
+        return Angle._checked(self.constant + other.constant, terms)
+
+    def __mul__(self, factor: float) -> Angle:
+        return Angle._checked(self.constant * factor, {s: c * factor for s, c in self.terms})
+
+    def __neg__(self) -> Angle:
+        return self * -1.0
+
+    def __sub__(self, other: Angle | float) -> Angle:
+        return self + -Angle.of(other)
+
+    def wrapped(self) -> Angle:
+        """The same rotation with its constant in (-pi, pi] (equal up to global phase)."""
+        constant = math.remainder(self.constant, 2 * math.pi)
+        if constant <= -math.pi + NEGLIGIBLE_RAD:
+            constant += 2 * math.pi
+        if constant > math.pi:
+            constant = math.pi
+        return Angle(constant, self.terms)
+
+    def equals(self, constant: float) -> bool:
+        """Whether this is `constant` up to whole turns and NEGLIGIBLE_RAD, for all symbols."""
+        distance = math.remainder(self.constant - constant, 2 * math.pi)
+        return self.is_constant and abs(distance) <= NEGLIGIBLE_RAD
+
+    def substitute(self, values: Mapping[str, float]) -> Angle:
+        """The angle with the symbols named in `values` replaced by their numbers."""
+        bound = sum(c * values[s] for s, c in self.terms if s in values)
+        return Angle._checked(
+            self.constant + bound, {s: c for s, c in self.terms if s not in values}
+        )
+
+    def __str__(self) -> str:
+        parts = [_term(coefficient, symbol) for symbol, coefficient in self.terms]
+        if self.constant or not parts:
+            parts.append(_number(self.constant))
+        return "+".join(parts).replace("+-", "-")
+
+
+def _term(coefficient: float, symbol: str) -> str:
+    if coefficient == 1.0:
+        return symbol
+    return f"-{symbol}" if coefficient == -1.0 else f"{coefficient!r}*{symbol}"
+
+
+def _number(value: float) -> str:
+    """`value` as a short text that parses back to the same float: a fraction of pi if it is one."""
+    fraction = Fraction(value / math.pi).limit_denominator(16)
+    top, bottom = fraction.numerator, fraction.denominator
+    if top and top * math.pi / bottom == value:
+        text = {1: "pi", -1: "-pi"}.get(top, f"{top}*pi")
+        return text if bottom == 1 else f"{text}/{bottom}"
+    return repr(float(value))
+
+
+def _parse(text: str) -> Angle:
+    try:
+        return _affine(ast.parse(text.strip(), mode="eval").body, text)
+    except (SyntaxError, ValueError, RecursionError, MemoryError, ZeroDivisionError) as error:
+        if isinstance(error, CircuitError):
+            raise
+        raise _not_affine(text) from error
+
+
+def _affine(node: ast.expr, text: str) -> Angle:
+    match node:
+        case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
+            return Angle.of(value)
+        case ast.Name(id="pi"):
+            return Angle(math.pi)
+        case ast.Name(id=name):
+            return Angle.symbol(name)
+        case ast.UnaryOp(op=ast.USub(), operand=operand):
+            return -_affine(operand, text)
+        case ast.UnaryOp(op=ast.UAdd(), operand=operand):
+            return _affine(operand, text)
+        case ast.BinOp(left=left_node, op=operator, right=right_node):
+            left, right = _affine(left_node, text), _affine(right_node, text)
+            match operator:
+                case ast.Add():
+                    return left + right
+                case ast.Sub():
+                    return left - right
+                case ast.Mult() if right.is_constant:
+                    return left * right.constant
+                case ast.Mult() if left.is_constant:
+                    return right * left.constant
+                case ast.Div() if right.is_constant:
+                    return Angle._checked(
+                        left.constant / right.constant,
+                        {s: c / right.constant for s, c in left.terms},
+                    )
+    raise _not_affine(text)
+
+
+def _not_affine(text: str) -> CircuitError:
+    return CircuitError(
+        f"{text[:80]!r} is no affine angle.",
+        "An angle is a number, or a sum of number*symbol and numbers, like '0.5*x1+theta2-pi/2'.",
+    )

@@ -1,0 +1,193 @@
+"""Circuits of one qubit, and programs: many circuits side by side, sharing symbols."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from qcompile.errors import CircuitError
+from qcompile.ir.angle import Angle
+from qcompile.ir.gate import Gate
+
+_GATE_TEXT = re.compile(r"\s*([A-Za-z]\w*)\s*(?:\(([^()]*(?:\([^()]*\)[^()]*)*)\))?")
+
+
+@dataclass(frozen=True)
+class Circuit:
+    """Gates on one qubit that starts in |0> and is measured in Z at the end."""
+
+    gates: tuple[Gate, ...] = ()
+
+    @classmethod
+    def of(cls, gates: Iterable[Sequence[object]]) -> Circuit:
+        """The circuit of the policy-file form [["h"], ["ry", "x0"], ["rz", 0.5]]."""
+        made = []
+        for gate in gates:
+            if isinstance(gate, str) or not isinstance(gate, Sequence) or len(gate) not in (1, 2):
+                raise CircuitError(
+                    f"{gate!r} is no gate.", 'A gate is [name] or [name, angle], like ["ry", "x0"].'
+                )
+            name, *angle = gate
+            if not isinstance(name, str):
+                raise CircuitError(f"{name!r} is no gate name.")
+            made.append(Gate.of(name, *angle))  # type: ignore[arg-type]
+        return cls(tuple(made))
+
+    @classmethod
+    def parse(cls, text: str) -> Circuit:
+        """The circuit of the text form, such as "h ry(x0) rz(0.5*x0)"."""
+        gates, position, text = [], 0, text.rstrip()
+        while position < len(text):
+            match = _GATE_TEXT.match(text, position)
+            if match is None:
+                raise CircuitError(f"Cannot read a gate at {text[position : position + 20]!r}.")
+            gates.append(Gate.of(match[1], match[2]))
+            position = match.end()
+        return cls(tuple(gates))
+
+    @property
+    def symbols(self) -> tuple[str, ...]:
+        """Every symbol that occurs, in order of first use."""
+        return tuple(dict.fromkeys(s for g in self.gates if g.angle for s in g.angle.symbols))
+
+    def substitute(self, values: Mapping[str, float]) -> Circuit:
+        """The circuit with the symbols named in `values` replaced by their numbers."""
+        return Circuit(
+            tuple(Gate(g.name, g.angle and g.angle.substitute(values)) for g in self.gates)
+        )
+
+    def to_lists(self) -> list[list[str | float]]:
+        """The policy-file form; `Circuit.of` reads it back to an equal circuit."""
+        return [
+            [g.name]
+            if g.angle is None
+            else [g.name, g.angle.constant if g.angle.is_constant else str(g.angle)]
+            for g in self.gates
+        ]
+
+    def __len__(self) -> int:
+        return len(self.gates)
+
+    def __str__(self) -> str:
+        return " ".join(map(str, self.gates))
+
+
+EulerPart = Literal["first", "polar", "last"]
+
+
+@dataclass(frozen=True)
+class Definition:
+    """A symbol whose value is known only when a program is bound.
+
+    The unitary of `block` is Rz(last) Ry(polar) Rz(first) up to global phase, polar in [0, pi];
+    the symbol `name` is the one of these three angles that `part` names. Only the parts of a
+    program's definitions may be left over: cos(polar) is the <Z> of the block from |0>.
+    """
+
+    name: str
+    block: Circuit
+    part: EulerPart
+
+    def __str__(self) -> str:
+        return f"{self.name} = {self.part}{{{self.block}}}"
+
+
+@dataclass(frozen=True)
+class Program:
+    """Circuits side by side; circuit i is bit i.
+
+    Angles are affine in `inputs` (one value per observation), `parameters` (trained, the same for
+    every observation) and the names of `definitions` (computed from both when bound).
+
+    Raises:
+        CircuitError: a circuit uses a symbol that is not declared, or a symbol is declared twice.
+    """
+
+    circuits: tuple[Circuit, ...]
+    inputs: tuple[str, ...] = ()
+    parameters: tuple[str, ...] = ()
+    definitions: tuple[Definition, ...] = ()
+
+    def __post_init__(self) -> None:
+        outer = (*self.inputs, *self.parameters)
+        names = (*outer, *(d.name for d in self.definitions))
+        if len(set(names)) != len(names):
+            twice = next(name for name in names if names.count(name) > 1)
+            raise CircuitError(f"Symbol {twice!r} is declared twice.")
+        self._require(self.circuits, set(names))
+        self._require([d.block for d in self.definitions], set(outer))
+
+    @staticmethod
+    def _require(circuits: Iterable[Circuit], known: set[str]) -> None:
+        for index, circuit in enumerate(circuits):
+            for symbol in circuit.symbols:
+                if symbol not in known:
+                    raise CircuitError(
+                        f"Unknown symbol {symbol!r} in circuit {index}.",
+                        f"Declared: {' '.join(sorted(known)) or 'none'}.",
+                    )
+
+    @classmethod
+    def of(cls, circuits: Iterable[Circuit], inputs: int = 0, parameters: int = 0) -> Program:
+        """The program over x0 ... x(inputs-1) and theta0 ... theta(parameters-1)."""
+        return cls(
+            tuple(circuits),
+            tuple(f"x{i}" for i in range(inputs)),
+            tuple(f"theta{i}" for i in range(parameters)),
+        )
+
+    @property
+    def symbols(self) -> tuple[str, ...]:
+        """Inputs, parameters and the names of the definitions, in this order."""
+        return (*self.inputs, *self.parameters, *(d.name for d in self.definitions))
+
+    def substitute(self, values: Mapping[str, float]) -> Program:
+        """The program with inputs or parameters replaced by their numbers.
+
+        Raises:
+            CircuitError: the program has definitions; substitute before it is compiled.
+        """
+        if self.definitions:
+            raise CircuitError("A fused program cannot be substituted.", "Do it before compiling.")
+        return Program(
+            tuple(circuit.substitute(values) for circuit in self.circuits),
+            tuple(name for name in self.inputs if name not in values),
+            tuple(name for name in self.parameters if name not in values),
+        )
+
+    def __len__(self) -> int:
+        return len(self.circuits)
+
+    def __str__(self) -> str:
+        lines = [f"inputs {' '.join(self.inputs)}", f"parameters {' '.join(self.parameters)}"]
+        lines += [f"{i}: {circuit}" for i, circuit in enumerate(self.circuits)]
+        lines += [f"where {definition}" for definition in self.definitions]
+        return "\n".join(line.rstrip() for line in lines)
+
+    @classmethod
+    def parse(cls, text: str) -> Program:
+        """The program whose text form (`str`) is `text`.
+
+        Raises:
+            CircuitError: a line is not of that form.
+        """
+        circuits: list[Circuit] = []
+        symbols: dict[str, tuple[str, ...]] = {"inputs": (), "parameters": ()}
+        definitions = []
+        for line in filter(None, map(str.strip, text.splitlines())):
+            word, *rest = line.split()
+            if word in symbols:
+                symbols[word] = tuple(rest)
+            elif match := re.fullmatch(r"where (\w+) = (first|polar|last)\{(.*)\}", line):
+                definitions.append(
+                    Definition(match[1], Circuit.parse(match[3]), match[2])  # type: ignore[arg-type]
+                )
+            elif match := re.fullmatch(r"(\d+):(.*)", line):
+                if int(match[1]) != len(circuits):
+                    raise CircuitError(f"Expected circuit {len(circuits)}, found {line!r}.")
+                circuits.append(Circuit.parse(match[2]))
+            else:
+                raise CircuitError(f"Cannot read the line {line!r} of a program.")
+        return cls(tuple(circuits), symbols["inputs"], symbols["parameters"], tuple(definitions))

@@ -1,0 +1,101 @@
+"""The gate table: every one-qubit gate as rotations about z and y.
+
+Rz(a) = exp(-i a Z/2), likewise Rx and Ry; sx = exp(i pi/4) Rx(pi/2). Up to global phase every gate
+of the table is a short run of z and y rotations, because Rx(a) = Rz(-pi/2) Ry(a) Rz(pi/2) and
+h = Ry(pi/2) Rz(pi) (operators, the right one acts first).
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+from qcompile.errors import CircuitError
+from qcompile.ir.angle import Angle
+
+Axis = Literal["z", "y"]
+Rotation = tuple[Axis, Angle]
+
+_PI, _HALF_PI, _QUARTER_PI = Angle(math.pi), Angle(math.pi / 2), Angle(math.pi / 4)
+
+
+def _rx(angle: Angle) -> tuple[Rotation, ...]:
+    return (("z", _HALF_PI), ("y", angle), ("z", -_HALF_PI))
+
+
+def _ry(angle: Angle) -> tuple[Rotation, ...]:
+    return (("y", angle),)
+
+
+def _rz(angle: Angle) -> tuple[Rotation, ...]:
+    return (("z", angle),)
+
+
+FIXED_GATES: dict[str, tuple[Rotation, ...]] = {
+    "id": (),
+    "x": (("z", _PI), ("y", _PI)),
+    "y": _ry(_PI),
+    "z": _rz(_PI),
+    "h": (("z", _PI), ("y", _HALF_PI)),
+    "s": _rz(_HALF_PI),
+    "sdg": _rz(-_HALF_PI),
+    "t": _rz(_QUARTER_PI),
+    "tdg": _rz(-_QUARTER_PI),
+    "sx": _rx(_HALF_PI),
+    "sxdg": _rx(-_HALF_PI),
+}
+"""Gates without an angle: name to rotations, the first acts first."""
+
+ROTATION_GATES: dict[str, Callable[[Angle], tuple[Rotation, ...]]] = {
+    "rx": _rx,
+    "ry": _ry,
+    "rz": _rz,
+    "p": _rz,
+}
+"""Gates with one angle: name to a function from the angle to rotations."""
+
+
+@dataclass(frozen=True)
+class Gate:
+    """One gate of a circuit: a name of the gate table, and its angle if it has one.
+
+    Raises:
+        CircuitError: the name is not in the table, or an angle is missing or too many.
+    """
+
+    name: str
+    angle: Angle | None = None
+
+    def __post_init__(self) -> None:
+        if self.name in FIXED_GATES:
+            if self.angle is not None:
+                raise CircuitError(f"Gate {self.name!r} takes no angle.", f"Found {self.angle}.")
+        elif self.name in ROTATION_GATES:
+            if self.angle is None:
+                raise CircuitError(f"Gate {self.name!r} needs an angle.")
+        else:
+            known = [*FIXED_GATES, *ROTATION_GATES]
+            near = difflib.get_close_matches(self.name, known, n=2)
+            raise CircuitError(
+                f"Unknown gate {self.name!r}.",
+                f"Known gates: {' '.join(known)}.",
+                *([f"Did you mean {' or '.join(near)}?"] if near else []),
+            )
+
+    @classmethod
+    def of(cls, name: str, angle: Angle | float | str | None = None) -> Gate:
+        """The gate `name`, its angle given as a number, a text or an Angle."""
+        return cls(name, None if angle is None else Angle.of(angle))
+
+    @property
+    def rotations(self) -> tuple[Rotation, ...]:
+        """The z and y rotations this gate is, up to global phase; the first acts first."""
+        if self.angle is None:
+            return FIXED_GATES[self.name]
+        return ROTATION_GATES[self.name](self.angle)
+
+    def __str__(self) -> str:
+        return self.name if self.angle is None else f"{self.name}({self.angle})"

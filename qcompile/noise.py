@@ -1,0 +1,147 @@
+"""A device's noise as affine maps of the Bloch vector, and noisy expectations for whole batches.
+
+After every gate with a calibration Aer's model puts a depolarising channel, then thermal
+relaxation; together they have the gate error of the calibration. Both map the Bloch vector
+r to A r + t, so a noisy circuit with K rotations is K rotations about z between fixed maps.
+Source: qiskit_aer.noise.device.models (basic_device_gate_errors), temperature 0.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qcompile.device import Device, GateCalibration, Qubit
+from qcompile.ir import Circuit, Gate
+from qcompile.passes import Executable
+
+FloatArray = NDArray[np.float64]
+"""Maps are 4 x 4 matrices that act on (1, r_x, r_y, r_z)."""
+
+_EYE = np.eye(4)
+
+
+def relaxation(qubit: Qubit, length_ns: float) -> tuple[float, float]:
+    """What thermal relaxation over `length_ns` leaves of r_z and of r_x, r_y.
+
+    T2 is cut to 2 T1, the physical limit.
+    """
+    t1_ns = 1e3 * qubit.t1_us
+    t2_ns = min(1e3 * qubit.t2_us, 2 * t1_ns)
+    return math.exp(-length_ns / t1_ns), math.exp(-length_ns / t2_ns)
+
+
+def depolarising(calibration: GateCalibration, qubit: Qubit) -> float:
+    """The depolarising probability that brings relaxation up to the gate error of a calibration.
+
+    It is 0 where relaxation alone is worse than the stated error, and at most 4/3.
+    """
+    along, across = relaxation(qubit, calibration.length_ns)
+    process_fidelity = (1 + along + 2 * across) / 4
+    fidelity = (2 * process_fidelity + 1) / 3
+    error = min(calibration.error, 2 / 3)
+    if error <= 1 - fidelity:
+        return 0.0
+    return min(2 * (error - (1 - fidelity)) / (2 * fidelity - 1), 4 / 3)
+
+
+def noise_after(gate: str, qubit: Qubit | None) -> FloatArray:
+    """The map of the noise that follows `gate` on `qubit`, (4, 4); None is a perfect qubit."""
+    calibration = qubit.gates.get(gate) if qubit else None
+    if qubit is None or calibration is None:
+        return _EYE
+    along, across = relaxation(qubit, calibration.length_ns)
+    kept = 1 - depolarising(calibration, qubit)
+    noise = np.diag([1.0, kept * across, kept * across, kept * along])
+    noise[3, 0] = 1 - along  # relaxation towards |0>
+    return noise
+
+
+def readout_row(qubit: Qubit | None) -> FloatArray:
+    """(4,): the measured <Z> is this row times (1, r_x, r_y, r_z)."""
+    if qubit is None:
+        return np.array([0.0, 0.0, 0.0, 1.0])
+    return np.array([qubit.p01 - qubit.p10, 0.0, 0.0, qubit.contrast])
+
+
+def rotation_map(axis: str, angle: float) -> FloatArray:
+    """The map of Rx, Ry or Rz by `angle`, (4, 4)."""
+    cos, sin = math.cos(angle), math.sin(angle)
+    first, second = {"x": (2, 3), "y": (3, 1), "z": (1, 2)}[axis]
+    rotation = np.eye(4)
+    rotation[first, first] = rotation[second, second] = cos
+    rotation[first, second], rotation[second, first] = -sin, sin
+    return rotation
+
+
+class NoisyCircuits:
+    """The circuits of an executable with the noise of its device, evaluated for whole batches."""
+
+    def __init__(self, executable: Executable):
+        device, slots = executable.device, max(executable.slots, 1)
+        circuits = executable.native.circuits
+        fixed = np.empty((slots + 1, len(circuits), 4, 4))
+        for index, circuit in enumerate(circuits):
+            qubit = physical_qubit(device, int(executable.qubits[index]))
+            maps = list(_maps_between_slots(circuit, qubit))
+            fixed[:, index] = [*maps, *[_EYE] * (slots + 1 - len(maps))]
+        rows = [readout_row(physical_qubit(device, int(q))) for q in executable.qubits]
+        self._start = fixed[0, :, 1:, 0] + fixed[0, :, 1:, 3]
+        self._between = fixed[1:-1]
+        end = np.einsum("ci,cij->cj", np.reshape(rows, (-1, 4)), fixed[-1])
+        self._end = end.T.copy()
+
+    def expectation(self, angles: FloatArray) -> FloatArray:
+        """The measured <Z> for angles (B, circuits, slots), as `Executable.bind_slots` gives them.
+
+        (B, circuits), exact: no shot noise. With one slot it is the response curve of the qubit,
+        b + c cos(a) + s sin(a).
+        """
+        r_x, r_y, r_z = self._start.T
+        for slot, fixed in enumerate(self._between):
+            cos, sin = np.cos(angles[:, :, slot]), np.sin(angles[:, :, slot])
+            r_x, r_y = r_x * cos - r_y * sin, r_x * sin + r_y * cos
+            r_x, r_y, r_z = (
+                fixed[:, i, 0] + fixed[:, i, 1] * r_x + fixed[:, i, 2] * r_y + fixed[:, i, 3] * r_z
+                for i in (1, 2, 3)
+            )
+        last = angles[:, :, -1]
+        b, e_x, e_y, e_z = self._end
+        return (
+            (e_x * r_x + e_y * r_y) * np.cos(last)
+            + (e_y * r_x - e_x * r_y) * np.sin(last)
+            + (b + e_z * r_z)
+        )
+
+
+def physical_qubit(device: Device, index: int) -> Qubit | None:
+    """The qubit of a device, or None for a perfect one."""
+    return None if device.is_ideal else device.qubits[index]
+
+
+def _maps_between_slots(circuit: Circuit, qubit: Qubit | None) -> Iterator[FloatArray]:
+    """The fixed maps before, between and after the slots of a native circuit.
+
+    A slot is Rz(a). Rx(a) = Ry(pi/2) Rz(a) Ry(-pi/2): turns of the frame, without noise.
+    """
+    current = _EYE
+    for gate in circuit.gates:
+        if gate.name == "rz":
+            yield current
+            current = noise_after("rz", qubit)
+        elif gate.name == "rx":
+            yield rotation_map("y", -math.pi / 2) @ current
+            current = noise_after("rx", qubit) @ rotation_map("y", math.pi / 2)
+        else:
+            current = noise_after(gate.name, qubit) @ _fixed_map(gate) @ current
+    yield current
+
+
+def _fixed_map(gate: Gate) -> FloatArray:
+    result = _EYE
+    for axis, angle in gate.rotations:
+        result = rotation_map(axis, angle.constant) @ result
+    return result

@@ -1,0 +1,17 @@
+"""Passes that rewrite programs, and the levels that chain them."""
+
+from qcompile.passes.base import Pass, Promise
+from qcompile.passes.executable import Executable
+from qcompile.passes.pipeline import LEVELS, PASSES, compile, lower, native_set, pipeline
+
+__all__ = [
+    "LEVELS",
+    "PASSES",
+    "Executable",
+    "Pass",
+    "Promise",
+    "compile",
+    "lower",
+    "native_set",
+    "pipeline",
+]

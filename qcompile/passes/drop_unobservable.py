@@ -1,0 +1,39 @@
+"""Drop what the Z measurement from |0> cannot see."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+from qcompile.ir import Circuit, Gate, Program
+from qcompile.passes.base import Promise
+
+
+@dataclass(frozen=True)
+class DropUnobservable:
+    """After it no circuit begins or ends with a rotation about z, and no definition is unused.
+
+    |0> is an eigenstate of Rz, and Rz before a Z measurement changes a phase only.
+    """
+
+    name: ClassVar[str] = "drop_unobservable"
+    keeps: ClassVar[Promise] = "distribution"
+
+    def apply(self, program: Program) -> Program:
+        circuits = tuple(map(_trim, program.circuits))
+        used = {symbol for circuit in circuits for symbol in circuit.symbols}
+        definitions = tuple(d for d in program.definitions if d.name in used)
+        return replace(program, circuits=circuits, definitions=definitions)
+
+
+def _trim(circuit: Circuit) -> Circuit:
+    gates = list(circuit.gates)
+    while gates and _about_z(gates[-1]):
+        gates.pop()
+    while gates and _about_z(gates[0]):
+        gates.pop(0)
+    return Circuit(tuple(gates))
+
+
+def _about_z(gate: Gate) -> bool:
+    return all(axis == "z" for axis, _ in gate.rotations)

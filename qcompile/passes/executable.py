@@ -1,0 +1,129 @@
+"""What compilation makes: native circuits on physical qubits, and the numbers that bind them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qcompile.device import Device
+from qcompile.errors import CircuitError
+from qcompile.ir import Angle, Circuit, Gate, Program
+from qcompile.ir.table import AngleTable
+from qcompile.simulate import Definitions
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+
+_SLOT_GATES = ("rz", "rx")
+
+
+@dataclass(frozen=True)
+class Executable:
+    """A program compiled for a device, once; `bind` gives it its angles, often.
+
+    `source` is the program as it was, `native` the same in the device's gates. The k-th native
+    rotation of a circuit (rz, or rx where it is native) is its slot k. `qubits` and `rounds` hold
+    the physical qubit and the round of each circuit, (circuits,) integers.
+    """
+
+    source: Program
+    native: Program
+    device: Device
+    level: int
+    qubits: IntArray
+    rounds: IntArray
+
+    @cached_property
+    def slots(self) -> int:
+        """The number of native rotations of the longest circuit."""
+        return max((len(_rotations(c)) for c in self.native.circuits), default=0)
+
+    def bind(self, x: FloatArray, theta: FloatArray) -> FloatArray:
+        """The native angles for x (B, inputs) and theta (parameters,), in radians.
+
+        The shape is (B, circuits) at level 2, where a circuit has one rotation at most, and
+        (B, circuits, slots) at levels 0 and 1. A slot that a circuit lacks holds 0.
+
+        Raises:
+            CircuitError: x or theta has another shape.
+        """
+        angles = self.bind_slots(x, theta)
+        return angles[..., 0] if self.level == 2 else angles
+
+    def bind_slots(self, x: FloatArray, theta: FloatArray) -> FloatArray:
+        """`bind` with the slot axis at every level: (B, circuits, slots), one slot at least."""
+        self._check(x, theta)
+        if self._definitions is not None:
+            values = self._definitions(x, theta)
+            x = np.concatenate([x, values], axis=1) if self._mixed else values
+        angles = self._table(x, theta)
+        shape = (len(x), len(self.native), max(self.slots, 1))
+        if angles.ndim == 1:
+            angles = np.broadcast_to(angles, (len(x), angles.size))
+        return angles.reshape(shape)
+
+    def _check(self, x: FloatArray, theta: FloatArray) -> None:
+        inputs, parameters = len(self.source.inputs), len(self.source.parameters)
+        if np.ndim(x) != 2 or x.shape[1] != inputs or np.shape(theta) != (parameters,):
+            raise CircuitError(
+                f"x has shape {np.shape(x)} and theta {np.shape(theta)}.",
+                f"The program needs (B, {inputs}) and ({parameters},).",
+            )
+
+    @cached_property
+    def _definitions(self) -> Definitions | None:
+        native = self.native
+        if not native.definitions:
+            return None
+        return Definitions(native.definitions, native.inputs, native.parameters)
+
+    @cached_property
+    def _mixed(self) -> bool:
+        """Whether slots use the program's own inputs beside the definitions."""
+        used = {s for circuit in self.native.circuits for s in circuit.symbols}
+        return not used.isdisjoint(self.native.inputs)
+
+    @cached_property
+    def _table(self) -> AngleTable:
+        slots = max(self.slots, 1)
+        angles: list[Angle] = []
+        for circuit in self.native.circuits:
+            own = [gate.angle for gate in _rotations(circuit) if gate.angle is not None]
+            angles += [*own, *[Angle()] * (slots - len(own))]
+        defined = tuple(d.name for d in self.native.definitions)
+        inputs = (*self.native.inputs, *defined) if self._mixed or not defined else defined
+        return AngleTable(angles, inputs, self.native.parameters)
+
+    @property
+    def round_count(self) -> int:
+        return int(self.rounds.max(initial=-1)) + 1
+
+    def gate_counts(self) -> list[Counter[str]]:
+        """Native gates of each circuit by name."""
+        return [Counter(gate.name for gate in c.gates) for c in self.native.circuits]
+
+    def template(self) -> Program:
+        """The native circuits with one input for every slot whose angle is not known.
+
+        The names are those of `slot_names`; what `bind_slots` gives are their values.
+        """
+        circuits, inputs = [], []
+        for index, circuit in enumerate(self.native.circuits):
+            gates, slot = [], 0
+            for gate in circuit.gates:
+                if gate.name in _SLOT_GATES and gate.angle is not None:
+                    if not gate.angle.is_constant:
+                        inputs.append(f"a{index}_{slot}")
+                        gate = Gate(gate.name, Angle.symbol(inputs[-1]))
+                    slot += 1
+                gates.append(gate)
+            circuits.append(Circuit(tuple(gates)))
+        return Program(tuple(circuits), tuple(inputs))
+
+
+def _rotations(circuit: Circuit) -> list[Gate]:
+    return [gate for gate in circuit.gates if gate.name in _SLOT_GATES]

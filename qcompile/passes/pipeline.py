@@ -1,0 +1,70 @@
+"""The levels: which passes run, and so what stays the same."""
+
+from __future__ import annotations
+
+from qcompile.device import IDEAL, Device
+from qcompile.errors import CircuitError
+from qcompile.ir import Program
+from qcompile.passes.base import Pass
+from qcompile.passes.drop_unobservable import DropUnobservable
+from qcompile.passes.executable import Executable
+from qcompile.passes.fuse_rotations import FuseRotations
+from qcompile.passes.merge_rotations import MergeRotations
+from qcompile.passes.place import place
+from qcompile.passes.to_native import NativeSet, ToNative
+from qcompile.passes.to_rotations import ToRotations
+
+LEVELS = {
+    0: "gate by gate, nothing fused",
+    1: "the unitary stays, up to global phase",
+    2: "the distribution of the Z measurement from |0> stays",
+}
+
+PASSES: tuple[type[Pass], ...] = (
+    ToRotations,
+    MergeRotations,
+    FuseRotations,
+    ToNative,
+    DropUnobservable,
+)
+"""Every pass there is; the property test of their promises reads this."""
+
+
+def native_set(device: Device) -> NativeSet:
+    """The gates a device is compiled to: fractional rx where it has it."""
+    return "rz rx" if "rx" in device.basis_gates else "rz sx x"
+
+
+def pipeline(level: int, native: NativeSet) -> tuple[Pass, ...]:
+    """The passes of a level, in order.
+
+    Raises:
+        CircuitError: there is no such level.
+    """
+    if level not in LEVELS:
+        raise CircuitError(f"There is no level {level!r}.", f"Levels: {', '.join(map(str, LEVELS))}.")
+    if level == 0:
+        return (ToNative(native),)
+    fuse = (ToRotations(), MergeRotations(), FuseRotations(), ToNative(native), MergeRotations())
+    return fuse if level == 1 else (*fuse, DropUnobservable())
+
+
+def lower(program: Program, level: int, native: NativeSet) -> Program:
+    """`program` in native gates, not yet placed."""
+    for step in pipeline(level, native):
+        program = step.apply(program)
+    return program
+
+
+def compile(program: Program, device: Device = IDEAL, level: int = 2) -> Executable:
+    """Compile `program` for `device`.
+
+    At level 2 a circuit is sx rz sx or shorter, at level 1 rz sx rz sx rz or shorter (rx and
+    rz rx rz where rx is native); angles that are not known are fused when the executable is bound.
+
+    Raises:
+        CircuitError: there is no such level.
+    """
+    native = lower(program, level, native_set(device))
+    qubits, rounds = place(len(program), device)
+    return Executable(program, native, device, level, qubits, rounds)

@@ -1,0 +1,70 @@
+"""Write every gate in a device's own gates."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import ClassVar, Literal
+
+from qcompile.ir import Angle, Circuit, Gate, Program
+from qcompile.passes.base import Promise
+from qcompile.simulate import alternating
+
+NativeSet = Literal["rz sx x", "rz rx"]
+
+_PI, _HALF_PI = math.pi, math.pi / 2
+
+
+@dataclass(frozen=True)
+class ToNative:
+    """After it every gate is one of `native`; gates are translated one by one.
+
+    Identities, up to global phase, the right operator acts first: Ry(a) = Rz(pi) sx Rz(a+pi) sx
+    (McKay et al., arXiv:1612.00858); Ry(pi/2) = Rz(pi/2) sx Rz(-pi/2); Ry(pi) = x Rz(pi);
+    Ry(a) = Rz(pi/2) Rx(a) Rz(-pi/2) where rx is native.
+    """
+
+    native: NativeSet = "rz sx x"
+
+    name: ClassVar[str] = "to_native"
+    keeps: ClassVar[Promise] = "unitary"
+
+    def apply(self, program: Program) -> Program:
+        circuits = (self._circuit(circuit) for circuit in program.circuits)
+        return replace(program, circuits=tuple(circuits))
+
+    def _circuit(self, circuit: Circuit) -> Circuit:
+        return Circuit(tuple(part for gate in circuit.gates for part in self._gate(gate)))
+
+    def _gate(self, gate: Gate) -> Iterator[Gate]:
+        if gate.name in self.native.split():
+            yield gate
+            return
+        angles = alternating(Circuit((gate,)))
+        first, polar, last = [*angles, *[Angle()] * (3 - len(angles))]
+        before, middle, after = self._ry(polar)
+        if not middle:
+            first, last = first + last, Angle()
+        yield from _rz(first + before)
+        yield from middle
+        yield from _rz(last + after)
+
+    def _ry(self, polar: Angle) -> tuple[float, tuple[Gate, ...], float]:
+        """Ry(polar) as an rz angle, gates, and an rz angle."""
+        if polar.equals(0.0):
+            return 0.0, (), 0.0
+        if self.native == "rz rx":
+            return -_HALF_PI, (Gate("rx", polar.wrapped()),), _HALF_PI
+        if polar.equals(_HALF_PI):
+            return -_HALF_PI, (Gate("sx"),), _HALF_PI
+        if polar.equals(-_HALF_PI):
+            return _HALF_PI, (Gate("sx"),), -_HALF_PI
+        if polar.equals(_PI):
+            return _PI, (Gate("x"),), 0.0
+        return 0.0, (Gate("sx"), Gate("rz", (polar + _PI).wrapped()), Gate("sx")), _PI
+
+
+def _rz(angle: Angle) -> Iterator[Gate]:
+    if not angle.equals(0.0):
+        yield Gate("rz", angle.wrapped())

@@ -1,0 +1,26 @@
+"""Write every gate as rotations about z and y."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+from qcompile.ir import Circuit, Gate, Program
+from qcompile.passes.base import Promise
+
+
+@dataclass(frozen=True)
+class ToRotations:
+    """After it every gate is rz or ry. Symbols stay symbols. Source: the gate table, `ir.gate`."""
+
+    name: ClassVar[str] = "to_rotations"
+    keeps: ClassVar[Promise] = "unitary"
+
+    def apply(self, program: Program) -> Program:
+        return replace(program, circuits=tuple(map(_rewrite, program.circuits)))
+
+
+def _rewrite(circuit: Circuit) -> Circuit:
+    return Circuit(
+        tuple(Gate("r" + axis, angle) for gate in circuit.gates for axis, angle in gate.rotations)
+    )

@@ -1,0 +1,180 @@
+"""Ideal evaluation of a Program for a whole batch: one source for numpy and torch.
+
+Every circuit is a run of rotations z, y, z, y, ... from |0>, so all circuits of a program advance
+together, one step an axis; a step costs a few operations on (observations, circuits) arrays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from qcompile.ir import NEGLIGIBLE_RAD, Angle, Circuit, Definition, Program
+from qcompile.ir.table import AngleTable, Array
+
+_HALF_PI = np.pi / 2
+
+
+class Simulator:
+    """Evaluates the circuits of `program` without noise.
+
+    `xp` is numpy or torch, `dtype` the type of its constants. x has shape (B, inputs) and theta
+    (parameters,), both arrays of `xp`; results have shape (B, circuits).
+    """
+
+    def __init__(self, program: Program, xp: ModuleType = np, dtype: Any = np.float64):
+        self._xp, self._size = xp, len(program)
+        self._definitions = (
+            Definitions(program.definitions, program.inputs, program.parameters, xp, dtype)
+            if program.definitions
+            else None
+        )
+        inputs = (*program.inputs, *(d.name for d in program.definitions))
+        columns = [alternating(circuit) for circuit in program.circuits]
+        self._steps: list[_Step] = []
+        forms: dict[tuple[object, ...], int] = {}
+        for position in range(max(map(len, columns), default=0)):
+            angles = [c[position] if position < len(c) else Angle() for c in columns]
+            table = AngleTable(angles, inputs, program.parameters, xp, dtype)
+            form = forms.setdefault(tuple(a.terms for a in angles), len(self._steps))
+            axis = "z" if position % 2 == 0 else "y"
+            self._steps.append(_Step(axis, table, form, xp, dtype))
+
+    def _inputs(self, x: Array, theta: Array) -> Array:
+        if self._definitions is None:
+            return x
+        return self._xp.concatenate([x, self._definitions(x, theta)], axis=-1)
+
+    def expectation(self, x: Array, theta: Array) -> Array:
+        """<Z> of every circuit for every observation, (B, circuits), in [-1, 1]."""
+        batch, x = len(x), self._inputs(x, theta)
+        turns: dict[int, tuple[Array, Array]] = {}
+        last = max((i for i, s in enumerate(self._steps) if s.axis == "y"), default=-1)
+        # The Bloch vector, from |0>: None stands for 0 and, in r_z, for 1.
+        r_x = r_y = r_z = None
+        for index, step in enumerate(self._steps[: last + 1]):
+            if step.is_identity or (step.axis == "z" and r_x is None):
+                continue
+            cos, sin = step.turn(x, theta, turns)
+            if step.axis == "z":
+                if r_y is None:
+                    r_x, r_y = r_x * cos, r_x * sin
+                else:
+                    r_x, r_y = r_x * cos - r_y * sin, r_x * sin + r_y * cos
+            elif r_x is None:
+                r_x, r_z = sin, cos
+            elif index == last:
+                r_z = r_z * cos - r_x * sin
+            else:
+                r_x, r_z = r_x * cos + r_z * sin, r_z * cos - r_x * sin
+        if r_z is None:
+            return self._xp.ones((batch, self._size), dtype=x.dtype)
+        if r_z.ndim == 1:
+            return self._xp.broadcast_to(r_z, (batch, self._size))
+        return r_z
+
+    def euler(self, x: Array, theta: Array) -> tuple[Array, Array, Array]:
+        """first, polar, last with Rz(last) Ry(polar) Rz(first) = circuit, up to global phase.
+
+        numpy only. polar lies in [0, pi].
+        """
+        x = self._inputs(x, theta)
+        # The first column (alpha, beta) of an SU(2) matrix says it all.
+        alpha = np.ones((len(x), self._size), dtype=complex)
+        beta = np.zeros_like(alpha)
+        for step in self._steps:
+            half = step.table(x, theta) / 2
+            if step.axis == "z":
+                phase = np.exp(1j * half)
+                alpha, beta = alpha * phase.conj(), beta * phase
+            else:
+                cos, sin = np.cos(half), np.sin(half)
+                alpha, beta = cos * alpha - sin * beta, sin * alpha + cos * beta
+        size_alpha, size_beta = np.abs(alpha), np.abs(beta)
+        # Where one of them vanishes its phase is free: 0 keeps one z rotation out of the circuit.
+        total = np.where(size_alpha > NEGLIGIBLE_RAD, -2 * np.angle(alpha), 0.0)
+        difference = np.where(size_beta > NEGLIGIBLE_RAD, 2 * np.angle(beta), 0.0)
+        total = np.where(size_alpha > NEGLIGIBLE_RAD, total, difference)
+        difference = np.where(size_beta > NEGLIGIBLE_RAD, difference, total)
+        polar = 2 * np.arctan2(size_beta, size_alpha)
+        return (total - difference) / 2, polar, (total + difference) / 2
+
+
+class Definitions:
+    """The values of a program's definitions: (B, inputs), (parameters,) to (B, definitions)."""
+
+    def __init__(
+        self,
+        definitions: Sequence[Definition],
+        inputs: Sequence[str],
+        parameters: Sequence[str],
+        xp: ModuleType = np,
+        dtype: Any = np.float64,
+    ):
+        blocks = tuple(dict.fromkeys(d.block for d in definitions))
+        program = Program(blocks, tuple(inputs), tuple(parameters))
+        self._simulator = Simulator(program, xp, dtype)
+        self._only_polar = all(d.part == "polar" for d in definitions)
+        columns = {block: i for i, block in enumerate(blocks)}
+        index = np.array([columns[d.block] for d in definitions])
+        parts = np.array([("first", "polar", "last").index(d.part) for d in definitions])
+        self._one_each = self._only_polar and (index == np.arange(len(blocks))).all()
+        self._index, self._parts = index, parts
+
+    def __call__(self, x: Array, theta: Array) -> Array:
+        if not self._only_polar:
+            euler = np.stack(self._simulator.euler(x, theta))
+            return euler[self._parts, :, self._index].T
+        z = self._simulator.expectation(x, theta)
+        polar = np.arccos(np.clip(z, -1.0, 1.0))
+        return polar if self._one_each else polar[:, self._index]
+
+
+class _Step:
+    """One rotation of every circuit about the same axis."""
+
+    def __init__(self, axis: str, table: AngleTable, form: int, xp: ModuleType, dtype: Any):
+        self.axis, self.table, self._form, self._xp = axis, table, form, xp
+        self.is_identity = table.is_constant and not table.constant.any()
+        constant = table.constant
+        self._cos = xp.asarray(np.cos(constant), dtype=dtype)
+        self._sin = xp.asarray(np.sin(constant), dtype=dtype)
+        self._unshifted = not constant.any()
+        self._quarter = bool((np.abs(constant - _HALF_PI) < NEGLIGIBLE_RAD).all())
+
+    def turn(
+        self, x: Array, theta: Array, turns: dict[int, tuple[Array, Array]]
+    ) -> tuple[Array, Array]:
+        """Cosine and sine of the angle; `turns` keeps those of the form, shared between steps."""
+        if self.table.is_constant:
+            return self._cos, self._sin
+        if self._form not in turns:
+            angle = self.table.linear(x, theta)
+            turns[self._form] = self._xp.cos(angle), self._xp.sin(angle)
+        cos, sin = turns[self._form]
+        if self._unshifted:
+            return cos, sin
+        if self._quarter:
+            return -sin, cos
+        return cos * self._cos - sin * self._sin, sin * self._cos + cos * self._sin
+
+
+def alternating(circuit: Circuit) -> list[Angle]:
+    """The circuit as rotations z, y, z, y, ...: their angles, up to global phase.
+
+    Neighbours about one axis are added; an axis that is not needed has the angle 0.
+    """
+    angles: list[Angle] = []
+    for gate in circuit.gates:
+        for axis, angle in gate.rotations:
+            parity = 0 if axis == "z" else 1
+            if angles and (len(angles) - 1) % 2 == parity:
+                angles[-1] = angles[-1] + angle
+                continue
+            while len(angles) % 2 != parity:
+                angles.append(Angle())
+            angles.append(angle)
+    return angles
