@@ -34,18 +34,24 @@ def relaxation(qubit: Qubit, length_ns: float) -> tuple[float, float]:
     return math.exp(-length_ns / t1_ns), math.exp(-length_ns / t2_ns)
 
 
+def relaxation_error(qubit: Qubit, length_ns: float) -> float:
+    """The average gate error, 1 - fidelity, of thermal relaxation alone."""
+    along, across = relaxation(qubit, length_ns)
+    return (3 - along - 2 * across) / 6
+
+
 def depolarising(calibration: GateCalibration, qubit: Qubit) -> float:
     """The depolarising probability that brings relaxation up to the gate error of a calibration.
 
     It is 0 where relaxation alone is worse than the stated error, and at most 4/3.
     """
-    along, across = relaxation(qubit, calibration.length_ns)
-    process_fidelity = (1 + along + 2 * across) / 4
-    fidelity = (2 * process_fidelity + 1) / 3
+    relaxed = relaxation_error(qubit, calibration.length_ns)
     error = min(calibration.error, 2 / 3)
-    if error <= 1 - fidelity:
+    if error <= relaxed:
         return 0.0
-    return min(2 * (error - (1 - fidelity)) / (2 * fidelity - 1), 4 / 3)
+    if relaxed >= 0.5:  # nothing but |0> is left, whatever comes before
+        return 1.0
+    return min(2 * (error - relaxed) / (1 - 2 * relaxed), 4 / 3)
 
 
 def noise_after(gate: str, qubit: Qubit | None) -> FloatArray:
@@ -110,11 +116,12 @@ class NoisyCircuits:
             )
         last = angles[:, :, -1]
         b, e_x, e_y, e_z = self._end
-        return (
+        measured: FloatArray = (
             (e_x * r_x + e_y * r_y) * np.cos(last)
             + (e_y * r_x - e_x * r_y) * np.sin(last)
             + (b + e_z * r_z)
         )
+        return measured
 
 
 def physical_qubit(device: Device, index: int) -> Qubit | None:

@@ -21,7 +21,7 @@ IntArray = NDArray[np.intp]
 _SLOT_GATES = ("rz", "rx")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Executable:
     """A program compiled for a device, once; `bind` gives it its angles, often.
 

@@ -1,0 +1,63 @@
+"""Options that several commands share."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import click
+
+from qcompile.execution.limits import MAX_SHOTS
+
+
+class Shots(click.ParamType[int | None]):
+    """A number of shots, or "exact" for expectations without shot noise (None)."""
+
+    name = "n|exact"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> int | None:
+        if value is None or isinstance(value, int):
+            return value
+        if value == "exact":
+            return None
+        try:
+            shots = int(value)
+        except ValueError:
+            self.fail(f"{value!r} is neither a number nor 'exact'.", param, ctx)
+        if not 1 <= shots <= MAX_SHOTS:
+            self.fail(
+                f"{shots} shots cannot be run; the number lies in [1, {MAX_SHOTS}] "
+                "(1024 and 8192 are usual), or say 'exact'.",
+                param,
+                ctx,
+            )
+        return shots
+
+
+def backend_option(default: str = "ideal") -> Any:
+    return click.option(
+        "--backend",
+        default=default,
+        show_default=True,
+        metavar="NAME",
+        help="Device by name or file; `qcompile backends` lists them.",
+    )
+
+
+level_option = click.option(
+    "--level",
+    type=click.IntRange(0, 2),
+    default=2,
+    show_default=True,
+    help="0: gate by gate; 1: keep the unitary; 2: keep the distribution of the measurement.",
+)
+json_option = click.option(
+    "--json", "as_json", is_flag=True, help="Print one JSON document on standard output."
+)
+
+
+def echo_json(values: Any) -> None:
+    """Print `values` as the one JSON document of a command."""
+    click.echo(json.dumps(values, indent=1, allow_nan=False))

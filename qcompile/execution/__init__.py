@@ -1,0 +1,21 @@
+"""Executors: from an executable and a batch of inputs to counts."""
+
+from qcompile.execution.cost import qpu_seconds
+from qcompile.execution.executor import (
+    Executor,
+    Kind,
+    check_shots,
+    expectation_from_ones,
+)
+from qcompile.execution.limits import MAX_SHOTS
+from qcompile.execution.offline import OfflineExecutor
+
+__all__ = [
+    "MAX_SHOTS",
+    "Executor",
+    "Kind",
+    "OfflineExecutor",
+    "check_shots",
+    "expectation_from_ones",
+    "qpu_seconds",
+]

@@ -1,0 +1,63 @@
+"""What an executor is, and the arithmetic of shots that all of them share."""
+
+from __future__ import annotations
+
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qcompile.device import Device
+from qcompile.errors import CountsError
+from qcompile.execution.limits import MAX_SHOTS
+from qcompile.passes import Executable
+
+FloatArray = NDArray[np.float64]
+CountArray = NDArray[np.int64]
+
+Kind = Literal["ideal", "noise-model", "measured-response", "hardware"]
+
+
+class Executor(Protocol):
+    """Runs executables; `kind` says what the results are worth."""
+
+    device: Device
+    kind: Kind
+
+    def run(
+        self, executable: Executable, x: FloatArray, theta: FloatArray, shots: int
+    ) -> CountArray:
+        """The number of ones of each circuit in `shots` shots, (B, circuits), for x (B, inputs)."""
+        ...
+
+
+def check_shots(shots: int) -> int:
+    """`shots`, if an executor can take them.
+
+    Raises:
+        CountsError: shots lie outside [1, MAX_SHOTS].
+    """
+    if not 1 <= shots <= MAX_SHOTS:
+        raise CountsError(
+            f"{shots} shots cannot be run.",
+            f"The number of shots lies in [1, {MAX_SHOTS}]; 1024 and 8192 are usual.",
+            "For expectations without shot noise say `--shots exact`.",
+        )
+    return shots
+
+
+def expectation_from_ones(ones: CountArray, shots: int) -> FloatArray:
+    """Return <Z> estimated from the number of ones.
+
+    `ones` is an integer array of any shape, each entry in [0, shots]; the result has the same
+    shape, in [-1, 1]. Its standard error is sqrt((1 - z**2) / shots).
+
+    Raises:
+        CountsError: an entry lies outside [0, shots]; the message names the first one.
+    """
+    ones = np.asarray(ones)
+    check_shots(shots)
+    if ones.size and (ones.min() < 0 or ones.max() > shots):
+        outside = ones[(ones < 0) | (ones > shots)][0]
+        raise CountsError(f"{outside} ones in {shots} shots.", f"Ones lie in [0, {shots}].")
+    return 1.0 - ones * (2.0 / shots)

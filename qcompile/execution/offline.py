@@ -1,0 +1,55 @@
+"""The executor that needs no machine: a device's noise model, exact, and binomial shots."""
+
+from __future__ import annotations
+
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from qcompile.device import Device
+from qcompile.errors import DeviceError
+from qcompile.execution.executor import CountArray, FloatArray, Kind, check_shots
+from qcompile.noise import NoisyCircuits
+from qcompile.passes import Executable
+
+
+class OfflineExecutor:
+    """Runs executables on the noise model of `device`.
+
+    Circuits are not entangled, so the ones of each circuit in N shots are one binomial draw.
+    The same seed and the same calls give the same counts.
+    """
+
+    def __init__(self, device: Device, seed: int | np.random.SeedSequence | None = None):
+        self.device = device
+        self.kind: Kind = "ideal" if device.is_ideal else "noise-model"
+        self._rng = np.random.default_rng(seed)
+        self._noisy: WeakKeyDictionary[Executable, NoisyCircuits] = WeakKeyDictionary()
+
+    def run(
+        self, executable: Executable, x: FloatArray, theta: FloatArray, shots: int
+    ) -> CountArray:
+        """The number of ones of each circuit in `shots` shots, (B, circuits) integers.
+
+        Raises:
+            CountsError: shots out of range.
+            DeviceError: the executable was compiled for another device.
+        """
+        check_shots(shots)
+        p_one = (1.0 - self.expectation(executable, x, theta)) / 2.0
+        return self._rng.binomial(shots, np.clip(p_one, 0.0, 1.0, out=p_one))
+
+    def expectation(
+        self, executable: Executable, x: FloatArray, theta: FloatArray
+    ) -> FloatArray:
+        """The measured <Z> of each circuit without shot noise, (B, circuits), readout included."""
+        noisy = self._noisy.get(executable)
+        if noisy is None:
+            if executable.device is not self.device and executable.device != self.device:
+                raise DeviceError(
+                    f"The executable was compiled for {executable.device.name}, "
+                    f"this executor runs {self.device.name}.",
+                    "Compile the program for the device it runs on.",
+                )
+            noisy = self._noisy[executable] = NoisyCircuits(executable)
+        return noisy.expectation(executable.bind_slots(x, theta))

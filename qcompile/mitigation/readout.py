@@ -1,0 +1,109 @@
+"""Readout mitigation: an assignment matrix for each physical qubit, undone in closed form."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qcompile.device import Device
+from qcompile.errors import CalibrationError
+from qcompile.execution.executor import CountArray, Executor
+from qcompile.ir import Circuit, Gate, Program
+from qcompile.passes import Executable
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+
+CALIBRATION_SHOTS = 8192
+_LEAST_CONTRAST = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class ReadoutMitigation:
+    """Assignment matrices A[qubit, measured, prepared] of the qubits in `qubits`, (n, 2, 2)."""
+
+    qubits: IntArray
+    assignment: FloatArray
+
+    def at(self, qubits: IntArray) -> ReadoutMitigation:
+        """The mitigation of circuits on `qubits` (circuits,), one matrix for each circuit.
+
+        Raises:
+            CalibrationError: a qubit was not calibrated.
+        """
+        missing = np.setdiff1d(qubits, self.qubits)
+        if missing.size:
+            raise CalibrationError(
+                f"Qubit {missing[0]} has no calibration.",
+                f"Calibrated: {' '.join(map(str, self.qubits))}.",
+            )
+        order = np.argsort(self.qubits)
+        rows = order[np.searchsorted(self.qubits, qubits, sorter=order)]
+        return ReadoutMitigation(qubits, self.assignment[rows])
+
+    @cached_property
+    def _line(self) -> tuple[FloatArray, FloatArray]:
+        p10, p01 = self.assignment[:, 1, 0], self.assignment[:, 0, 1]
+        return p01 - p10, 1.0 - p01 - p10
+
+    def apply(self, z: FloatArray) -> FloatArray:
+        """<Z> before the readout, for measured z (B, n) on `qubits`.
+
+        Measured <Z> is b + c <Z> with b = p01 - p10 and c = 1 - p01 - p10; this is its inverse,
+        clipped to [-1, 1], which is the least-squares solution under that constraint.
+        """
+        offset, contrast = self._line
+        return np.clip((z - offset) / contrast, -1.0, 1.0)
+
+
+def calibrate_readout(
+    executor: Executor, qubits: IntArray, shots: int = CALIBRATION_SHOTS
+) -> ReadoutMitigation:
+    """Measure |0> and |1> on each of `qubits`, two executions of `shots`, and fit.
+
+    Raises:
+        CalibrationError: a qubit tells |0> and |1> apart too little to be undone.
+    """
+    qubits = np.unique(qubits)
+    nothing = np.zeros((1, 0)), np.zeros(0)
+    zeros, ones = (
+        executor.run(_prepare(bit, qubits, executor.device), *nothing, shots)[0] for bit in (0, 1)
+    )
+    return ReadoutMitigation(qubits, fit_assignment(zeros, ones, shots, qubits))
+
+
+def fit_assignment(
+    ones_of_0: CountArray, ones_of_1: CountArray, shots: int, qubits: IntArray
+) -> FloatArray:
+    """Assignment matrices (n, 2, 2) nearest to the counts whose columns are distributions.
+
+    `ones_of_0` and `ones_of_1` (n,) are the ones counted after |0> and |1> were prepared.
+    """
+    import cvxpy
+
+    p_one = np.stack([ones_of_0, ones_of_1], axis=1) / shots
+    measured_1 = cvxpy.Variable((len(qubits), 2))  # P(1 | prepared)
+    problem = cvxpy.Problem(
+        cvxpy.Minimize(cvxpy.sum_squares(measured_1 - p_one)), [measured_1 >= 0, measured_1 <= 1]
+    )
+    problem.solve(solver=cvxpy.CLARABEL)
+    if measured_1.value is None:
+        raise CalibrationError(f"The fit ended with status {problem.status!r}.")
+    fitted = np.clip(measured_1.value, 0.0, 1.0)
+    weak = np.abs(fitted[:, 1] - fitted[:, 0]) < _LEAST_CONTRAST
+    if weak.any():
+        raise CalibrationError(
+            f"Qubit {qubits[weak][0]} tells |0> and |1> apart by less than {_LEAST_CONTRAST}.",
+            f"Found P(1|0) = {fitted[weak][0, 0]:.3f} and P(1|1) = {fitted[weak][0, 1]:.3f}.",
+            "Leave the qubit out, or run with --mitigation none.",
+        )
+    return np.stack([1.0 - fitted, fitted], axis=1)
+
+
+def _prepare(bit: int, qubits: IntArray, device: Device) -> Executable:
+    circuit = Circuit((Gate("x"),)) if bit else Circuit()
+    program = Program((circuit,) * len(qubits))
+    return Executable(program, program, device, 0, qubits, np.zeros_like(qubits))

@@ -1,0 +1,185 @@
+"""Policy files: JSON, and .pt with the same plain values and tensors for the numbers."""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from qcompile.catalogue import find, names, nearest
+from qcompile.errors import CircuitError, PolicyError
+from qcompile.ir import Circuit, Program
+from qcompile.output import write_file
+from qcompile.policy.policy import Encoder, Policy
+from qcompile.validation import explain
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+SUFFIXES = (".pt", ".json")
+_TENSORS = ("theta", "weights", "bias")
+
+Number = Annotated[float, Field(allow_inf_nan=False)]
+Natural = Annotated[int, Field(ge=0, le=1_000_000)]
+
+
+class _Record(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class EncoderFile(_Record):
+    function: Literal["arctan", "tanh", "identity"]
+    feature: list[Natural]
+    scale: list[Number]
+
+
+class PolicyFile(_Record):
+    """The schema of a policy file, as docs/policies.md explains it."""
+
+    format: Literal["qcompile-policy-1"]
+    name: str
+    environment: str
+    encoder: EncoderFile
+    circuits: Annotated[list[list[list[str | Number]]], Field(min_length=1)]
+    theta: list[Number]
+    weights: list[list[Number]]
+    bias: Annotated[list[Number], Field(min_length=1)]
+    reuse: Annotated[int, Field(ge=1, le=10_000)] = 1
+    metadata: dict[str, Any] = {}
+
+    def policy(self) -> Policy:
+        """The policy this file describes."""
+        circuits = []
+        for index, gates in enumerate(self.circuits):
+            try:
+                circuits.append(Circuit.of(gates))
+            except CircuitError as error:
+                raise PolicyError(f"circuits.{index}: {error}") from error
+        if len({len(row) for row in self.weights}) > 1:
+            raise PolicyError("weights has rows of different lengths.")
+        inputs = len(self.encoder.feature)
+        return Policy(
+            self.name,
+            self.environment,
+            Encoder(
+                self.encoder.function,
+                np.array(self.encoder.feature, dtype=np.intp),
+                np.array(self.encoder.scale, dtype=float),
+            ),
+            Program.of(circuits, inputs, len(self.theta)),
+            np.array(self.theta, dtype=float),
+            np.array(self.weights, dtype=float),
+            np.array(self.bias, dtype=float),
+            self.reuse,
+            self.metadata,
+        )
+
+
+def policy_names() -> list[str]:
+    """Every policy known by name."""
+    return names("trained", SUFFIXES)
+
+
+def load_policy(name: str | Path) -> Policy:
+    """The policy of the file at this path, or shipped in trained/ under this bare name.
+
+    Raises:
+        PolicyError: there is no such file, or its contents are wrong; the message says what.
+    """
+    path = find("trained", str(name), SUFFIXES)
+    if path is None:
+        raise PolicyError(
+            f"Unknown policy {str(name)!r}.",
+            nearest(str(name), policy_names()),
+            "A path to a .pt or .json policy file works too.",
+        )
+    try:
+        values = _read_pt(path) if path.suffix == ".pt" else path.read_bytes()
+        validate = PolicyFile.model_validate if isinstance(values, dict) else _from_json
+        return validate(values).policy()
+    except (OSError, ValidationError) as error:
+        raise PolicyError(f"{path} is no policy file.", *explain(error)) from error
+    except (CircuitError, PolicyError) as error:
+        if isinstance(error, _FileFault):
+            raise
+        raise PolicyError(f"{path} is no policy file.", *str(error).splitlines()) from error
+
+
+class _FileFault(PolicyError):
+    """A file that could not even be opened as what it claims to be."""
+
+
+def _from_json(values: bytes) -> PolicyFile:
+    return PolicyFile.model_validate_json(values)
+
+
+def _read_pt(path: Path) -> dict[str, Any]:
+    import torch
+
+    try:
+        values = torch.load(path, map_location="cpu", weights_only=True)
+    except pickle.UnpicklingError as error:
+        raise _FileFault(
+            f"{path} holds more than tensors and plain values, and was not loaded.",
+            "A pickle can carry code that runs when it is opened.",
+            "Save the policy with qcompile, or as JSON.",
+        ) from error
+    except (RuntimeError, EOFError, ValueError, KeyError, OSError) as error:
+        raise _FileFault(
+            f"{path} cannot be read as a .pt file; it may be truncated.",
+            str(error).splitlines()[0] if str(error) else type(error).__name__,
+            "Copy or train it again.",
+        ) from error
+    if not isinstance(values, dict):
+        raise _FileFault(f"{path} holds a {type(values).__name__}.", "A policy file is a dict.")
+    return {k: v.tolist() if isinstance(v, torch.Tensor) else v for k, v in values.items()}
+
+
+def policy_values(policy: Policy) -> dict[str, Any]:
+    """The plain values of a policy file; `PolicyFile` reads them back to an equal policy."""
+    return {
+        "format": "qcompile-policy-1",
+        "name": policy.name,
+        "environment": policy.environment,
+        "encoder": {
+            "function": policy.encoder.function,
+            "feature": policy.encoder.feature.tolist(),
+            "scale": policy.encoder.scale.tolist(),
+        },
+        "circuits": [circuit.to_lists() for circuit in policy.program.circuits],
+        "theta": policy.theta.tolist(),
+        "weights": policy.weights.tolist(),
+        "bias": policy.bias.tolist(),
+        "reuse": policy.reuse,
+        "metadata": dict(policy.metadata),
+    }
+
+
+def save_policy(policy: Policy, path: Path) -> None:
+    """Write `policy` to `path`, whole or not at all; the suffix, .pt or .json, says how.
+
+    Raises:
+        PolicyError: another suffix.
+        OutputError: the file cannot be written.
+    """
+    values = policy_values(policy)
+    if path.suffix == ".json":
+        write_file(path, PolicyFile.model_validate(values).model_dump_json(indent=1).encode())
+    elif path.suffix == ".pt":
+        write_file(path, _pt_bytes(values))
+    else:
+        raise PolicyError(f"{path} is no policy file name.", "It ends with .pt or .json.")
+
+
+def _pt_bytes(values: Mapping[str, Any]) -> bytes:
+    import io
+
+    import torch
+
+    tensors = {k: torch.tensor(values[k], dtype=torch.float64) for k in _TENSORS}
+    buffer = io.BytesIO()
+    torch.save({**values, **tensors}, buffer)
+    return buffer.getvalue()

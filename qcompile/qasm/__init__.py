@@ -1,0 +1,16 @@
+"""OpenQASM 3 and 2: program files read into programs, and programs written."""
+
+from qcompile.qasm.layout import Layout, Register, Slot
+from qcompile.qasm.read import Source, read, read_file
+from qcompile.qasm.write import Version, write
+
+__all__ = [
+    "Layout",
+    "Register",
+    "Slot",
+    "Source",
+    "Version",
+    "read",
+    "read_file",
+    "write",
+]

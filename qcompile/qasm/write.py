@@ -1,0 +1,153 @@
+"""Programs written as OpenQASM 3 or 2."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Literal
+
+from qcompile.errors import CircuitError
+from qcompile.ir import FIXED_GATES, ROTATION_GATES, Gate, Program
+from qcompile.qasm.layout import Layout, Register, Slot
+
+Version = Literal["3", "2"]
+
+DEFINITIONS: dict[Version, dict[str, str]] = {
+    "3": {"sxdg": "gate sxdg a { s a; h a; s a; }"},
+    "2": {
+        "sx": "gate sx a { sdg a; h a; sdg a; }",
+        "sxdg": "gate sxdg a { s a; h a; s a; }",
+        "p": "gate p(a) b { u1(a) b; }",
+    },
+}
+"""Gates that the standard include lacks, and how a file defines those it uses.
+
+stdgates.inc has no sxdg, and the qelib1.inc of the OpenQASM 2 paper neither sx nor p. Qiskit's
+strict reader refuses them without a definition; Cirq, pytket and Qiskit's legacy reader know them
+and accept the definition too. (`inv @ sx` would do in OpenQASM 3, but Cirq cannot read it.)
+"""
+
+_KEYWORDS = """
+OPENQASM U CX include def cal defcal defcalgrammar gate opaque extern box let break continue if
+else end return for while in switch case default pragma input output const readonly mutable qreg
+qubit creg bool bit int uint float angle complex array void duration stretch gphase inv pow ctrl
+negctrl durationof delay reset measure barrier true false pi tau euler sizeof
+sin cos tan exp ln log sqrt arcsin arccos arctan ceiling floor mod popcount rotl rotr
+""".split()
+_INCLUDED = """
+u u0 u1 u2 u3 r phase cx cy cz ch cp crx cry crz cu cu1 cu3 csx cphase swap ccx cswap rxx rzz
+""".split()
+_RESERVED = frozenset((*_KEYWORDS, *_INCLUDED, *FIXED_GATES, *ROTATION_GATES))
+
+_NAME = {"3": re.compile(r"[^\W\d]\w*\Z"), "2": re.compile(r"[a-z][A-Za-z0-9_]*\Z")}
+
+
+def write(
+    program: Program,
+    *,
+    version: Version = "3",
+    layout: Layout | None = None,
+    qubits: Sequence[int] | None = None,
+) -> str:
+    """`program` as OpenQASM text; every symbol is an `input float[64]`.
+
+    Without a `layout` circuit i is on q[i] and measured into c[i]. With `qubits` circuit i is on
+    the physical qubit $n, n = qubits[i], whatever the layout says. Angles read back to the same
+    floats. OpenQASM 2 has neither inputs nor physical qubits.
+
+    Raises:
+        CircuitError: the program has definitions, or what the version lacks; the layout does not
+            fit the program; or a name is reserved.
+    """
+    layout = Layout.default(len(program)) if layout is None else layout
+    layout = layout if qubits is None else layout.on(qubits)
+    _check(program, version, layout)
+    included = {"3": "stdgates.inc", "2": "qelib1.inc"}[version]
+    used = {gate.name for circuit in program.circuits for gate in circuit.gates}
+    lines = [f"OPENQASM {version}.0;", f'include "{included}";']
+    lines += [text for name, text in DEFINITIONS[version].items() if name in used]
+    lines += [f"input float[64] {symbol};" for symbol in program.symbols]
+    lines += _declarations(layout.qubit_registers, "qubit", version)
+    lines += _declarations(layout.bit_registers, "bit", version)
+    places = _places(layout.qubit_registers, layout.qubits, version)
+    targets = _places(layout.bit_registers, layout.bits, version)
+    for circuit, place in zip(program.circuits, places, strict=True):
+        lines += [f"{_gate(gate, version)} {place};" for gate in circuit.gates]
+    for place, target in zip(places, targets, strict=True):
+        if target is not None:
+            arrow = f"{target} = measure {place};", f"measure {place} -> {target};"
+            lines.append(arrow[version == "2"])
+    return "\n".join(lines) + "\n"
+
+
+def _check(program: Program, version: Version, layout: Layout) -> None:
+    if version not in DEFINITIONS:
+        raise CircuitError(f"There is no OpenQASM version {version!r}.", "Versions: 3 and 2.")
+    if program.definitions:
+        raise CircuitError(
+            "A program with definitions cannot be written as OpenQASM.",
+            "Write the template of its executable, or bind the angles first.",
+        )
+    if len(layout) != len(program):
+        raise CircuitError(
+            f"The layout has {len(layout)} qubits, the program {len(program)} circuits.",
+            "A file needs one qubit for every circuit.",
+        )
+    if version == "2" and program.symbols:
+        raise CircuitError(
+            f"OpenQASM 2 has no inputs; the program has {' '.join(program.symbols[:8])}.",
+            "Bind them to numbers first, or write OpenQASM 3.",
+        )
+    if version == "2" and any(isinstance(qubit, int) for qubit in layout.qubits):
+        raise CircuitError(
+            "OpenQASM 2 has no names for physical qubits.",
+            "Write OpenQASM 3, or put the circuits on a register.",
+        )
+    registers = [r.name for r in (*layout.qubit_registers, *layout.bit_registers)]
+    for name in (*program.symbols, *registers):
+        if name in _RESERVED or not _NAME[version].match(name):
+            raise CircuitError(
+                f"{name!r} cannot be a name in OpenQASM {version}.",
+                "It is reserved there, the name of a gate, or has letters it may not have.",
+                "Rename it.",
+            )
+    for name in registers:
+        if name in program.symbols:
+            raise CircuitError(f"{name!r} names a symbol and a register.", "Rename one of them.")
+
+
+def _declarations(registers: Iterable[Register], kind: str, version: Version) -> Iterator[str]:
+    for register in registers:
+        if register.size == 0:
+            continue
+        if version == "2":
+            word = {"qubit": "qreg", "bit": "creg"}[kind]
+            yield f"{word} {register.name}[{register.size or 1}];"
+        else:
+            yield f"{kind}{_index(register.size, version)} {register.name};"
+
+
+def _index(index: int | None, version: Version) -> str:
+    return "" if index is None else f"[{index}]"
+
+
+def _places(
+    registers: Iterable[Register], slots: Iterable[Slot | int | None], version: Version
+) -> list[str | None]:
+    """The text of each slot, such as q[0], q or $3."""
+    single = {r.name for r in registers if r.size is None and version == "3"}
+    texts: list[str | None] = []
+    for slot in slots:
+        if slot is None or isinstance(slot, int):
+            texts.append(None if slot is None else f"${slot}")
+        else:
+            name, index = slot
+            texts.append(name if name in single else f"{name}[{index}]")
+    return texts
+
+
+def _gate(gate: Gate, version: Version) -> str:
+    if version == "2":
+        # A real number of OpenQASM 2 has a point before its exponent: 1.0e-07, never 1e-07.
+        return re.sub(r"\((-?\d+)e", r"(\1.0e", str(gate))
+    return str(gate)

@@ -1,0 +1,85 @@
+"""Tables on the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+_KINDS = {
+    "ideal": "ideal simulation",
+    "noise-model": "noise model, not the real machine",
+}
+_BARS = "▁▂▃▄▅▆▇█"
+
+
+def print_table(columns: Sequence[str], rows: Iterable[Sequence[object]], title: str = "") -> None:
+    """Print a table on standard output; columns whose cells are numbers are set to the right."""
+    rows = [list(row) for row in rows]
+    table = Table(title=title or None, box=box.SIMPLE_HEAD, title_justify="left")
+    for index, column in enumerate(columns):
+        numeric = bool(rows) and all(isinstance(row[index], int | float) for row in rows)
+        table.add_column(column, justify="right" if numeric else "left", overflow="fold")
+    for row in rows:
+        table.add_row(*(_cell(value) for value in row))
+    Console().print(table)
+
+
+def _cell(value: object) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def print_run(summary: dict[str, Any]) -> None:
+    """Print what a run found: `RunResult.summary`."""
+    console = Console(highlight=False)
+    backend = f"{summary['backend']} ({_KINDS.get(summary['kind'], summary['kind'])})"
+    console.print(f"[bold]{summary['policy']}[/] in {summary['environment']} on {backend}")
+    grid = Table.grid(padding=(0, 2))
+    grid.add_column(style="dim")
+    grid.add_column()
+    for name, value in _run_lines(summary):
+        grid.add_row(name, value)
+    console.print(grid)
+
+
+def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
+    rewards = [episode["reward"] for episode in summary["episodes"]]
+    if rewards:
+        low, high = summary["ci95"]
+        yield (
+            "mean reward",
+            f"[bold]{summary['mean_reward']:.1f}[/] ± {summary['std_reward']:.1f} over "
+            f"{len(rewards)} episodes (95 % interval {low:.1f} to {high:.1f})",
+        )
+        yield "each episode", f"{_bars(rewards)}  {min(rewards):.0f} to {max(rewards):.0f}"
+    if summary["solved"] is not None:
+        yield "solved", "yes" if summary["solved"] else "no"
+    yield (
+        "settings",
+        f"{summary['shots']} shots, level {summary['level']}, mitigation {summary['mitigation']}, "
+        f"{'greedy' if summary['greedy'] else 'sampled'} actions, seed {summary['seed']}",
+    )
+    gates = " + ".join(f"{n} {gate}" for gate, n in summary["gates_per_circuit"].items() if n)
+    yield (
+        "each step",
+        f"{summary['circuits_per_step']} circuits of at most {gates or 'no gate'}, "
+        f"in {summary['rounds_per_step']} round(s)",
+    )
+    yield "played", f"{summary['env_steps']} steps in {summary['wall_seconds']:.1f} s"
+    if summary["qpu_seconds_estimate"] is not None:
+        yield (
+            "on hardware",
+            f"{summary['executions']:,} executions, about "
+            f"{summary['qpu_seconds_estimate']:,.0f} QPU seconds (IBM's estimate)",
+        )
+
+
+def _bars(values: Sequence[float]) -> str:
+    """One bar for each of the first 60 values, from the least to the greatest."""
+    low, span = min(values), (max(values) - min(values)) or 1.0
+    shown = values[:60]
+    bars = "".join(_BARS[round((v - low) / span * (len(_BARS) - 1))] for v in shown)
+    return bars + ("…" if len(values) > len(shown) else "")

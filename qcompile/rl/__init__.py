@@ -1,0 +1,1 @@
+"""Reinforcement learning: environments, training, and playing with a policy on a backend."""

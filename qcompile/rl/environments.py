@@ -1,0 +1,95 @@
+"""Gymnasium environments, checked against what a policy needs."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.spaces import Box, Discrete
+
+from qcompile.catalogue import nearest
+from qcompile.errors import EnvironmentMismatchError
+from qcompile.policy import Policy
+
+Environment = gymnasium.Env[Any, Any]
+
+
+def make_environments(name: str, count: int, *, film_first: bool = False) -> list[Environment]:
+    """`count` environments called `name`; with `film_first` the first one renders frames.
+
+    Raises:
+        EnvironmentMismatchError: no such environment, or it has no vector of features to observe
+            and no finite set of actions.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            made = [
+                gymnasium.make(name, render_mode="rgb_array" if film_first and not i else None)
+                for i in range(count)
+            ]
+    except (gymnasium.error.Error, ModuleNotFoundError) as error:
+        known = [spec for spec in gymnasium.registry if "/" not in spec]
+        raise EnvironmentMismatchError(
+            f"Unknown environment {name!r}.",
+            str(error).splitlines()[0],
+            nearest(name, known if len(known) < 8 else _families(known, name)),
+        ) from error
+    features_and_actions(made[0])
+    return made
+
+
+def _families(known: list[str], name: str) -> list[str]:
+    usual = ["CartPole-v1", "Acrobot-v1", "LunarLander-v3", "MountainCar-v0"]
+    return usual if name[:3].lower() not in {k[:3].lower() for k in known} else known
+
+
+def features_and_actions(environment: Environment) -> tuple[int, int]:
+    """The number of features an observation has, and of actions.
+
+    Raises:
+        EnvironmentMismatchError: observations are no vectors, or actions are not numbered.
+    """
+    observed, acted = environment.observation_space, environment.action_space
+    name = environment.spec.id if environment.spec else str(environment)
+    if not isinstance(observed, Box) or observed.shape is None or len(observed.shape) != 1:
+        raise EnvironmentMismatchError(
+            f"{name} observes {observed}.", "A policy needs a vector of features (a 1-D Box)."
+        )
+    if not isinstance(acted, Discrete):
+        raise EnvironmentMismatchError(
+            f"{name} acts in {acted}.", "A policy chooses among numbered actions (Discrete)."
+        )
+    return int(observed.shape[0]), int(acted.n)
+
+
+def check_fit(policy: Policy, environment: Environment) -> None:
+    """Raise EnvironmentMismatchError where `policy` cannot act in `environment`."""
+    features, actions = features_and_actions(environment)
+    name = environment.spec.id if environment.spec else str(environment)
+    needed = int(policy.encoder.feature.max(initial=-1)) + 1
+    if needed > features:
+        raise EnvironmentMismatchError(
+            f"Policy {policy.name!r} reads feature {needed - 1}; observations of {name} "
+            f"have {features} features.",
+            "Correct `environment` or `encoder.feature` in the policy file.",
+        )
+    if policy.actions != actions:
+        raise EnvironmentMismatchError(
+            f"Policy {policy.name!r} has {policy.actions} actions; {name} has {actions}.",
+            "Correct `environment`, or `weights` and `bias`, in the policy file.",
+        )
+
+
+def reward_threshold(name: str) -> float | None:
+    """The mean reward at which the environment counts as solved, if it has one."""
+    spec = gymnasium.registry.get(name)
+    return None if spec is None else spec.reward_threshold
+
+
+def reset_all(environments: list[Environment], seeds: list[int]) -> np.ndarray[Any, Any]:
+    """First observations (n, features), environment i reset with seeds[i]."""
+    pairs = zip(environments, seeds, strict=True)
+    return np.stack([environment.reset(seed=seed)[0] for environment, seed in pairs])

@@ -1,0 +1,212 @@
+"""Play episodes with a policy on a backend, all in lockstep."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qcompile.device import Device
+from qcompile.errors import CountsError
+from qcompile.execution import OfflineExecutor, check_shots, expectation_from_ones, qpu_seconds
+from qcompile.mitigation import CALIBRATION_SHOTS, ReadoutMitigation, calibrate_readout
+from qcompile.passes import Executable, compile
+from qcompile.policy import Policy
+from qcompile.rl.environments import check_fit, make_environments, reset_all, reward_threshold
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+
+MAX_EPISODES = 10_000
+_LEAST_FOR_SOLVED = 100
+
+
+@dataclass(frozen=True)
+class Episode:
+    """One finished episode: the seed of its reset, its total reward, its number of steps."""
+
+    seed: int
+    reward: float
+    length: int
+
+
+class Deployment:
+    """A policy compiled for a device: from observations to actions.
+
+    `shots` None takes expectations without shot noise. Shot noise, calibration and the sampling
+    of actions draw from generators derived from `seed`, so a deployment repeats exactly.
+    """
+
+    def __init__(
+        self,
+        policy: Policy,
+        device: Device,
+        *,
+        shots: int | None = None,
+        level: int = 2,
+        mitigation: str = "none",
+        greedy: bool = False,
+        seed: int = 0,
+    ):
+        self.policy, self.device, self.shots = policy, device, shots
+        self.level, self.mitigation, self.greedy, self.seed = level, mitigation, greedy, seed
+        if shots is not None:
+            check_shots(shots)
+        noise_seed, action_seed = np.random.SeedSequence(seed).spawn(2)
+        self.executor = OfflineExecutor(device, noise_seed)
+        self._rng = np.random.default_rng(action_seed)
+        self.executable: Executable = compile(policy.program, device, level)
+        self._readout: ReadoutMitigation | None = None
+        if mitigation == "readout":
+            qubits = self.executable.qubits
+            self._readout = calibrate_readout(self.executor, qubits).at(qubits)
+
+    def expectation(self, observations: FloatArray) -> FloatArray:
+        """<Z> of every circuit as measured and mitigated, (B, circuits)."""
+        x, theta = self.policy.encode(observations), self.policy.theta
+        if self.shots is None:
+            z = self.executor.expectation(self.executable, x, theta)
+        else:
+            ones = self.executor.run(self.executable, x, theta, self.shots)
+            z = expectation_from_ones(ones, self.shots)
+        return z if self._readout is None else self._readout.apply(z)
+
+    def act(self, observations: FloatArray) -> IntArray:
+        """An action for each of the observations (B, features)."""
+        z = self.expectation(observations)
+        return self.policy.greedy(z) if self.greedy else self.policy.sample(z, self._rng)
+
+
+@dataclass
+class RunResult:
+    """What a run found. `requested` episodes were asked for; `episodes` finished."""
+
+    deployment: Deployment
+    requested: int
+    episodes: list[Episode] = field(default_factory=list)
+    jobs: int = 0
+    env_steps: int = 0
+    wall_seconds: float = 0.0
+    interrupted: bool = False
+    frames: list[NDArray[np.uint8]] = field(default_factory=list)
+
+    @property
+    def rewards(self) -> FloatArray:
+        return np.array([episode.reward for episode in self.episodes])
+
+    @property
+    def executions(self) -> int:
+        """Circuits after packing times shots, those of the calibration included."""
+        shots = self.deployment.shots
+        if shots is None:
+            return 0
+        calibration = 2 * CALIBRATION_SHOTS if self.deployment.mitigation == "readout" else 0
+        return self.env_steps * self.deployment.executable.round_count * shots + calibration
+
+    def summary(self) -> dict[str, Any]:
+        """The plain values of `qcompile run --json`."""
+        made, rewards = self.deployment, self.rewards
+        policy, counts = made.policy, made.executable.gate_counts()
+        threshold = reward_threshold(policy.environment)
+        mean = float(rewards.mean()) if len(rewards) else None
+        judged = threshold is not None and len(rewards) >= _LEAST_FOR_SOLVED and mean is not None
+        jobs = self.jobs + (made.mitigation == "readout")
+        return {
+            "policy": policy.name,
+            "environment": policy.environment,
+            "backend": made.device.name,
+            "kind": made.executor.kind,
+            "shots": "exact" if made.shots is None else made.shots,
+            "mitigation": made.mitigation,
+            "level": made.level,
+            "greedy": made.greedy,
+            "seed": made.seed,
+            "episodes": [vars(episode) for episode in self.episodes],
+            "mean_reward": mean,
+            "std_reward": float(rewards.std()) if len(rewards) else None,
+            "ci95": bootstrap_ci95(rewards, made.seed),
+            "solved": mean >= threshold if judged else None,  # type: ignore[operator]
+            "gates_per_circuit": {
+                gate: max((count[gate] for count in counts), default=0)
+                for gate in ("sx", "rz", "x", "rx")
+            },
+            "circuits_per_step": len(made.executable.native),
+            "rounds_per_step": made.executable.round_count,
+            "executions": self.executions,
+            "qpu_seconds_estimate": (
+                None if made.shots is None else qpu_seconds(jobs, self.executions)
+            ),
+            "env_steps": self.env_steps,
+            "wall_seconds": self.wall_seconds,
+            "interrupted": self.interrupted,
+        }
+
+
+def bootstrap_ci95(rewards: FloatArray, seed: int, resamples: int = 10_000) -> list[float] | None:
+    """The 95 % bootstrap interval [low, high] of the mean reward; None without episodes."""
+    if not len(rewards):
+        return None
+    rng = np.random.default_rng(seed)
+    means = rng.choice(rewards, (resamples, len(rewards))).mean(axis=1)
+    return [float(v) for v in np.percentile(means, [2.5, 97.5])]
+
+
+def play(
+    deployment: Deployment,
+    episodes: int,
+    *,
+    film: bool = False,
+    on_episode: Callable[[Episode], None] = lambda episode: None,
+) -> RunResult:
+    """Play `episodes` episodes in lockstep; episode i resets with the deployment's seed + i.
+
+    All living episodes step together: one batch of circuits, one job. Ctrl-C ends the run and
+    keeps what is finished. With `film` the frames of the first episode are kept.
+
+    Raises:
+        CountsError: episodes lie outside [1, MAX_EPISODES].
+        EnvironmentMismatchError: the environment is unknown or does not fit the policy.
+    """
+    if not 1 <= episodes <= MAX_EPISODES:
+        raise CountsError(
+            f"{episodes} episodes cannot be played.", f"Their number lies in [1, {MAX_EPISODES}]."
+        )
+    result = RunResult(deployment, episodes)
+    environments = make_environments(deployment.policy.environment, episodes, film_first=film)
+    check_fit(deployment.policy, environments[0])
+    seeds = [deployment.seed + i for i in range(episodes)]
+    started = time.perf_counter()
+    try:
+        observations = reset_all(environments, seeds)
+        rewards, lengths = np.zeros(episodes), np.zeros(episodes, dtype=int)
+        alive = list(range(episodes))
+        while alive:
+            actions = deployment.act(observations[alive]).tolist()
+            result.jobs += 1
+            still = []
+            for index, action in zip(alive, actions, strict=True):
+                step = environments[index].step(action)
+                observations[index] = step[0]
+                rewards[index] += step[1]
+                lengths[index] += 1
+                if film and index == 0:
+                    result.frames.append(environments[0].render())  # type: ignore[arg-type]
+                if step[2] or step[3]:
+                    done = Episode(seeds[index], float(rewards[index]), int(lengths[index]))
+                    result.episodes.append(done)
+                    on_episode(done)
+                else:
+                    still.append(index)
+            result.env_steps += len(alive)
+            alive = still
+    except KeyboardInterrupt:
+        result.interrupted = True
+    result.wall_seconds = time.perf_counter() - started
+    result.episodes.sort(key=lambda episode: episode.seed)
+    for environment in environments:
+        environment.close()
+    return result

@@ -1,0 +1,237 @@
+"""Snapshots: the calibration of a Qiskit backend, fake or live, as a Device."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Iterable, Iterator, Mapping
+from importlib import metadata
+from typing import Any
+
+from pydantic import ValidationError
+
+from qcompile.catalogue import nearest
+from qcompile.device import Device, GateCalibration, Qubit
+from qcompile.errors import DeviceError, MissingExtraError
+from qcompile.noise import relaxation_error
+from qcompile.validation import explain
+
+NATIVE_GATES = ("rz", "sx", "x", "rx")
+USUAL_SX_NS = 320 / 9
+"""160 samples of 2/9 ns: the sx of IBM's Falcon processors."""
+
+_MOST_READOUT_ERROR = 0.1
+_MOST_GATE_ERROR = 0.01
+_MOST_SX_NS = 200.0
+_QUBIT_UNITS_NS = {
+    "T1": 1e3,
+    "T2": 1e3,
+    "prob_meas1_prep0": None,
+    "prob_meas0_prep1": None,
+    "readout_length": 1.0,
+}
+_GATE_UNITS_NS = {"gate_error": None, "gate_length": 1.0}
+_NS = {"ns": 1.0, "us": 1e3, "µs": 1e3, "ms": 1e6, "s": 1e9}
+
+
+def find_backend(name: str) -> Any:
+    """A fresh fake backend of qiskit-ibm-runtime, by class or backend name.
+
+    `FakeLimaV2` and `fake_lima` are the same.
+
+    Raises:
+        DeviceError: there is no such fake backend; the message has the nearest names.
+        MissingExtraError: qiskit-ibm-runtime is not installed.
+    """
+    try:
+        from qiskit_ibm_runtime import fake_provider
+        from qiskit_ibm_runtime.fake_provider.fake_backend import FakeBackendV2
+    except ImportError as error:
+        raise MissingExtraError("A snapshot of a Qiskit backend", "qiskit") from error
+    known: dict[str, type[Any]] = {}
+    for found in vars(fake_provider).values():
+        if isinstance(found, type) and issubclass(found, FakeBackendV2):
+            known[found.__name__] = found
+            if backend_name := getattr(found, "backend_name", None):
+                known[backend_name] = found
+    if name not in known:
+        raise DeviceError(f"Unknown fake backend {name!r}.", nearest(name, sorted(known)))
+    return known[name]()
+
+
+def device_from_backend(backend: Any, name: str) -> Device:
+    """A Device called `name` with the calibration that a Qiskit BackendV2 holds now.
+
+    It is read from `backend.properties()`, or from `backend.target` where there are none; a target
+    knows one readout error for both states. Values that look wrong are kept and flagged, in
+    `Qubit.doubtful` and `Device.notes`.
+
+    Raises:
+        DeviceError: a value is missing or impossible; the message names qubit and property.
+    """
+    properties = getattr(backend, "properties", None)
+    properties = properties() if callable(properties) else properties
+    basis = tuple(gate for gate in NATIVE_GATES if gate in backend.operation_names)
+    if not (set(basis) >= {"rz", "rx"} or set(basis) >= {"rz", "sx", "x"}):
+        raise DeviceError(
+            f"{type(backend).__name__} has the gates {', '.join(sorted(backend.operation_names))}.",
+            "A device needs rz, sx and x, or rz and rx.",
+        )
+    notes: tuple[str, ...] = ()
+    if properties is not None:
+        calibrations = _of_properties(properties, basis)
+        calibrated = properties.last_update_date
+    else:
+        calibrations = _of_target(backend.target, basis)
+        calibrated = None
+        notes = ("Readout errors are symmetric: the backend's target holds one number a qubit.",)
+    try:
+        qubits = tuple(_qubit(i, values) for i, values in enumerate(calibrations))
+        return Device(
+            name=name,
+            source=_source(backend),
+            calibrated=calibrated.isoformat() if calibrated else None,
+            basis_gates=basis,
+            notes=(*notes, *_notes(qubits)),
+            qubits=qubits,
+        )
+    except ValidationError as error:
+        raise DeviceError(f"{name} cannot be made a device.", *explain(error)) from error
+
+
+def _source(backend: Any) -> str:
+    package = type(backend).__module__.partition(".")[0]
+    try:
+        release = f"{package.replace('_', '-')} {metadata.version(package)}"
+    except metadata.PackageNotFoundError:
+        release = package
+    machine = f"{backend.name} {getattr(backend, 'backend_version', None) or ''}".rstrip()
+    return f"{release}, {type(backend).__name__} ({machine})"
+
+
+_Calibration = tuple[Mapping[str, float | None], Mapping[str, Mapping[str, float | None]]]
+"""Values of a qubit by property, and of its gates by gate and property."""
+
+
+def _of_properties(properties: Any, basis: Iterable[str]) -> Iterator[_Calibration]:
+    gates = {(g.gate, g.qubits[0]): g for g in properties.gates if len(g.qubits) == 1}
+    for index, values in enumerate(properties.qubits):
+        own = {v.name: _value(index, v) for v in values if v.name in _QUBIT_UNITS_NS}
+        parameters = {
+            gate: gates[gate, index].parameters if (gate, index) in gates else () for gate in basis
+        }
+        yield (
+            own,
+            {
+                gate: {v.name: _value(index, v) for v in found if v.name in _GATE_UNITS_NS}
+                for gate, found in parameters.items()
+            },
+        )
+
+
+def _value(qubit: int, entry: Any) -> float:
+    """The value of a named number with a unit: T1 and T2 in us, lengths in ns, errors as given."""
+    wanted = {**_QUBIT_UNITS_NS, **_GATE_UNITS_NS}[entry.name]
+    if wanted is None:
+        return float(entry.value)
+    if entry.unit not in _NS:
+        raise DeviceError(
+            f"Qubit {qubit}: {entry.name} has the unit {entry.unit!r}.",
+            f"Units that can be read: {', '.join(_NS)}.",
+        )
+    return float(entry.value) * (_NS[entry.unit] / wanted)
+
+
+def _of_target(target: Any, basis: Iterable[str]) -> Iterator[_Calibration]:
+    for index in range(target.num_qubits or 0):
+        own = target.qubit_properties[index] if target.qubit_properties else None
+        measure = _instruction(target, "measure", index)
+        gates = {gate: _instruction(target, gate, index) for gate in basis}
+        error = measure.get("gate_error")
+        yield (
+            {
+                "T1": _scaled(getattr(own, "t1", None), 1e6),
+                "T2": _scaled(getattr(own, "t2", None), 1e6),
+                "prob_meas1_prep0": error,
+                "prob_meas0_prep1": error,
+                "readout_length": measure.get("gate_length"),
+            },
+            gates,
+        )
+
+
+def _instruction(target: Any, name: str, qubit: int) -> dict[str, float | None]:
+    if name not in target.operation_names:
+        return {}
+    found = (target[name] or {}).get((qubit,))
+    if found is None:
+        return {}
+    return {"gate_error": found.error, "gate_length": _scaled(found.duration, 1e9)}
+
+
+def _scaled(value: float | None, factor: float) -> float | None:
+    return None if value is None else value * factor
+
+
+def _qubit(index: int, calibration: _Calibration) -> Qubit:
+    values, gate_values = calibration
+
+    def need(found: Mapping[str, float | None], key: str, of: str = "") -> float:
+        value = found.get(key)
+        if value is None:
+            raise DeviceError(
+                f"Qubit {index} has no {key}{of} in the backend's calibration.",
+                "A device needs it for every qubit; write the file by hand or try another backend.",
+            )
+        return value
+
+    gates = {}
+    for gate, found in gate_values.items():
+        if gate == "rz" and not found.get("gate_error"):
+            continue  # virtual: a turn of the frame, without noise
+        gates[gate] = {
+            "error": need(found, "gate_error", f" of {gate}"),
+            "length_ns": need(found, "gate_length", f" of {gate}"),
+        }
+    try:
+        qubit = Qubit(
+            t1_us=need(values, "T1"),
+            t2_us=need(values, "T2"),
+            p10=need(values, "prob_meas1_prep0"),
+            p01=need(values, "prob_meas0_prep1"),
+            readout_ns=values.get("readout_length"),
+            gates={gate: GateCalibration(**found) for gate, found in gates.items()},
+        )
+    except ValidationError as error:
+        raise DeviceError(f"Qubit {index} has an impossible value.", *explain(error)) from error
+    return qubit.model_copy(update={"doubtful": tuple(_doubts(qubit))})
+
+
+def _doubts(qubit: Qubit) -> Iterator[str]:
+    readout_error = (qubit.p10 + qubit.p01) / 2
+    if readout_error > _MOST_READOUT_ERROR:
+        yield f"readout error {readout_error:.3g} is above {_MOST_READOUT_ERROR}"
+    if qubit.t2_us > 2 * qubit.t1_us:
+        yield f"T2 {qubit.t2_us:.4g} us is above 2 T1 = {2 * qubit.t1_us:.4g} us"
+    for name, gate in qubit.gates.items():
+        if name == "sx" and gate.length_ns > _MOST_SX_NS:
+            yield f"sx length {gate.length_ns:.4g} ns is above {_MOST_SX_NS:.0f} ns"
+        if gate.error > _MOST_GATE_ERROR:
+            yield f"{name} error {gate.error:.3g} is above {_MOST_GATE_ERROR}"
+        least = relaxation_error(qubit, gate.length_ns)
+        if gate.error < least:
+            yield f"{name} error {gate.error:.3g} is below the {least:.3g} of relaxation alone"
+
+
+def _notes(qubits: tuple[Qubit, ...]) -> Iterator[str]:
+    lengths = [q.gates["sx"].length_ns for q in qubits if "sx" in q.gates]
+    if lengths and (median := statistics.median(lengths)) > _MOST_SX_NS:
+        yield (
+            f"Durations are doubtful: the median sx takes {median:.4g} ns, "
+            f"{median / USUAL_SX_NS:.3g} times the usual {USUAL_SX_NS:.4g} ns."
+        )
+    unreadable = [i for i, q in enumerate(qubits) if (q.p10 + q.p01) / 2 > _MOST_READOUT_ERROR]
+    if unreadable:
+        yield (
+            f"{len(unreadable)} of {len(qubits)} qubits have a readout error above "
+            f"{_MOST_READOUT_ERROR}: {', '.join(map(str, unreadable))}."
+        )
