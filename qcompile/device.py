@@ -39,7 +39,7 @@ class Qubit(_Record):
     t2_us: Positive
     p10: Probability
     p01: Probability
-    readout_ns: Annotated[float, Field(ge=0)] | None = None
+    readout_ns: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = None
     gates: dict[str, GateCalibration] = {}
     doubtful: tuple[str, ...] = ()
 
@@ -68,9 +68,7 @@ class Device(_Record):
     def _check(self) -> Device:
         gates = set(self.basis_gates)
         if not (gates >= {"rz", "rx"} or gates >= {"rz", "sx", "x"}):
-            raise ValueError(
-                f"basis_gates holds {sorted(gates)}; it needs rz, sx, x or rz, rx"
-            )
+            raise ValueError(f"basis_gates holds {sorted(gates)}; it needs rz, sx, x or rz, rx")
         if not self.qubits and self.name != IDEAL_NAME:
             raise ValueError("qubits is empty; a device needs at least one")
         return self

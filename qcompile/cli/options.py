@@ -3,11 +3,20 @@
 from __future__ import annotations
 
 import json
-from typing import Any
+from collections.abc import Callable
+from typing import Any, Protocol, TypeVar
 
 import click
 
 from qcompile.execution.limits import MAX_SHOTS
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+class Decorator(Protocol):
+    """What click.option gives: a function in, the same function out."""
+
+    def __call__(self, function: Function, /) -> Function: ...
 
 
 class Shots(click.ParamType[int | None]):
@@ -36,7 +45,7 @@ class Shots(click.ParamType[int | None]):
         return shots
 
 
-def backend_option(default: str = "ideal") -> Any:
+def backend_option(default: str = "ideal") -> Decorator:
     return click.option(
         "--backend",
         default=default,
@@ -46,14 +55,14 @@ def backend_option(default: str = "ideal") -> Any:
     )
 
 
-level_option = click.option(
+level_option: Decorator = click.option(
     "--level",
     type=click.IntRange(0, 2),
     default=2,
     show_default=True,
     help="0: gate by gate; 1: keep the unitary; 2: keep the distribution of the measurement.",
 )
-json_option = click.option(
+json_option: Decorator = click.option(
     "--json", "as_json", is_flag=True, help="Print one JSON document on standard output."
 )
 

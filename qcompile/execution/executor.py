@@ -60,4 +60,4 @@ def expectation_from_ones(ones: CountArray, shots: int) -> FloatArray:
     if ones.size and (ones.min() < 0 or ones.max() > shots):
         outside = ones[(ones < 0) | (ones > shots)][0]
         raise CountsError(f"{outside} ones in {shots} shots.", f"Ones lie in [0, {shots}].")
-    return 1.0 - ones * (2.0 / shots)
+    return np.asarray(1.0 - ones * (2.0 / shots), dtype=np.float64)

@@ -39,9 +39,7 @@ class OfflineExecutor:
         p_one = (1.0 - self.expectation(executable, x, theta)) / 2.0
         return self._rng.binomial(shots, np.clip(p_one, 0.0, 1.0, out=p_one))
 
-    def expectation(
-        self, executable: Executable, x: FloatArray, theta: FloatArray
-    ) -> FloatArray:
+    def expectation(self, executable: Executable, x: FloatArray, theta: FloatArray) -> FloatArray:
         """The measured <Z> of each circuit without shot noise, (B, circuits), readout included."""
         noisy = self._noisy.get(executable)
         if noisy is None:

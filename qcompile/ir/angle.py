@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import keyword
 import math
 import re
 from collections.abc import Mapping
@@ -43,15 +44,15 @@ class Angle:
             raise CircuitError(
                 f"{value!r} is no angle.", "An angle is a number or an affine text like 'x0+0.5'."
             )
-        return cls._checked(float(value), {})
+        try:
+            return cls._checked(float(value), {})
+        except OverflowError as error:
+            raise CircuitError("An angle is not finite.", "Found a huge integer.") from error
 
     @classmethod
     def symbol(cls, name: str) -> Angle:
         """The angle `1 * name`."""
-        if not _SYMBOL.match(name) or name == "pi":
-            raise CircuitError(
-                f"{name!r} is no symbol.", "A symbol is letters, digits and _, not 'pi'."
-            )
+        check_symbol(name)
         return cls(0.0, ((name, 1.0),))
 
     @classmethod
@@ -111,6 +112,15 @@ class Angle:
         if self.constant or not parts:
             parts.append(_number(self.constant))
         return "+".join(parts).replace("+-", "-")
+
+
+def check_symbol(name: str) -> None:
+    """Raise CircuitError where `name` cannot name a symbol."""
+    if not _SYMBOL.match(name) or name == "pi" or keyword.iskeyword(name):
+        raise CircuitError(
+            f"{name!r} is no symbol.",
+            "A symbol is letters, digits and _; 'pi' and Python's keywords are taken.",
+        )
 
 
 def _term(coefficient: float, symbol: str) -> str:

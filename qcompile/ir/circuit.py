@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from qcompile.errors import CircuitError
-from qcompile.ir.angle import Angle
+from qcompile.ir.angle import check_symbol
 from qcompile.ir.gate import Gate
 
 _GATE_TEXT = re.compile(r"\s*([A-Za-z]\w*)\s*(?:\(([^()]*(?:\([^()]*\)[^()]*)*)\))?")
@@ -113,6 +113,8 @@ class Program:
     def __post_init__(self) -> None:
         outer = (*self.inputs, *self.parameters)
         names = (*outer, *(d.name for d in self.definitions))
+        for name in names:
+            check_symbol(name)
         if len(set(names)) != len(names):
             twice = next(name for name in names if names.count(name) > 1)
             raise CircuitError(f"Symbol {twice!r} is declared twice.")

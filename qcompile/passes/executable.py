@@ -52,7 +52,9 @@ class Executable:
             CircuitError: x or theta has another shape.
         """
         angles = self.bind_slots(x, theta)
-        return angles[..., 0] if self.level == 2 else angles
+        if self.level == 2:
+            angles = angles[..., 0]
+        return angles
 
     def bind_slots(self, x: FloatArray, theta: FloatArray) -> FloatArray:
         """`bind` with the slot axis at every level: (B, circuits, slots), one slot at least."""
@@ -64,7 +66,7 @@ class Executable:
         shape = (len(x), len(self.native), max(self.slots, 1))
         if angles.ndim == 1:
             angles = np.broadcast_to(angles, (len(x), angles.size))
-        return angles.reshape(shape)
+        return np.asarray(angles.reshape(shape))
 
     def _check(self, x: FloatArray, theta: FloatArray) -> None:
         inputs, parameters = len(self.source.inputs), len(self.source.parameters)

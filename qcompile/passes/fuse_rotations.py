@@ -60,7 +60,8 @@ def _euler_circuit(first: Angle, polar: Angle, last: Angle) -> Circuit:
 def _free_prefix(program: Program) -> str:
     """A prefix that keeps the new names apart from the program's own symbols."""
     prefix = ""
-    while any(s.startswith(tuple(prefix + p for p in ("first", "polar", "last")))
-              for s in program.symbols):
+    while any(
+        s.startswith(tuple(prefix + p for p in ("first", "polar", "last"))) for s in program.symbols
+    ):
         prefix += "_"
     return prefix

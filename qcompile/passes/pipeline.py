@@ -42,7 +42,9 @@ def pipeline(level: int, native: NativeSet) -> tuple[Pass, ...]:
         CircuitError: there is no such level.
     """
     if level not in LEVELS:
-        raise CircuitError(f"There is no level {level!r}.", f"Levels: {', '.join(map(str, LEVELS))}.")
+        raise CircuitError(
+            f"There is no level {level!r}.", f"Levels: {', '.join(map(str, LEVELS))}."
+        )
     if level == 0:
         return (ToNative(native),)
     fuse = (ToRotations(), MergeRotations(), FuseRotations(), ToNative(native), MergeRotations())

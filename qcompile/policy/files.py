@@ -97,23 +97,19 @@ def load_policy(name: str | Path) -> Policy:
             "A path to a .pt or .json policy file works too.",
         )
     try:
-        values = _read_pt(path) if path.suffix == ".pt" else path.read_bytes()
-        validate = PolicyFile.model_validate if isinstance(values, dict) else _from_json
-        return validate(values).policy()
+        if path.suffix == ".pt":
+            return PolicyFile.model_validate(_read_pt(path)).policy()
+        return PolicyFile.model_validate_json(path.read_bytes()).policy()
     except (OSError, ValidationError) as error:
         raise PolicyError(f"{path} is no policy file.", *explain(error)) from error
     except (CircuitError, PolicyError) as error:
-        if isinstance(error, _FileFault):
+        if isinstance(error, _UnreadableError):
             raise
         raise PolicyError(f"{path} is no policy file.", *str(error).splitlines()) from error
 
 
-class _FileFault(PolicyError):
+class _UnreadableError(PolicyError):
     """A file that could not even be opened as what it claims to be."""
-
-
-def _from_json(values: bytes) -> PolicyFile:
-    return PolicyFile.model_validate_json(values)
 
 
 def _read_pt(path: Path) -> dict[str, Any]:
@@ -122,19 +118,21 @@ def _read_pt(path: Path) -> dict[str, Any]:
     try:
         values = torch.load(path, map_location="cpu", weights_only=True)
     except pickle.UnpicklingError as error:
-        raise _FileFault(
+        raise _UnreadableError(
             f"{path} holds more than tensors and plain values, and was not loaded.",
             "A pickle can carry code that runs when it is opened.",
             "Save the policy with qcompile, or as JSON.",
         ) from error
     except (RuntimeError, EOFError, ValueError, KeyError, OSError) as error:
-        raise _FileFault(
+        raise _UnreadableError(
             f"{path} cannot be read as a .pt file; it may be truncated.",
             str(error).splitlines()[0] if str(error) else type(error).__name__,
             "Copy or train it again.",
         ) from error
     if not isinstance(values, dict):
-        raise _FileFault(f"{path} holds a {type(values).__name__}.", "A policy file is a dict.")
+        raise _UnreadableError(
+            f"{path} holds a {type(values).__name__}.", "A policy file is a dict."
+        )
     return {k: v.tolist() if isinstance(v, torch.Tensor) else v for k, v in values.items()}
 
 

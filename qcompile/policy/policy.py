@@ -112,17 +112,17 @@ class Policy:
 
     @cached_property
     def _folded_weights(self) -> FloatArray:
-        return self.weights.reshape(self.actions, self.reuse, -1).sum(axis=1)
+        return np.asarray(self.weights.reshape(self.actions, self.reuse, -1).sum(axis=1))
 
     def logits(self, z: FloatArray) -> FloatArray:
         """<Z> (B, circuits) to the logarithms of the action probabilities, plus a constant."""
-        return z @ self._folded_weights.T + self.bias
+        return np.asarray(z @ self._folded_weights.T + self.bias)
 
     def probabilities(self, z: FloatArray) -> FloatArray:
         """<Z> (B, circuits) to action probabilities (B, actions)."""
         logits = self.logits(z)
         odds = np.exp(logits - logits.max(axis=1, keepdims=True))
-        return odds / odds.sum(axis=1, keepdims=True)
+        return np.asarray(odds / odds.sum(axis=1, keepdims=True))
 
     def sample(self, z: FloatArray, rng: np.random.Generator) -> IntArray:
         """One action for each row of <Z> (B, circuits), drawn from its exact probabilities.

@@ -39,7 +39,7 @@ ENTANGLING_GATES = frozenset(
     CX cx cy cz ch cp cphase cs csdg csx csxdg crx cry crz cu cu1 cu3 swap iswap iswapdg dcx ecr
     rxx ryy rzz rzx rxy xx_plus_yy xx_minus_yy ms ccx ccz cswap rccx c3x c3sqrtx rc3x rcccx c4x
     mcx mcp
-    """.split()
+    """.split()  # noqa: SIM905
 )
 
 _INVERSE = {"s": "sdg", "t": "tdg", "sx": "sxdg"}

@@ -73,8 +73,8 @@ def _require_distinct(values: Sequence[object], what: str) -> None:
         if value in seen:
             raise CircuitError(
                 f"{what} {value!r} is used twice.",
-                "Circuits that share a qubit belong in one program for each round.",
-            ) if what == "Qubit" else CircuitError(f"{what} {value!r} is used twice.")
+                "In one file every circuit has a qubit and a bit of its own; rounds are files.",
+            )
         seen.add(value)
 
 

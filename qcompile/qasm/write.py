@@ -33,10 +33,10 @@ else end return for while in switch case default pragma input output const reado
 qubit creg bool bit int uint float angle complex array void duration stretch gphase inv pow ctrl
 negctrl durationof delay reset measure barrier true false pi tau euler sizeof
 sin cos tan exp ln log sqrt arcsin arccos arctan ceiling floor mod popcount rotl rotr
-""".split()
+""".split()  # noqa: SIM905
 _INCLUDED = """
-u u0 u1 u2 u3 r phase cx cy cz ch cp crx cry crz cu cu1 cu3 csx cphase swap ccx cswap rxx rzz
-""".split()
+u u0 u1 u2 u3 phase cx cy cz ch cp crx cry crz cu cu1 cu3 csx cphase swap ccx cswap rxx rzz
+""".split()  # noqa: SIM905
 _RESERVED = frozenset((*_KEYWORDS, *_INCLUDED, *FIXED_GATES, *ROTATION_GATES))
 
 _NAME = {"3": re.compile(r"[^\W\d]\w*\Z"), "2": re.compile(r"[a-z][A-Za-z0-9_]*\Z")}

@@ -20,9 +20,7 @@ class SVQC(torch.nn.Module):
     layer. Source: arXiv 2203.14348.
     """
 
-    def __init__(
-        self, features: int, outputs: int, settings: Settings, generator: torch.Generator
-    ):
+    def __init__(self, features: int, outputs: int, settings: Settings, generator: torch.Generator):
         super().__init__()
         copies, reuse = len(settings.scales), settings.reuse
         self.program, feature = LAYOUTS[settings.layout](features, copies)
@@ -47,7 +45,8 @@ class SVQC(torch.nn.Module):
         x = torch.arctan(observations[:, self._feature] * self.log_scale.exp())
         y = self._simulator.expectation(x, self.theta)
         folded = self.weights.reshape(len(self.bias), self._reuse, -1).sum(dim=1)
-        return y @ folded.T + self.bias
+        outputs: torch.Tensor = y @ folded.T + self.bias
+        return outputs
 
     def policy(self, name: str, environment: str, metadata: dict[str, Any]) -> Policy:
         """The policy to deploy: numbers in double precision, output reuse folded."""

@@ -91,9 +91,7 @@ class Trainer:
         finally:
             torch.set_num_threads(threads)
             self._collector.close()
-        return TrainingResult(
-            self._policy(), self._episodes, self._collector.steps, interrupted
-        )
+        return TrainingResult(self._policy(), self._episodes, self._collector.steps, interrupted)
 
     def _act(self, observations: NDArray[np.float32]) -> NDArray[np.intp]:
         with torch.no_grad():
@@ -129,9 +127,10 @@ class Trainer:
             rewards = rewards / self._scale.update(rewards, rollout.done)
         with torch.no_grad():
             values, next_values = (
-                self._critic(torch.from_numpy(o).flatten(0, 1)).double().numpy().reshape(
-                    rewards.shape
-                )
+                self._critic(torch.from_numpy(o).flatten(0, 1))
+                .double()
+                .numpy()
+                .reshape(rewards.shape)
                 for o in (rollout.observations, rollout.next_observations)
             )
         ended = rollout.terminated if settings.bootstrap_truncated else rollout.done
@@ -146,7 +145,8 @@ class Trainer:
         if self._settings.minibatch is None:
             return (slice(None),)
         order = torch.randperm(size, generator=self._generator)
-        return order.split(self._settings.minibatch)
+        parts: tuple[torch.Tensor, ...] = order.split(self._settings.minibatch)  # type: ignore[no-untyped-call]
+        return parts
 
     def _descend(self, which: int, loss: torch.Tensor) -> None:
         optimiser = self._optimisers[which]
@@ -166,8 +166,9 @@ class Trainer:
             "seed": self._seed,
             "episodes": len(self._episodes),
             "steps": self._collector.steps,
-            "settings": {k: list(v) if isinstance(v, tuple) else v
-                         for k, v in asdict(self._settings).items()},
+            "settings": {
+                k: list(v) if isinstance(v, tuple) else v for k, v in asdict(self._settings).items()
+            },
             "versions": {
                 "qcompile": __version__,
                 "torch": str(torch.__version__),

@@ -122,9 +122,7 @@ PRESETS: dict[str, dict[str, Settings]] = {
     "tuned": {
         "": _TUNED,
         "CartPole": replace(_TUNED, environments=8, steps=300_000),
-        "CartPole single": replace(
-            _TUNED, scales=(1.0,), environments=8, steps=300_000
-        ),
+        "CartPole single": replace(_TUNED, scales=(1.0,), environments=8, steps=300_000),
         "LunarLander": replace(
             _TUNED,
             scales=(0.7, 2.0, 8.0),

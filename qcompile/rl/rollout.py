@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,10 +63,10 @@ class Collector:
 
         `act` maps observations (n, features) to actions (n,).
         """
-        seen, acted, rewarded, led_to, ended, cut = [], [], [], [], [], []
+        columns: tuple[list[NDArray[Any]], ...] = ([], [], [], [], [], [])
         finished: list[FinishedEpisode] = []
         count = len(self._environments)
-        while len(seen) != horizon:
+        while len(columns[0]) != horizon:
             actions = act(self._observations)
             following = np.empty_like(self._observations)
             after = np.empty_like(self._observations)
@@ -83,25 +84,15 @@ class Collector:
                     finished.append(FinishedEpisode(self.episodes, steps, float(self._rewards[i])))
                     self._rewards[i] = 0.0
                     after[i] = self._environments[i].reset()[0]
-            seen.append(self._observations)
-            acted.append(actions)
-            rewarded.append(rewards)
-            led_to.append(following)
-            ended.append(flags[0])
-            cut.append(flags[1])
+            row = (self._observations, actions, rewards, following, *flags)
+            for column, values in zip(columns, row, strict=True):
+                column.append(values)
             self._observations = after
             self.steps += count
             if horizon is None and finished:
                 break
-        return Rollout(
-            np.stack(seen),
-            np.stack(acted),
-            np.stack(rewarded),
-            np.stack(led_to),
-            np.stack(ended),
-            np.stack(cut),
-            finished,
-        )
+        seen, acted, rewarded, led_to, ended, cut = map(np.stack, columns)
+        return Rollout(seen, acted, rewarded, led_to, ended, cut, finished)
 
     def close(self) -> None:
         for environment in self._environments:

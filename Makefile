@@ -1,0 +1,53 @@
+# `make` alone tells what there is.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+EPISODES ?= 20
+
+.DEFAULT_GOAL := help
+.PHONY: help run test lint types bench docs clean
+
+help:  ## Show this help
+	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-7s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+run: $(VENV)/run.stamp  ## Land the trained LunarLander policy on ibm_lima's noise model
+	$(BIN)/qcompile run lunarlander --backend ibm_lima --shots 8192 --episodes $(EPISODES)
+
+test: $(VENV)/dev.stamp  ## Run the tests
+	$(BIN)/pytest -n 2
+
+lint: $(VENV)/dev.stamp  ## Check style and format
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: $(VENV)/dev.stamp  ## Check types
+	$(BIN)/mypy
+
+bench: $(VENV)/dev.stamp  ## Measure speed beside the peers, in one run
+	$(BIN)/python benchmarks/peers.py
+
+docs: $(VENV)/docs.stamp  ## Build the documentation into site/
+	$(BIN)/mkdocs build --strict --quiet
+	@echo "the documentation is in site/index.html"
+
+clean:  ## Remove what make made
+	rm -rf $(VENV) site dist
+
+$(BIN)/python:
+	$(PYTHON) -m venv $(VENV)
+
+# torch is pinned in constraints.txt; every target shares one environment.
+$(VENV)/run.stamp: pyproject.toml constraints.txt | $(BIN)/python
+	@echo "installing qcompile and what it needs into $(VENV) (some minutes the first time)"
+	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt torch==2.13.0
+	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e .
+	@touch $@
+
+$(VENV)/dev.stamp: pyproject.toml constraints.txt $(VENV)/run.stamp
+	@echo "installing the development tools and the peers into $(VENV)"
+	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[dev]"
+	@touch $@
+
+$(VENV)/docs.stamp: pyproject.toml constraints.txt $(VENV)/run.stamp
+	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[docs]"
+	@touch $@

@@ -1,0 +1,113 @@
+"""`qcompile backends`: the devices known."""
+
+from __future__ import annotations
+
+import statistics
+from pathlib import Path
+
+import click
+
+from qcompile.cli.options import echo_json, json_option
+
+
+@click.group("backends", invoke_without_command=True)
+@json_option
+@click.pass_context
+def command(ctx: click.Context, as_json: bool) -> None:
+    """List the devices known by name; `show` one, or `add` one."""
+    from qcompile.device import device_names, load_device
+    from qcompile.report.tables import print_table
+
+    if ctx.invoked_subcommand is not None:
+        return
+    devices = [load_device(name) for name in device_names()]
+    if as_json:
+        echo_json([device.model_dump() for device in devices])
+        return
+    print_table(
+        ["backend", "qubits", "T1 us", "sx error", "readout error", "calibrated"],
+        [
+            [
+                device.name,
+                len(device.qubits) or "any",
+                *(
+                    [
+                        f"{statistics.median(q.t1_us for q in device.qubits):.0f}",
+                        f"{statistics.median(q.gates['sx'].error for q in device.qubits):.1e}"
+                        if all("sx" in q.gates for q in device.qubits)
+                        else "-",
+                        f"{statistics.median((q.p10 + q.p01) / 2 for q in device.qubits):.3f}",
+                    ]
+                    if device.qubits
+                    else ["-", "-", "-"]
+                ),
+                device.calibrated or "",
+            ]
+            for device in devices
+        ],
+        "Numbers are medians over the qubits",
+    )
+
+
+@command.command("show")
+@click.argument("name")
+@json_option
+def show(name: str, as_json: bool) -> None:
+    """Show the calibration of every qubit of a device."""
+    from qcompile.device import load_device
+    from qcompile.report.tables import print_table
+
+    device = load_device(name)
+    if as_json:
+        echo_json(device.model_dump())
+        return
+    gates = sorted({gate for qubit in device.qubits for gate in qubit.gates})
+    print_table(
+        ["qubit", "T1 us", "T2 us", "P(1|0)", "P(0|1)", *(f"{g} error" for g in gates), "used"],
+        [
+            [
+                index,
+                qubit.t1_us,
+                qubit.t2_us,
+                qubit.p10,
+                qubit.p01,
+                *(qubit.gates[g].error if g in qubit.gates else 0.0 for g in gates),
+                "yes" if index in device.usable else "no",
+            ]
+            for index, qubit in enumerate(device.qubits)
+        ],
+        f"{device.name}: {' '.join(device.basis_gates)}",
+    )
+    for line in (device.source, *device.notes):
+        click.echo(line)
+    for index, qubit in enumerate(device.qubits):
+        for doubt in qubit.doubtful:
+            click.echo(f"qubit {index}: {doubt}")
+
+
+@command.command("add")
+@click.argument("backend")
+@click.option("--name", help="Name of the device.  [default: the backend's]")
+@click.option(
+    "--out",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="File to write.  [default: hardware/NAME.json]",
+)
+def add(backend: str, name: str | None, out: Path | None) -> None:
+    """Snapshot a Qiskit fake backend, such as FakeLimaV2, into a device file.
+
+    A file in hardware/ of the working folder is then known by its name.
+    """
+    from qcompile.errors import OutputError
+    from qcompile.output import write_file
+    from qcompile.snapshot import device_from_backend, find_backend
+
+    found = find_backend(backend)
+    device = device_from_backend(found, name or found.name)
+    path = out or Path("hardware") / f"{device.name}.json"
+    if path.exists():
+        raise OutputError(f"{path} is there already.", "Choose another with --out or --name.")
+    write_file(path, device.to_json().encode())
+    click.echo(f"{device.name} with {len(device.qubits)} qubits in {path}")
+    for note in device.notes:
+        click.echo(note)

@@ -1,0 +1,60 @@
+"""`qcompile compile`: an OpenQASM file in a device's own gates."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+import click
+
+from qcompile.cli.options import backend_option, echo_json, json_option, level_option
+
+
+@click.command("compile")
+@click.argument("file", metavar="FILE.qasm", type=click.Path(dir_okay=False, path_type=Path))
+@backend_option()
+@level_option
+@click.option(
+    "--format", type=click.Choice(["qasm3", "qasm2"]), default="qasm3", show_default=True
+)
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="File to write.  [default: standard output]",
+)
+@json_option
+def command(
+    file: Path,
+    backend: str,
+    level: int,
+    format: Literal["qasm3", "qasm2"],
+    output: Path | None,
+    as_json: bool,
+) -> None:
+    """Compile an OpenQASM 2 or 3 program without entangling gates.
+
+    On a device OpenQASM 3 names its physical qubits, those with the best readout first; a program
+    that names physical qubits keeps them.
+    """
+    from qcompile.device import load_device
+    from qcompile.output import write_file
+    from qcompile.jobs.program_file import compile_source
+    from qcompile.qasm.read import read_file
+    from qcompile.report.wires import executable_values
+
+    version: Literal["3", "2"] = "3" if format == "qasm3" else "2"
+    compiled = compile_source(read_file(file), load_device(backend), level, version)
+    if output is not None:
+        write_file(output, compiled.text.encode())
+    if as_json:
+        text = compiled.text if output is None else None
+        echo_json(executable_values(compiled.executable) | {"text": text})
+    elif output is None:
+        click.echo(compiled.text, nl=False)
+    else:
+        before = sum(map(len, compiled.executable.source.circuits))
+        after = sum(map(len, compiled.executable.native.circuits))
+        click.echo(f"{before} gates became {after} native gates at level {level} in {output}")
+    for note in compiled.notes:
+        click.echo(f"note: {note}", err=True)

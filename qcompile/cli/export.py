@@ -1,0 +1,66 @@
+"""`qcompile export`: a policy's circuits as an OpenQASM job."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+import click
+
+from qcompile.cli.options import Shots, backend_option, echo_json, json_option, level_option
+
+
+@click.command("export")
+@click.argument("policy", default="lunarlander")
+@backend_option()
+@level_option
+@click.option("--format", type=click.Choice(["qasm3", "qasm2"]), default="qasm3", show_default=True)
+@click.option(
+    "--shots", type=Shots(), default=8192, show_default=True, help="Shots to ask for in job.json."
+)
+@click.option(
+    "--observations",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="Bind the angles of these observations: .npy, .csv or .json, a row each.",
+)
+@click.option(
+    "--out",
+    type=click.Path(file_okay=False, path_type=Path),
+    required=True,
+    help="New folder for job.json and the program files.",
+)
+@json_option
+def command(
+    policy: str,
+    backend: str,
+    level: int,
+    format: Literal["qasm3", "qasm2"],
+    shots: int | None,
+    observations: Path | None,
+    out: Path,
+    as_json: bool,
+) -> None:
+    """Write the circuits of POLICY, compiled for a backend, as OpenQASM.
+
+    Without observations the programs have inputs; with them the angles are bound, one program for
+    each observation and round.
+    """
+    from qcompile.device import load_device
+    from qcompile.policy import load_policy
+    from qcompile.policy.export import export_job, read_observations
+
+    if shots is None:
+        raise click.BadParameter("a job needs a number", param_hint="--shots")
+    device = load_device(backend)
+    loaded = load_policy(policy)
+    rows = None if observations is None else read_observations(observations, loaded)
+    job = export_job(
+        loaded, device, out, level=level, format=format, shots=shots, observations=rows
+    )
+    if as_json:
+        echo_json(job)
+        return
+    click.echo(
+        f"{len(job['programs'])} program(s) of {len(loaded.program)} circuits for {device.name} "
+        f"at level {level}, and job.json, in {out}"
+    )

@@ -1,0 +1,1 @@
+"""What leaves as OpenQASM: compiled program files, and jobs of a policy's circuits."""

@@ -1,0 +1,321 @@
+"""The statements of a parsed program file, run into circuits."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import openqasm3
+from openqasm3 import ast
+
+from qcompile.errors import CircuitError
+from qcompile.ir import Angle, Circuit, Gate, Program
+from qcompile.qasm.expressions import CONSTANTS, Scope, shown
+from qcompile.qasm.gates import ENTANGLING_GATES, inverse, require_count, standard
+from qcompile.qasm.layout import Layout
+from qcompile.qasm.registers import Kind, Reference, Registers
+from qcompile.qasm.write import DEFINITIONS
+
+MOST_GATES = 1_000_000
+"""Nested gate definitions double with every line; this many gates are refused, not written out."""
+
+_INCLUDES = ("stdgates.inc", "qelib1.inc")
+_COUNTS = {2: "two", 3: "three", 4: "four", 5: "five"}
+_WRITTEN_DEFINITIONS = {t for texts in DEFINITIONS.values() for t in texts.values()}
+
+
+class Interpreter:
+    """Runs a parsed program once; `line` is the line it is at.
+
+    Whatever cannot be compiled is a CircuitError without the line.
+    """
+
+    def __init__(self, tree: Any):
+        self.line = 1
+        self._tree = tree
+        self._values: dict[str, Angle] = dict(CONSTANTS)
+        self._inputs: list[str] = []
+        self._registers = Registers()
+        self._definitions: dict[str, Any] = {}
+        self._active: list[str] = []
+        self._declared: set[str] = set()
+        self._whole: set[str] = set()
+        self._gates: defaultdict[int, list[Gate]] = defaultdict(list)
+        self._bit_of: dict[int, int | None] = {}
+        self._written_bits: set[int] = set()
+        self._room = MOST_GATES
+
+    def run(self) -> tuple[Program, Layout]:
+        """The program and its layout."""
+        version = self._tree.version
+        if version is not None and version.split(".")[0] not in ("2", "3"):
+            raise CircuitError(f"OpenQASM {version} is not known.", "Known versions: 2.0 and 3.0.")
+        is_2 = version is not None and version.startswith("2")
+        self._scope = Scope(self._values, None if is_2 else self._whole)
+        self._entangling = self._find_entangling()
+        for statement in self._tree.statements:
+            self.line = statement.span.start_line
+            self._run(statement)
+        layout = self._registers.layout(self._bit_of)
+        if not layout.qubits:
+            raise CircuitError("The program has no qubits.", "Declare some, such as: qubit[2] q;")
+        circuits = tuple(Circuit(tuple(self._gates[i])) for i in range(len(layout)))
+        return Program(circuits, tuple(self._inputs)), layout
+
+    def _run(self, statement: Any) -> None:
+        match statement:
+            case ast.Include():
+                if statement.filename not in _INCLUDES:
+                    raise CircuitError(
+                        f"The include {statement.filename!r} is not known.",
+                        f"Known: {' and '.join(_INCLUDES)}. Copy what it defines into this file.",
+                    )
+            case ast.QubitDeclaration():
+                self._declare_register("qubit", statement.qubit, statement.size)
+            case ast.ClassicalDeclaration(type=ast.BitType()):
+                self._declare_register("bit", statement.identifier, statement.type.size)
+                if isinstance(statement.init_expression, ast.QuantumMeasurement):
+                    self._measure(statement.init_expression, statement.identifier)
+                elif statement.init_expression is not None:
+                    raise _unsupported(statement)
+            case ast.IODeclaration(type=ast.BitType()) if statement.io_identifier.name == "output":
+                self._declare_register("bit", statement.identifier, statement.type.size)
+            case ast.IODeclaration(type=ast.FloatType() | ast.AngleType()) if (
+                statement.io_identifier.name == "input"
+            ):
+                name = self._declare(statement.identifier.name)
+                self._values[name] = Angle.symbol(name)
+                self._inputs.append(name)
+            case ast.ConstantDeclaration(
+                type=ast.IntType() | ast.UintType() | ast.FloatType() | ast.AngleType()
+            ):
+                self._declare_constant(statement)
+            case ast.AliasStatement():
+                name = self._declare(statement.target.name)
+                self._registers.alias(name, self._resolve(statement.value))
+            case ast.QuantumGateDefinition():
+                self._define(statement)
+            case ast.QuantumGate() | ast.QuantumPhase() if _joins(statement, self._entangling):
+                raise self._entangles(statement)
+            case ast.QuantumGate():
+                self._apply(statement)
+            case ast.QuantumPhase() if not statement.qubits:
+                self._scope.evaluate(statement.argument)
+            case ast.QuantumBarrier():
+                for operand in statement.qubits:
+                    self._resolve(operand, "qubit")
+            case ast.QuantumReset():
+                self._reset(statement)
+            case ast.QuantumMeasurementStatement():
+                self._measure(statement.measure, statement.target)
+            case _:
+                raise _unsupported(statement)
+
+    def _declare(self, name: str) -> str:
+        if name in self._declared:
+            raise CircuitError(f"{name!r} is declared twice.")
+        self._declared.add(name)
+        return name
+
+    def _declare_register(self, kind: Kind, identifier: Any, size: Any) -> None:
+        name = self._declare(identifier.name)
+        self._registers.declare(kind, name, size and self._scope.whole_number(size))
+
+    def _declare_constant(self, statement: Any) -> None:
+        value = self._scope.evaluate(statement.init_expression)
+        if not value.is_constant:
+            raise CircuitError(f"{shown(statement.init_expression)!r} is no constant.")
+        name = self._declare(statement.identifier.name)
+        if isinstance(statement.type, ast.IntType | ast.UintType):
+            self._scope.whole_number(statement.init_expression)
+            self._whole.add(name)
+        self._values[name] = value
+
+    def _resolve(self, operand: Any, kind: Kind | None = None) -> Reference:
+        return self._registers.resolve(operand, self._scope, kind)
+
+    def _find_entangling(self) -> set[str]:
+        """The names of all gates, standard or the file's own, that join qubits."""
+        names = set(ENTANGLING_GATES)
+        for statement in self._tree.statements:
+            if isinstance(statement, ast.QuantumGateDefinition):
+                if any(_joins(inner, names) for inner in statement.body):
+                    names.add(statement.name.name)
+                else:
+                    names.discard(statement.name.name)
+        return names
+
+    def _define(self, statement: Any) -> None:
+        name = self._declare(statement.name.name)
+        arguments = [a.name for a in statement.arguments]
+        qubits = [q.name for q in statement.qubits]
+        for names in (arguments, qubits):
+            if len(set(names)) != len(names):
+                raise CircuitError(f"Gate {name!r} uses one name twice in its head.")
+        if " ".join(openqasm3.dumps(statement).split()) not in _WRITTEN_DEFINITIONS:
+            self._definitions[name] = statement
+
+    def _entangles(self, statement: Any) -> CircuitError:
+        swaps = isinstance(statement, ast.QuantumGate) and statement.name.name == "swap"
+        verb = "exchanges" if swaps and not statement.modifiers else "entangles"
+        width = max(2, len(statement.qubits))
+        count = sum(_joins(s, self._entangling) for s in self._tree.statements)
+        return CircuitError(
+            f"{shown(statement)} {verb} {_COUNTS.get(width, width)} qubits.",
+            f"qcompile compiles circuits without entangling gates; this one has {count}.",
+            "Compile it with Qiskit's transpile, or remove the gate.",
+        )
+
+    def _apply(self, statement: Any) -> None:
+        parts = self._expand(statement, self._scope)
+        operands = [self._resolve(qubit, "qubit") for qubit in statement.qubits]
+        sizes = {len(operand.positions) for operand in operands if not operand.single}
+        if len(sizes) > 1:
+            raise CircuitError(
+                f"{shown(statement)} joins registers of {' and '.join(map(str, sorted(sizes)))}.",
+                "Registers that a gate is spread over need one size.",
+            )
+        for repetition in range(sizes.pop() if sizes else 1):
+            targets = [o.positions[0 if o.single else repetition] for o in operands]
+            if len(set(targets)) != len(targets):
+                raise CircuitError(f"{shown(statement)} uses a qubit twice.")
+            for target, gates in zip(targets, parts, strict=True):
+                self._require_unmeasured(target, statement)
+                self._spend(len(gates))
+                self._gates[target] += gates
+
+    def _expand(self, statement: Any, scope: Scope) -> list[list[Gate]]:
+        """The gates that a gate statement puts on each of its operands."""
+        self._spend(1)
+        if statement.duration is not None:
+            raise CircuitError(f"{shown(statement)} has a duration.", "Gates take none here.")
+        angles = [scope.evaluate(argument) for argument in statement.arguments]
+        name = statement.name.name
+        if name in self._definitions:
+            parts = self._inline(name, angles, len(statement.qubits))
+        else:
+            gates = list(standard(name, angles, list(self._definitions)))
+            require_count(name, 1, len(statement.qubits), "qubit")
+            parts = [gates]
+        for modifier in reversed(statement.modifiers):
+            parts = [self._modify(gates, modifier, scope) for gates in parts]
+        return parts
+
+    def _inline(self, name: str, angles: list[Angle], width: int) -> list[list[Gate]]:
+        definition, line = self._definitions[name], self.line
+        require_count(name, len(definition.arguments), len(angles), "angle")
+        require_count(name, len(definition.qubits), width, "qubit")
+        if name in self._active:
+            raise CircuitError(f"Gate {name!r} is defined by itself.")
+        self._active.append(name)
+        arguments = (argument.name for argument in definition.arguments)
+        scope = self._scope.inner(dict(zip(arguments, angles, strict=True)))
+        parts: dict[str, list[Gate]] = {qubit.name: [] for qubit in definition.qubits}
+        for statement in definition.body:
+            self.line = statement.span.start_line
+            for operand, gates in self._inner(statement, parts, scope):
+                self._spend(len(gates))
+                parts[operand] += gates
+        self._active.pop()
+        self.line = line
+        return list(parts.values())
+
+    def _inner(
+        self, statement: Any, parts: Mapping[str, object], scope: Scope
+    ) -> Iterator[tuple[str, list[Gate]]]:
+        """What one statement of a gate's body adds to the qubits of the gate."""
+        if not isinstance(statement, ast.QuantumGate | ast.QuantumPhase | ast.QuantumBarrier):
+            raise _unsupported(statement)
+        operands = [q.name if isinstance(q, ast.Identifier) else "" for q in statement.qubits]
+        for operand in operands:
+            if operand not in parts:
+                raise CircuitError(
+                    f"{shown(statement)!r} names what is no qubit of the gate.",
+                    f"The gate has {', '.join(parts)}.",
+                )
+        if len(set(operands)) != len(operands):
+            raise CircuitError(f"{shown(statement)} uses a qubit twice.")
+        if isinstance(statement, ast.QuantumGate):
+            yield from zip(operands, self._expand(statement, scope), strict=True)
+        elif isinstance(statement, ast.QuantumPhase):
+            if operands:
+                raise _unsupported(statement)
+            scope.evaluate(statement.argument)
+
+    def _modify(self, gates: list[Gate], modifier: Any, scope: Scope) -> list[Gate]:
+        match modifier.modifier.name:
+            case "inv":
+                return inverse(gates)
+            case "pow":
+                power = scope.whole_number(modifier.argument)
+                gates = gates if power >= 0 else inverse(gates)
+                self._spend(len(gates) * abs(power))
+                return gates * abs(power) if gates else []
+        raise CircuitError("ctrl and negctrl need two qubits.")
+
+    def _reset(self, statement: Any) -> None:
+        for qubit in self._resolve(statement.qubits, "qubit").positions:
+            if self._gates[qubit] or qubit in self._bit_of:
+                raise CircuitError(
+                    f"{shown(statement)} comes after a gate or a measurement of its qubit.",
+                    "qcompile compiles circuits that start in |0>; a reset can only come first.",
+                )
+
+    def _measure(self, measurement: Any, target: Any) -> None:
+        qubits = self._resolve(measurement.qubit, "qubit")
+        bits = None if target is None else self._resolve(target, "bit")
+        if bits is not None and len(bits.positions) != len(qubits.positions):
+            raise CircuitError(
+                f"{len(qubits.positions)} qubits are measured into {len(bits.positions)} bits.",
+                "A measurement needs one bit for each qubit.",
+            )
+        for index, qubit in enumerate(qubits.positions):
+            if qubit in self._bit_of:
+                raise CircuitError(
+                    f"{self._registers.name('qubit', qubit)} is measured twice.",
+                    "qcompile measures every qubit once, at the end.",
+                )
+            bit = None if bits is None else bits.positions[index]
+            self._bit_of[qubit] = bit
+            if bit is None:
+                continue
+            if bit in self._written_bits:
+                raise CircuitError(
+                    f"{self._registers.name('bit', bit)} is written twice.",
+                    "Measure every qubit into a bit of its own.",
+                )
+            self._written_bits.add(bit)
+
+    def _require_unmeasured(self, qubit: int, statement: Any) -> None:
+        if qubit in self._bit_of:
+            name = self._registers.name("qubit", qubit)
+            raise CircuitError(
+                f"{shown(statement)} follows the measurement of {name}.",
+                "qcompile measures every qubit once, at the end.",
+            )
+
+    def _spend(self, gates: int) -> None:
+        self._room -= gates
+        if self._room < 0:
+            raise CircuitError(
+                f"The program has more than {MOST_GATES} gates when it is written out.",
+                "Check its nested gate definitions and powers.",
+            )
+
+
+def _joins(statement: Any, entangling: set[str]) -> bool:
+    """Whether a statement is a gate on several qubits at once."""
+    if not isinstance(statement, ast.QuantumGate | ast.QuantumPhase):
+        return False
+    controlled = any(m.modifier.name in ("ctrl", "negctrl") for m in statement.modifiers)
+    if controlled and len(statement.qubits) > 1:
+        return True
+    return isinstance(statement, ast.QuantumGate) and statement.name.name in entangling
+
+
+def _unsupported(statement: Any) -> CircuitError:
+    return CircuitError(
+        f"The statement {shown(statement)!r} is not supported.",
+        "qcompile reads gates, barriers, and one measurement of each qubit at the end.",
+    )

@@ -1,0 +1,155 @@
+"""The registers of a program file, and the qubits and bits its operands name."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from openqasm3 import ast
+
+from qcompile.catalogue import nearest
+from qcompile.errors import CircuitError
+from qcompile.qasm.expressions import Scope, shown
+from qcompile.qasm.layout import Layout, Register, Slot
+
+MOST_QUBITS = 100_000
+
+Kind = Literal["qubit", "bit"]
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Qubits or bits by position; `single` tells q[0] from a register of one."""
+
+    kind: Kind
+    positions: Sequence[int]
+    single: bool
+
+
+class Registers:
+    """What a file has declared so far. Positions count qubits, and bits, in that order.
+
+    Every method raises CircuitError for what does not exist or is out of range.
+    """
+
+    def __init__(self) -> None:
+        self._registers: dict[Kind, list[Register]] = {"qubit": [], "bit": []}
+        self._places: dict[Kind, list[Slot | int]] = {"qubit": [], "bit": []}
+        self._references: dict[str, Reference] = {}
+
+    def declare(self, kind: Kind, name: str, size: int | None) -> None:
+        """Add a register of `size` qubits or bits, or a single one (None)."""
+        places = self._places[kind]
+        if size is not None and not 1 <= size <= MOST_QUBITS - len(places):
+            raise CircuitError(
+                f"Register {name!r} has {size} {kind}s.",
+                f"A program can have 1 to {MOST_QUBITS} of them.",
+            )
+        register, first = Register(name, size), len(places)
+        self._registers[kind].append(register)
+        places += register.slots()
+        self._references[name] = Reference(kind, range(first, len(places)), single=size is None)
+
+    def alias(self, name: str, reference: Reference) -> None:
+        """Let `name` stand for `reference`."""
+        self._references[name] = reference
+
+    def layout(self, bit_of: Mapping[int, int | None]) -> Layout:
+        """The layout in which qubit i is measured into bit `bit_of[i]`, if it has one."""
+        bits: list[Slot | None] = []
+        for qubit in range(len(self._places["qubit"])):
+            bit = bit_of.get(qubit)
+            place = None if bit is None else self._places["bit"][bit]
+            bits.append(place if isinstance(place, tuple) else None)
+        return Layout(
+            tuple(self._registers["qubit"]),
+            tuple(self._registers["bit"]),
+            tuple(self._places["qubit"]),
+            tuple(bits),
+        )
+
+    def name(self, kind: Kind, position: int) -> str:
+        """What the file calls a qubit or bit, such as q[0], q or $3."""
+        place = self._places[kind][position]
+        if isinstance(place, int):
+            return f"${place}"
+        register, index = place
+        return register if self._references[register].single else f"{register}[{index}]"
+
+    def resolve(self, node: Any, scope: Scope, kind: Kind | None = None) -> Reference:
+        """The qubits or bits that an operand names; `kind` says which they must be."""
+        match node:
+            case ast.Identifier():
+                found = self._lookup(node.name)
+            case ast.IndexedIdentifier():
+                found = self._lookup(node.name.name)
+                for index in node.indices:
+                    found = _index(found, index, node, scope)
+            case ast.IndexExpression():
+                found = _index(self.resolve(node.collection, scope), node.index, node, scope)
+            case ast.Concatenation():
+                left, right = self.resolve(node.lhs, scope), self.resolve(node.rhs, scope)
+                if left.kind != right.kind:
+                    raise CircuitError(f"{shown(node)!r} joins qubits and bits.")
+                both = (*left.positions, *right.positions)
+                if len(set(both)) != len(both):
+                    raise CircuitError(f"{shown(node)!r} holds a {left.kind} twice.")
+                found = Reference(left.kind, both, single=False)
+            case _:
+                raise CircuitError(f"{shown(node)!r} is no qubit or bit.")
+        if kind is not None and found.kind != kind:
+            raise CircuitError(f"{shown(node)!r} is a {found.kind}, not a {kind}.")
+        return found
+
+    def _lookup(self, name: str) -> Reference:
+        if name not in self._references and re.fullmatch(r"\$\d{1,9}", name):
+            name = f"${int(name[1:])}"
+            if name not in self._references:
+                qubits = self._places["qubit"]
+                self._references[name] = Reference("qubit", (len(qubits),), single=True)
+                qubits.append(int(name[1:]))
+        if name not in self._references:
+            raise CircuitError(
+                f"Unknown register {name!r}.",
+                nearest(name, list(self._references)) if self._references else "None is declared.",
+            )
+        return self._references[name]
+
+
+def _index(base: Reference, index: Any, node: Any, scope: Scope) -> Reference:
+    if base.single:
+        raise CircuitError(f"{shown(node)!r} indexes a single {base.kind}.")
+    positions, single = base.positions, False
+    if isinstance(index, ast.DiscreteSet):
+        picked = [positions[_in_range(i, positions, node, scope)] for i in index.values]
+    elif len(index) != 1:
+        raise CircuitError(f"{shown(node)!r} has more than one index.")
+    elif isinstance(index[0], ast.RangeDefinition):
+        picked = [positions[i] for i in _range(index[0], positions, node, scope)]
+    else:
+        picked, single = [positions[_in_range(index[0], positions, node, scope)]], True
+    return Reference(base.kind, picked, single)
+
+
+def _in_range(index_node: Any, positions: Sequence[int], node: Any, scope: Scope) -> int:
+    index = scope.whole_number(index_node)
+    if not -len(positions) <= index < len(positions):
+        raise CircuitError(
+            f"Index {index} of {shown(node)} is out of range.",
+            f"The register has {len(positions)}, the last is {len(positions) - 1}.",
+        )
+    return index % len(positions)
+
+
+def _range(range_node: Any, positions: Sequence[int], node: Any, scope: Scope) -> range:
+    step = 1 if range_node.step is None else scope.whole_number(range_node.step)
+    if step == 0:
+        raise CircuitError(f"The step of {shown(node)} is 0.")
+    first, last = (0, len(positions) - 1)[:: 1 if step > 0 else -1]
+    if range_node.start is not None:
+        first = _in_range(range_node.start, positions, node, scope)
+    if range_node.end is not None:
+        last = _in_range(range_node.end, positions, node, scope)
+    return range(first, last + (1 if step > 0 else -1), step)

@@ -1,0 +1,223 @@
+"""Noise against Aer's density matrix, Qiskit's channels, and hand calculations."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from qiskit import QuantumCircuit
+from qiskit.quantum_info import PTM, average_gate_fidelity
+from qiskit_aer import AerSimulator
+from qiskit_aer.noise import NoiseModel, depolarizing_error, thermal_relaxation_error
+
+from qcompile.device import IDEAL, Device, GateCalibration, Qubit, load_device
+from qcompile.ir import FIXED_GATES, ROTATION_GATES, Circuit, Program
+from qcompile.noise import NoisyCircuits, depolarising, noise_after, readout_row, relaxation_error
+from qcompile.passes import Executable, compile
+from qcompile.snapshot import find_backend
+
+CIRCUITS = (
+    "h ry(x0) rz(x0) ry(theta0)",
+    "h ry(x0) rz(x0) ry(theta0) h ry(x1) rz(x1) ry(theta1)",
+    "ry(x0) rz(0.3*x1+theta0) rx(theta1-1) sxdg p(x0+x1) h tdg ry(2*x0)",
+    "rx(0.7) t ry(-2.1) s sx rz(0.4) h",
+    "y rx(x0) z sdg ry(theta1)",
+    "ry(pi/2) rz(x1) ry(pi/2)",
+    "x",
+    "h",
+    "id",
+    "y",
+    "sx sx",
+    "",
+)
+
+
+def random_circuits(count: int, seed: int) -> list[str]:
+    """Texts of one to ten gates of the whole gate table."""
+    rng = np.random.default_rng(seed)
+    angles = ("0.4", "x0", "x1-theta0", "0.5*x0+2*theta1-pi/2", "pi", "-pi/2", "theta1+1")
+    gates = [*FIXED_GATES, *(f"{name}({angle})" for name in ROTATION_GATES for angle in angles)]
+    return [" ".join(rng.choice(gates, rng.integers(1, 11))) for _ in range(count)]
+
+
+PROGRAM = Program.of(
+    map(Circuit.parse, [*CIRCUITS, *random_circuits(20, seed=5)]), inputs=2, parameters=2
+)
+X = np.random.default_rng(7).normal(size=(3, 2))
+THETA = np.array([0.6, -2.2])
+
+
+def on_qubit(executable: Executable, qubit: int) -> Executable:
+    """The executable with every circuit on one physical qubit, one a round."""
+    count = len(executable.native)
+    return dataclasses.replace(executable, qubits=np.full(count, qubit), rounds=np.arange(count))
+
+
+def bound(executable: Executable, qubit: int) -> list[QuantumCircuit]:
+    """The native circuits on `qubit` with bound angles, gate by gate, for every observation."""
+    made = []
+    for angles in executable.bind_slots(X, THETA):
+        for circuit, slots in zip(executable.native.circuits, angles, strict=True):
+            built, values = QuantumCircuit(qubit + 1), iter(slots)
+            for gate in circuit.gates:
+                if gate.angle is None:
+                    getattr(built, gate.name)(qubit)
+                else:
+                    getattr(built, gate.name)(float(next(values)), qubit)
+            built.save_density_matrix([qubit])
+            made.append(built)
+    return made
+
+
+def probabilities(circuits: list[QuantumCircuit], noise: NoiseModel) -> np.ndarray:
+    """P(0), P(1) before readout, (circuits, 2), from one run of Aer without transpiling."""
+    simulator = AerSimulator(
+        method="density_matrix", noise_model=noise, fusion_enable=False, max_parallel_threads=1
+    )
+    result = simulator.run(circuits, shots=1).result()
+    matrices = [np.asarray(result.data(i)["density_matrix"]) for i in range(len(circuits))]
+    return np.real(np.diagonal(matrices, axis1=1, axis2=2))
+
+
+@pytest.mark.parametrize("name", ["fake_lima", "fake_jakarta"])
+def test_noisy_expectations_equal_aer_s_density_matrix(name: str) -> None:
+    properties = find_backend(name).properties()
+    device = load_device(name)
+    ours, circuits, assignment = [], [], []
+    for level in (0, 1, 2):
+        executable = compile(PROGRAM, device, level)
+        for qubit in range(len(device.qubits)):
+            placed = on_qubit(executable, qubit)
+            ours.append(NoisyCircuits(placed).expectation(placed.bind_slots(X, THETA)).ravel())
+            circuits += bound(placed, qubit)
+            values = properties.qubit_property(qubit)
+            p10, p01 = values["prob_meas1_prep0"][0], values["prob_meas0_prep1"][0]
+            matrix = np.array([[1 - p10, p01], [p10, 1 - p01]])
+            assignment += [matrix] * ours[-1].size
+    true = probabilities(circuits, NoiseModel.from_backend_properties(properties))
+    measured = np.einsum("cij,cj->ci", assignment, true)
+    theirs = measured[:, 0] - measured[:, 1]
+    np.testing.assert_allclose(np.concatenate(ours), theirs, rtol=0, atol=1e-9)
+    # The noise is there to be seen: the true <Z> is far from the measured one.
+    assert np.abs(theirs - (true[:, 0] - true[:, 1])).max() > 1e-2
+
+
+RX_QUBITS = (
+    Qubit(t1_us=80, t2_us=60, p10=0.01, p01=0.04, readout_ns=None,
+          gates={"rx": GateCalibration(error=2e-3, length_ns=60)}),
+    # T2 above 2 T1, and an rz that is not free.
+    Qubit(t1_us=20, t2_us=90, p10=0.2, p01=0.0,
+          gates={"rx": GateCalibration(error=0.1, length_ns=500),
+                 "rz": GateCalibration(error=5e-3, length_ns=10)}),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("qubit", [0, 1])
+def test_native_rx_equals_aer_with_its_own_noise(qubit: int) -> None:
+    device = Device(name="fractional", source="by hand", basis_gates=("rz", "rx"), qubits=RX_QUBITS)
+    physical = device.qubits[qubit]
+    noise = NoiseModel(basis_gates=["rz", "rx"])
+    for name, gate in physical.gates.items():
+        relaxation = thermal_relaxation_error(
+            1e3 * physical.t1_us, 1e3 * min(physical.t2_us, 2 * physical.t1_us), gate.length_ns
+        )
+        kept = average_gate_fidelity(relaxation)
+        share = 2 * (kept - (1 - gate.error)) / (2 * kept - 1)
+        error = depolarizing_error(share, 1).compose(relaxation)
+        assert average_gate_fidelity(error) == pytest.approx(1 - gate.error, abs=1e-12)
+        noise.add_all_qubit_quantum_error(error, [name])
+    for level in (0, 1, 2):
+        placed = on_qubit(compile(PROGRAM, device, level), qubit)
+        assert {g.name for c in placed.native.circuits for g in c.gates} <= {"rz", "rx"}
+        true = probabilities(bound(placed, qubit), noise)
+        theirs = true @ [1 - 2 * physical.p10, 2 * physical.p01 - 1]
+        ours = NoisyCircuits(placed).expectation(placed.bind_slots(X, THETA))
+        np.testing.assert_allclose(ours.ravel(), theirs, rtol=0, atol=1e-9)
+
+
+def a_qubit(error: float, length_ns: float, t1_us: float = 100.0, t2_us: float = 100.0) -> Qubit:
+    gate = GateCalibration(error=error, length_ns=length_ns)
+    return Qubit(t1_us=t1_us, t2_us=t2_us, p10=0.01, p01=0.03, gates={"sx": gate})
+
+
+def test_the_depolarising_probability_by_hand() -> None:
+    # Without time there is no relaxation: 1 - F = p / 2.
+    instant = a_qubit(1e-3, 0.0)
+    assert depolarising(instant.gates["sx"], instant) == pytest.approx(2e-3, rel=1e-12)
+    # T1 = T2 = 100 us and 100 ns: e = exp(-0.001), relaxation alone has 1 - F = (1 - e) / 2, so
+    # p = 2 (0.001 - (1 - e) / 2) / e = (0.002 - 1 + e) / e with e = 0.99900049983337...
+    slow = a_qubit(1e-3, 100.0)
+    assert relaxation_error(slow, 100.0) == pytest.approx(4.9975008331e-4, rel=1e-9)
+    assert depolarising(slow.gates["sx"], slow) == pytest.approx(1.0015008336e-3, rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("error", "length_ns", "t1_us", "t2_us"),
+    [(1e-3, 35.0, 80, 60), (0.05, 100.0, 50, 100), (0.3, 500.0, 30, 90), (0.02, 0.0, 10, 10)],
+)
+def test_the_noise_has_the_fidelity_of_the_calibration(error, length_ns, t1_us, t2_us) -> None:
+    noise = noise_after("sx", a_qubit(error, length_ns, t1_us, t2_us))
+    assert average_gate_fidelity(PTM(noise)) == pytest.approx(1 - error, abs=1e-12)
+    assert PTM(noise).is_cptp()
+
+
+def test_an_error_below_relaxation_is_pure_relaxation() -> None:
+    qubit = a_qubit(1e-6, 200.0, t1_us=50, t2_us=40)
+    assert depolarising(qubit.gates["sx"], qubit) == 0.0
+    reference = PTM(thermal_relaxation_error(50e3, 40e3, 200.0)).data
+    np.testing.assert_allclose(noise_after("sx", qubit), reference, atol=1e-14)
+
+
+@pytest.mark.parametrize("error", [0.0, 0.4, 0.6, 1.0])
+def test_the_extremes_stay_physical(error: float) -> None:
+    for length_ns in (0.0, 1e5, 1e12):
+        noise = noise_after("sx", a_qubit(error, length_ns))
+        assert PTM(noise).is_cptp(atol=1e-9)
+    # After ever so long only |0> is left, whatever the stated error.
+    np.testing.assert_allclose(noise[1:], [[0, 0, 0, 0], [0, 0, 0, 0], [1, 0, 0, 0]], atol=1e-15)
+
+
+def test_a_gate_without_calibration_is_free_of_noise() -> None:
+    np.testing.assert_array_equal(noise_after("rz", a_qubit(0.1, 10.0)), np.eye(4))
+    np.testing.assert_array_equal(noise_after("sx", None), np.eye(4))
+
+
+def test_the_readout_row_by_hand() -> None:
+    # |0> gives 1 with probability 0.01, |1> gives 0 with 0.03.
+    row = readout_row(a_qubit(0.0, 0.0))
+    assert row @ [1, 0, 0, 1] == pytest.approx(1 - 2 * 0.01)
+    assert row @ [1, 0, 0, -1] == pytest.approx(-(1 - 2 * 0.03))
+    np.testing.assert_array_equal(readout_row(None), [0, 0, 0, 1])
+
+
+@pytest.mark.parametrize("name", ["fake_lagos", "fake_toronto", "ibm_lima"])
+def test_one_slot_answers_with_a_response_curve(name: str) -> None:
+    device = load_device(name)
+    executable = compile(Program.of([Circuit.parse("ry(x0)")], inputs=1), device)
+    angle = np.random.default_rng(3).uniform(-7, 7, 200)
+    for qubit in range(len(device.qubits)):
+        noisy = NoisyCircuits(on_qubit(executable, qubit))
+        at = noisy.expectation(np.array([0.0, np.pi / 2, np.pi]).reshape(3, 1, 1))[:, 0]
+        b, c = (at[0] + at[2]) / 2, (at[0] - at[2]) / 2
+        s = at[1] - b
+        curve = b + c * np.cos(angle) + s * np.sin(angle)
+        np.testing.assert_allclose(noisy.expectation(angle[:, None, None])[:, 0], curve, atol=1e-14)
+        assert math.hypot(c, s) + abs(b) <= 1 + 1e-12
+
+
+def test_the_ideal_device_has_no_noise() -> None:
+    for level in (0, 1, 2):
+        executable = compile(PROGRAM, IDEAL, level)
+        ours = NoisyCircuits(executable).expectation(executable.bind_slots(X, THETA))
+        true = probabilities(bound(executable, 0), NoiseModel())
+        np.testing.assert_allclose(ours.ravel(), true[:, 0] - true[:, 1], rtol=0, atol=1e-12)
+
+
+def test_a_batch_is_its_rows() -> None:
+    executable = compile(PROGRAM, load_device("fake_lima"), 1)
+    noisy, angles = NoisyCircuits(executable), executable.bind_slots(X, THETA)
+    rows = [noisy.expectation(angles[i : i + 1]) for i in range(len(X))]
+    np.testing.assert_array_equal(noisy.expectation(angles), np.concatenate(rows))
+    assert noisy.expectation(angles[:0]).shape == (0, len(PROGRAM))
