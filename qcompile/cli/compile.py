@@ -14,9 +14,7 @@ from qcompile.cli.options import backend_option, echo_json, json_option, level_o
 @click.argument("file", metavar="FILE.qasm", type=click.Path(dir_okay=False, path_type=Path))
 @backend_option()
 @level_option
-@click.option(
-    "--format", type=click.Choice(["qasm3", "qasm2"]), default="qasm3", show_default=True
-)
+@click.option("--format", type=click.Choice(["qasm3", "qasm2"]), default="qasm3", show_default=True)
 @click.option(
     "-o",
     "--output",
@@ -38,8 +36,8 @@ def command(
     that names physical qubits keeps them.
     """
     from qcompile.device import load_device
-    from qcompile.output import write_file
     from qcompile.jobs.program_file import compile_source
+    from qcompile.output import write_file
     from qcompile.qasm.read import read_file
     from qcompile.report.wires import executable_values
 

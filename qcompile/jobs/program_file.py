@@ -58,7 +58,7 @@ def compile_source(source: Source, device: Device, level: int, version: Version)
         native = executable.template()
         notes.append(
             f"{len(native.inputs)} native angles are inputs of the result: they follow from the "
-            "program's own inputs when it is bound, with qcompile.compile(...).bind_slots in Python."
+            "program's own inputs when it is bound (compile(...).bind_slots in Python)."
         )
     physical = version == "3" and not device.is_ideal
     qubits = executable.qubits.tolist() if physical else None

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Iterator
+from io import BytesIO
 from pathlib import Path
 from typing import Any, Literal
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,16 +102,20 @@ def read_observations(path: Path, policy: Policy) -> FloatArray:
     """
     try:
         if path.suffix == ".npy":
-            values = np.load(path, allow_pickle=False)
+            values = np.load(BytesIO(path.read_bytes()), allow_pickle=False)
         elif path.suffix == ".json":
             values = np.array(json.loads(path.read_text()), dtype=float)
         else:
-            values = np.loadtxt(path, delimiter=",", ndmin=2)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # an empty file is refused below
+                values = np.loadtxt(path, delimiter=",", ndmin=2)
+        if not isinstance(values, np.ndarray) or np.iscomplexobj(values):
+            raise TypeError("It is no single array of real numbers.")
         values = np.atleast_2d(np.asarray(values, dtype=float))
-    except (OSError, ValueError, TypeError) as error:
+    except (OSError, ValueError, TypeError, EOFError, BadZipFile, RecursionError) as error:
         raise PolicyError(
             f"{path} holds no observations.",
-            str(error).splitlines()[0],
+            *str(error).splitlines()[:1],
             "It needs one row of numbers for each observation, as .npy, .csv or .json.",
         ) from error
     if not np.isfinite(values).all() or not values.size:

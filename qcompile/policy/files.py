@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -116,24 +117,26 @@ def _read_pt(path: Path) -> dict[str, Any]:
     import torch
 
     try:
-        values = torch.load(path, map_location="cpu", weights_only=True)
-    except pickle.UnpicklingError as error:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # torch warns of odd pickle protocols
+            values = torch.load(path, map_location="cpu", weights_only=True)
+        if isinstance(values, dict):
+            values = {k: v.tolist() if torch.is_tensor(v) else v for k, v in values.items()}
+    except Exception as error:  # wrong bytes lead torch's reader into errors of any type
+        if isinstance(error, pickle.UnpicklingError) and "GLOBAL" in str(error):
+            raise _UnreadableError(
+                f"{path} holds more than tensors and plain values, and was not loaded.",
+                "A pickle can carry code that runs when it is opened.",
+                "Save the policy with qcompile, or as JSON.",
+            ) from error
         raise _UnreadableError(
-            f"{path} holds more than tensors and plain values, and was not loaded.",
-            "A pickle can carry code that runs when it is opened.",
-            "Save the policy with qcompile, or as JSON.",
-        ) from error
-    except (RuntimeError, EOFError, ValueError, KeyError, OSError) as error:
-        raise _UnreadableError(
-            f"{path} cannot be read as a .pt file; it may be truncated.",
-            str(error).splitlines()[0] if str(error) else type(error).__name__,
-            "Copy or train it again.",
+            f"{path} cannot be read as a .pt file; it may be truncated.", "Copy or train it again."
         ) from error
     if not isinstance(values, dict):
         raise _UnreadableError(
             f"{path} holds a {type(values).__name__}.", "A policy file is a dict."
         )
-    return {k: v.tolist() if isinstance(v, torch.Tensor) else v for k, v in values.items()}
+    return values
 
 
 def policy_values(policy: Policy) -> dict[str, Any]:

@@ -59,27 +59,31 @@ def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
         yield "solved", "yes" if summary["solved"] else "no"
     yield (
         "settings",
-        f"{summary['shots']} shots, level {summary['level']}, mitigation {summary['mitigation']}, "
-        f"{'greedy' if summary['greedy'] else 'sampled'} actions, seed {summary['seed']}",
+        f"{summary['shots']} shots, level {summary['level']}, mitigation {summary['mitigation']}",
     )
+    yield "actions", f"{'greedy' if summary['greedy'] else 'sampled'}, seed {summary['seed']}"
     gates = " + ".join(f"{n} {gate}" for gate, n in summary["gates_per_circuit"].items() if n)
     yield (
         "each step",
         f"{summary['circuits_per_step']} circuits of at most {gates or 'no gate'}, "
-        f"in {summary['rounds_per_step']} round(s)",
+        f"{_plural(summary['rounds_per_step'], 'round')}",
     )
     yield "played", f"{summary['env_steps']} steps in {summary['wall_seconds']:.1f} s"
     if summary["qpu_seconds_estimate"] is not None:
+        hours = summary["qpu_seconds_estimate"] / 3600
         yield (
             "on hardware",
-            f"{summary['executions']:,} executions, about "
-            f"{summary['qpu_seconds_estimate']:,.0f} QPU seconds (IBM's estimate)",
+            f"{summary['executions']:,} executions, about {hours:,.1f} QPU hours",
         )
 
 
+def _plural(count: int, word: str) -> str:
+    return f"{count} {word}" if count == 1 else f"{count} {word}s"
+
+
 def _bars(values: Sequence[float]) -> str:
-    """One bar for each of the first 60 values, from the least to the greatest."""
+    """One bar for each of the first 40 values, from the least to the greatest."""
     low, span = min(values), (max(values) - min(values)) or 1.0
-    shown = values[:60]
+    shown = values[:40]
     bars = "".join(_BARS[round((v - low) / span * (len(_BARS) - 1))] for v in shown)
     return bars + ("…" if len(values) > len(shown) else "")

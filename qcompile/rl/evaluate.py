@@ -187,6 +187,7 @@ def play(
         while alive:
             actions = deployment.act(observations[alive]).tolist()
             result.jobs += 1
+            result.env_steps += len(alive)
             still = []
             for index, action in zip(alive, actions, strict=True):
                 step = environments[index].step(action)
@@ -201,7 +202,6 @@ def play(
                     on_episode(done)
                 else:
                     still.append(index)
-            result.env_steps += len(alive)
             alive = still
     except KeyboardInterrupt:
         result.interrupted = True

@@ -122,7 +122,12 @@ PRESETS: dict[str, dict[str, Settings]] = {
     "tuned": {
         "": _TUNED,
         "CartPole": replace(_TUNED, environments=8, steps=300_000),
-        "CartPole single": replace(_TUNED, scales=(1.0,), environments=8, steps=300_000),
+        "CartPole single": replace(
+            _TUNED, scales=(1.0,), environments=8, steps=300_000, gamma=0.999, entropy=0.0
+        ),
+        "Acrobot": replace(
+            _TUNED, scales=(0.3, 1.0, 4.0), steps=2_000_000, gamma=0.995, entropy=0.003
+        ),
         "LunarLander": replace(
             _TUNED,
             scales=(0.7, 2.0, 8.0),
