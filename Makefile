@@ -27,7 +27,7 @@ bench: $(VENV)/dev.stamp  ## Measure speed beside the peers, in one run
 	$(BIN)/python benchmarks/peers.py
 
 docs: $(VENV)/docs.stamp  ## Build the documentation into site/
-	$(BIN)/mkdocs build --strict --quiet
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 	@echo "the documentation is in site/index.html"
 
 clean:  ## Remove what make made

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
@@ -20,18 +21,18 @@ def shelves(shelf: Shelf) -> list[Path]:
     shipped = _PACKAGE / shelf
     if not shipped.is_dir():
         shipped = _PACKAGE.parent / shelf
-    return [Path.cwd() / shelf, shipped]
+    return [Path(shelf), shipped]
 
 
 def find(shelf: Shelf, name: str, suffixes: Sequence[str]) -> Path | None:
     """The file that `name` stands for, a path or a bare name, or None."""
-    if Path(name).is_file():
+    if os.path.isfile(name):  # unlike Path.is_file, False for a name too long to be one
         return Path(name)
     if Path(name).name == name:
         for folder in shelves(shelf):
             for suffix in ("", *suffixes):
                 path = folder / f"{name}{suffix}"
-                if path.suffix in suffixes and path.is_file():
+                if path.suffix in suffixes and os.path.isfile(path):
                     return path
     return None
 
@@ -43,11 +44,14 @@ def names(shelf: Shelf, suffixes: Sequence[str]) -> list[str]:
         for folder in shelves(shelf)
         for suffix in suffixes
         for path in folder.glob(f"*{suffix}")
+        if path.is_file()
     }
     return sorted(found)
 
 
 def nearest(name: str, known: Sequence[str]) -> str:
-    """A line of advice: the known names nearest to `name`, or all of them."""
+    """A line of advice: the known names nearest to `name`, or the first dozen of them."""
     close = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
-    return f"Did you mean {' or '.join(close)}?" if close else f"Known: {', '.join(known)}."
+    if close:
+        return f"Did you mean {' or '.join(dict.fromkeys(close))}?"
+    return f"Known: {', '.join([*known[:12], *(['...'] if len(known) > 12 else [])])}."

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 import tempfile
@@ -30,7 +31,30 @@ def write_file(path: Path, contents: bytes) -> None:
             Path(temporary).unlink(missing_ok=True)
             raise
     except OSError as error:
-        raise OutputError(f"Cannot write {path}.", str(error)) from error
+        raise _cannot_write(path, error) from error
+
+
+def check_writable(path: Path) -> None:
+    """Raise, before anything long is run, where `write_file` cannot write to `path`.
+
+    Raises:
+        OutputError: it cannot; nothing has been made.
+    """
+    folder = next((p for p in path.parents if os.path.lexists(p)), Path())
+    try:
+        if path.is_dir():
+            raise IsADirectoryError(errno.EISDIR, "It is a folder")
+        handle, temporary = tempfile.mkstemp(dir=folder, prefix=f".{path.name}.")
+        os.close(handle)
+        os.unlink(temporary)
+    except OSError as error:
+        raise _cannot_write(path, error) from error
+
+
+def _cannot_write(path: Path, error: OSError) -> OutputError:
+    above = next((p for p in path.parents if os.path.lexists(p) and not os.path.isdir(p)), None)
+    why = f"{above} is no folder." if above else f"{error.strerror or error}."
+    return OutputError(f"Cannot write {path}.", why, "Choose another path.")
 
 
 @contextmanager
@@ -48,12 +72,12 @@ def new_folder(path: Path) -> Iterator[Path]:
         path.parent.mkdir(parents=True, exist_ok=True)
         temporary = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}."))
     except OSError as error:
-        raise OutputError(f"Cannot make the folder {path}.", str(error)) from error
+        raise _cannot_write(path, error) from error
     try:
         yield temporary
         temporary.chmod(0o755)
         os.replace(temporary, path)
     except OSError as error:
-        raise OutputError(f"Cannot write {path}.", str(error)) from error
+        raise _cannot_write(path, error) from error
     finally:
         shutil.rmtree(temporary, ignore_errors=True)

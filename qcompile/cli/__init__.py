@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 from importlib import import_module
+from io import TextIOWrapper
 
 import click
 
@@ -55,13 +57,32 @@ def cli(traceback: bool) -> None:
 
 def main() -> None:
     """Run the command line; exit 0 on success, 1 on an explained failure, 2 on wrong usage."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal without the bars and wires of tables
     if "--traceback" in sys.argv[1:]:
         cli()
     try:
         cli()
     except QcompileError as error:
-        click.echo(f"Error: {error}", err=True)
-        sys.exit(1)
+        _fail(str(error))
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)
+    except ImportError as error:
+        if (error.name or "").partition(".")[0] == "qcompile":
+            raise
+        _fail(
+            f"A package that qcompile needs cannot be loaded: {error}.\n"
+            "  Install it with: pip install qcompile"
+        )
+    except OSError as error:
+        if error.errno != errno.ENOSPC:
+            raise
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _fail("The answer cannot be written: no space left on the device.")
+
+
+def _fail(message: str) -> None:
+    click.echo(f"Error: {message}", err=True)
+    sys.exit(1)

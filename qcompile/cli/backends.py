@@ -19,6 +19,8 @@ def command(ctx: click.Context, as_json: bool) -> None:
     from qcompile.report.tables import print_table
 
     if ctx.invoked_subcommand is not None:
+        if as_json:
+            raise click.UsageError("--json goes behind the name: backends show NAME --json")
         return
     devices = [load_device(name) for name in device_names()]
     if as_json:
@@ -98,10 +100,13 @@ def add(backend: str, name: str | None, out: Path | None) -> None:
 
     A file in hardware/ of the working folder is then known by its name.
     """
+    from qcompile.device import IDEAL_NAME
     from qcompile.errors import OutputError
     from qcompile.output import write_file
     from qcompile.snapshot import device_from_backend, find_backend
 
+    if name == IDEAL_NAME:
+        raise click.BadParameter(f"{name!r} is the backend without noise.", param_hint="'--name'")
     found = find_backend(backend)
     device = device_from_backend(found, name or found.name)
     path = out or Path("hardware") / f"{device.name}.json"

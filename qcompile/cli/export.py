@@ -46,17 +46,26 @@ def command(
     each observation and round.
     """
     from qcompile.device import load_device
+    from qcompile.jobs.policy_job import export_job, read_observations
     from qcompile.policy import load_policy
-    from qcompile.policy.export import export_job, read_observations
+    from qcompile.report.progress import progress_bar
 
     if shots is None:
-        raise click.BadParameter("a job needs a number", param_hint="--shots")
+        raise click.BadParameter("a job needs a number of shots.", param_hint="'--shots'")
     device = load_device(backend)
     loaded = load_policy(policy)
     rows = None if observations is None else read_observations(observations, loaded)
-    job = export_job(
-        loaded, device, out, level=level, format=format, shots=shots, observations=rows
-    )
+    with progress_bar(f"{loaded.name} for {device.name}", 1 if rows is None else len(rows)) as show:
+        job = export_job(
+            loaded,
+            device,
+            out,
+            level=level,
+            format=format,
+            shots=shots,
+            observations=rows,
+            on_row=lambda done: show(done, "observations"),
+        )
     if as_json:
         echo_json(job)
         return

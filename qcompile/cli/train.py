@@ -63,7 +63,7 @@ def command(
     Ctrl-C ends the training and keeps the policy as it is by then.
     """
     from qcompile.errors import QcompileError
-    from qcompile.output import write_file
+    from qcompile.output import check_writable, write_file
     from qcompile.policy import save_policy
     from qcompile.policy.files import SUFFIXES
     from qcompile.report.progress import progress_bar
@@ -72,7 +72,12 @@ def command(
     from qcompile.rl.rollout import FinishedEpisode
 
     if out.suffix not in SUFFIXES:
-        raise click.BadParameter(f"{out} must end with .pt or .json", param_hint="--out")
+        raise click.BadParameter(f"{out} must end with .pt or .json.", param_hint="'--out'")
+    if log is not None:
+        if log.resolve() == out.resolve():
+            raise click.BadParameter(f"{log} is the policy file.", param_hint="'--log'")
+        check_writable(log)
+    check_writable(out)
     changed: dict[str, Any] = {} if reuse is None else {"reuse": reuse}
     if episodes is not None or steps is not None:
         changed |= {"episodes": episodes, "steps": steps}
@@ -87,7 +92,8 @@ def command(
             show(done, f"episode {episode.episode}, last 20: {sum(last) / len(last):.1f}")
 
         result = trainer.train(note)
-    save_policy(result.policy, out)
+    policy = replace(result.policy, name=out.stem)
+    save_policy(policy, out)
     if log is not None:
         from io import StringIO
 
@@ -107,7 +113,7 @@ def command(
                 "seed": seed,
                 "episodes": len(result.episodes),
                 "steps": result.steps,
-                "parameters": result.policy.parameter_count,
+                "parameters": policy.parameter_count,
                 "last_20_mean_reward": average,
                 "out": str(out),
                 "interrupted": result.interrupted,
@@ -117,7 +123,7 @@ def command(
         words = "no episode finished" if average is None else f"last 20: {average:.1f}"
         click.echo(
             f"{len(result.episodes)} episodes, {result.steps} steps, {words}; "
-            f"{result.policy.parameter_count} parameters in {out}"
+            f"{policy.parameter_count} parameters in {out}"
         )
     if result.interrupted:
         raise QcompileError("Interrupted.", f"The policy as it was by then is in {out}.")

@@ -8,13 +8,13 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from fractions import Fraction
 
 from qcompile.errors import CircuitError
 
 NEGLIGIBLE_RAD = 1e-13
 """An angle this close to a special value counts as that value: <Z> moves by less than 1e-12."""
 
+_PARTS_OF_PI = 48
 _SYMBOL = re.compile(r"[A-Za-z_]\w*\Z")
 
 
@@ -131,8 +131,9 @@ def _term(coefficient: float, symbol: str) -> str:
 
 def _number(value: float) -> str:
     """`value` as a short text that parses back to the same float: a fraction of pi if it is one."""
-    fraction = Fraction(value / math.pi).limit_denominator(16)
-    top, bottom = fraction.numerator, fraction.denominator
+    parts = round(value * _PARTS_OF_PI / math.pi)
+    common = math.gcd(parts, _PARTS_OF_PI)
+    top, bottom = parts // common, _PARTS_OF_PI // common
     if top and top * math.pi / bottom == value:
         text = {1: "pi", -1: "-pi"}.get(top, f"{top}*pi")
         return text if bottom == 1 else f"{text}/{bottom}"

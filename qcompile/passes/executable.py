@@ -108,23 +108,32 @@ class Executable:
         """Native gates of each circuit by name."""
         return [Counter(gate.name for gate in c.gates) for c in self.native.circuits]
 
-    def template(self) -> Program:
-        """The native circuits with one input for every slot whose angle is not known.
+    @cached_property
+    def open_slots(self) -> tuple[tuple[int, int], ...]:
+        """Circuit and slot of every angle that is not known before binding, in order."""
+        return tuple(
+            (index, slot)
+            for index, circuit in enumerate(self.native.circuits)
+            for slot, gate in enumerate(_rotations(circuit))
+            if gate.angle is not None and not gate.angle.is_constant
+        )
 
-        The names are those of `slot_names`; what `bind_slots` gives are their values.
+    def template(self) -> Program:
+        """The native circuits with an input for each of the `open_slots`.
+
+        Slot k of circuit i is the input a{i}_{k}; what `bind_slots` gives is its value.
         """
-        circuits, inputs = [], []
+        names = {place: f"a{place[0]}_{place[1]}" for place in self.open_slots}
+        circuits = []
         for index, circuit in enumerate(self.native.circuits):
             gates, slot = [], 0
             for gate in circuit.gates:
-                if gate.name in _SLOT_GATES and gate.angle is not None:
-                    if not gate.angle.is_constant:
-                        inputs.append(f"a{index}_{slot}")
-                        gate = Gate(gate.name, Angle.symbol(inputs[-1]))
-                    slot += 1
-                gates.append(gate)
+                is_slot = gate.name in _SLOT_GATES
+                name = names.get((index, slot)) if is_slot else None
+                gates.append(Gate(gate.name, Angle.symbol(name)) if name else gate)
+                slot += is_slot
             circuits.append(Circuit(tuple(gates)))
-        return Program(tuple(circuits), tuple(inputs))
+        return Program(tuple(circuits), tuple(names.values()))
 
 
 def _rotations(circuit: Circuit) -> list[Gate]:

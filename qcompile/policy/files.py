@@ -129,6 +129,12 @@ def _read_pt(path: Path) -> dict[str, Any]:
                 "A pickle can carry code that runs when it is opened.",
                 "Save the policy with qcompile, or as JSON.",
             ) from error
+        if path.read_bytes()[:1] == pickle.PROTO:
+            raise _UnreadableError(
+                f"{path} cannot be read as a .pt file: it is a bare pickle, and was not loaded.",
+                "A pickle can carry code that runs when it is opened.",
+                "Save the policy with qcompile, or as JSON.",
+            ) from error
         raise _UnreadableError(
             f"{path} cannot be read as a .pt file; it may be truncated.", "Copy or train it again."
         ) from error

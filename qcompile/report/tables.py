@@ -7,6 +7,7 @@ from typing import Any
 
 from rich import box
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 _KINDS = {
@@ -29,14 +30,15 @@ def print_table(columns: Sequence[str], rows: Iterable[Sequence[object]], title:
 
 
 def _cell(value: object) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+    return f"{value:.4g}" if isinstance(value, float) else escape(str(value))
 
 
 def print_run(summary: dict[str, Any]) -> None:
     """Print what a run found: `RunResult.summary`."""
     console = Console(highlight=False)
     backend = f"{summary['backend']} ({_KINDS.get(summary['kind'], summary['kind'])})"
-    console.print(f"[bold]{summary['policy']}[/] in {summary['environment']} on {backend}")
+    policy, environment = escape(summary["policy"]), escape(summary["environment"])
+    console.print(f"[bold]{policy}[/] in {environment} on {backend}")
     grid = Table.grid(padding=(0, 2))
     grid.add_column(style="dim")
     grid.add_column()

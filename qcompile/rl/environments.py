@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 from typing import Any
 
@@ -15,6 +16,8 @@ from qcompile.policy import Policy
 
 Environment = gymnasium.Env[Any, Any]
 
+_USUAL = ("CartPole-v1", "Acrobot-v1", "LunarLander-v3", "MountainCar-v0")
+
 
 def make_environments(name: str, count: int, *, film_first: bool = False) -> list[Environment]:
     """`count` environments called `name`; with `film_first` the first one renders frames.
@@ -23,6 +26,13 @@ def make_environments(name: str, count: int, *, film_first: bool = False) -> lis
         EnvironmentMismatchError: no such environment, or it has no vector of features to observe
             and no finite set of actions.
     """
+    if ":" in name:  # gymnasium would import the module before the colon
+        raise EnvironmentMismatchError(
+            f"Environment {name!r} names a module to import.",
+            "A policy file may not load code; register the environment and give its plain name.",
+        )
+    if film_first:
+        os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # frames need no screen
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -30,20 +40,19 @@ def make_environments(name: str, count: int, *, film_first: bool = False) -> lis
                 gymnasium.make(name, render_mode="rgb_array" if film_first and not i else None)
                 for i in range(count)
             ]
+    except gymnasium.error.DependencyNotInstalled as error:
+        raise EnvironmentMismatchError(
+            f"Environment {name!r} needs a package that is not installed.",
+            str(error).splitlines()[0],
+        ) from error
     except (gymnasium.error.Error, ModuleNotFoundError) as error:
-        known = [spec for spec in gymnasium.registry if "/" not in spec]
         raise EnvironmentMismatchError(
             f"Unknown environment {name!r}.",
             str(error).splitlines()[0],
-            nearest(name, known if len(known) < 8 else _families(known, name)),
+            nearest(name, [*_USUAL, *gymnasium.registry]),
         ) from error
     features_and_actions(made[0])
     return made
-
-
-def _families(known: list[str], name: str) -> list[str]:
-    usual = ["CartPole-v1", "Acrobot-v1", "LunarLander-v3", "MountainCar-v0"]
-    return usual if name[:3].lower() not in {k[:3].lower() for k in known} else known
 
 
 def features_and_actions(environment: Environment) -> tuple[int, int]:
@@ -85,8 +94,9 @@ def check_fit(policy: Policy, environment: Environment) -> None:
 
 def reward_threshold(name: str) -> float | None:
     """The mean reward at which the environment counts as solved, if it has one."""
-    spec = gymnasium.registry.get(name)
-    return None if spec is None else spec.reward_threshold
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return gymnasium.spec(name).reward_threshold
 
 
 def reset_all(environments: list[Environment], seeds: list[int]) -> np.ndarray[Any, Any]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qcompile.device import Device
-from qcompile.errors import CountsError
+from qcompile.errors import CalibrationError, CountsError
 from qcompile.execution import OfflineExecutor, check_shots, expectation_from_ones, qpu_seconds
 from qcompile.mitigation import CALIBRATION_SHOTS, ReadoutMitigation, calibrate_readout
 from qcompile.passes import Executable, compile
@@ -22,6 +22,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
 MAX_EPISODES = 10_000
+MITIGATIONS = ("none", "readout")
 _LEAST_FOR_SOLVED = 100
 
 
@@ -39,6 +40,10 @@ class Deployment:
 
     `shots` None takes expectations without shot noise. Shot noise, calibration and the sampling
     of actions draw from generators derived from `seed`, so a deployment repeats exactly.
+
+    Raises:
+        CalibrationError: `mitigation` is not one of MITIGATIONS, or a qubit cannot be calibrated.
+        CountsError: shots out of range.
     """
 
     def __init__(
@@ -56,6 +61,10 @@ class Deployment:
         self.level, self.mitigation, self.greedy, self.seed = level, mitigation, greedy, seed
         if shots is not None:
             check_shots(shots)
+        if mitigation not in MITIGATIONS:
+            raise CalibrationError(
+                f"Unknown mitigation {mitigation!r}.", f"Known: {', '.join(MITIGATIONS)}."
+            )
         noise_seed, action_seed = np.random.SeedSequence(seed).spawn(2)
         self.executor = OfflineExecutor(device, noise_seed)
         self._rng = np.random.default_rng(action_seed)

@@ -52,7 +52,6 @@ class Trainer:
         ]
         self._scale = ReturnScale(settings.environments, settings.gamma)
         self._pause = _Pause(settings.pause_at)
-        self._episodes: list[FinishedEpisode] = []
 
     @property
     def progress(self) -> float:
@@ -62,7 +61,7 @@ class Trainer:
             done / budget
             for done, budget in (
                 (collector.steps, settings.steps),
-                (collector.episodes, settings.episodes),
+                (len(collector.history), settings.episodes),
             )
             if budget is not None
         ]
@@ -82,7 +81,6 @@ class Trainer:
             while self.progress < 1.0:
                 rollout = self._collector.collect(self._act, self._settings.horizon)
                 for episode in rollout.finished:
-                    self._episodes.append(episode)
                     on_episode(episode, self.progress)
                 if not self._pause.holds(rollout.finished, self._actor):
                     self._update(rollout)
@@ -91,7 +89,9 @@ class Trainer:
         finally:
             torch.set_num_threads(threads)
             self._collector.close()
-        return TrainingResult(self._policy(), self._episodes, self._collector.steps, interrupted)
+        return TrainingResult(
+            self._policy(), self._collector.history, self._collector.steps, interrupted
+        )
 
     def _act(self, observations: NDArray[np.float32]) -> NDArray[np.intp]:
         with torch.no_grad():
@@ -164,7 +164,7 @@ class Trainer:
 
         metadata: dict[str, Any] = {
             "seed": self._seed,
-            "episodes": len(self._episodes),
+            "episodes": len(self._collector.history),
             "steps": self._collector.steps,
             "settings": {
                 k: list(v) if isinstance(v, tuple) else v for k, v in asdict(self._settings).items()
@@ -177,8 +177,9 @@ class Trainer:
             },
         }
         name = self._environment.rsplit("-v", 1)[0].lower()
-        actor = self._pause.best or self._actor
-        return actor.policy(name, self._environment, metadata)
+        if self._pause.best is not None:
+            self._actor.load_state_dict(self._pause.best)
+        return self._actor.policy(name, self._environment, metadata)
 
 
 def _log_probabilities(actor: SVQC, observations: torch.Tensor) -> torch.Tensor:
@@ -192,7 +193,7 @@ class _Pause:
         self._reward = reward
         self._running: deque[float] = deque(maxlen=_RUNNING_EPISODES)
         self._row = self._longest = 0
-        self.best: SVQC | None = None
+        self.best: dict[str, torch.Tensor] | None = None
 
     def holds(self, finished: list[FinishedEpisode], actor: SVQC) -> bool:
         """Whether the update after these episodes is skipped."""
@@ -205,7 +206,7 @@ class _Pause:
             if good:
                 self._row += 1
                 if self._row > self._longest:
-                    self._longest, self.best = self._row, deepcopy(actor)
+                    self._longest, self.best = self._row, deepcopy(actor.state_dict())
         if sum(self._running) < self._reward * len(self._running):
             self._row = 0
         return good or self._row > 0

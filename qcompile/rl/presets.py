@@ -121,8 +121,7 @@ PRESETS: dict[str, dict[str, Settings]] = {
     },
     "tuned": {
         "": _TUNED,
-        "CartPole": replace(_TUNED, environments=8, steps=300_000),
-        "CartPole single": replace(
+        "CartPole": replace(
             _TUNED, scales=(1.0,), environments=8, steps=300_000, gamma=0.999, entropy=0.0
         ),
         "Acrobot": replace(

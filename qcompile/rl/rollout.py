@@ -46,7 +46,10 @@ class Rollout:
 
 
 class Collector:
-    """Steps `count` environments together and resets each one when its episode ends."""
+    """Steps `count` environments together and resets each one when its episode ends.
+
+    `steps` counts every step taken, `history` has every finished episode.
+    """
 
     def __init__(self, name: str, count: int, seeds: np.random.SeedSequence):
         self._environments = make_environments(name, count)
@@ -54,7 +57,8 @@ class Collector:
         first = [int(s) for s in seeds.generate_state(count)]
         self._observations = reset_all(self._environments, first).astype(np.float32)
         self._rewards = np.zeros(count)
-        self.steps = self.episodes = 0
+        self.steps = 0
+        self.history: list[FinishedEpisode] = []
 
     def collect(
         self, act: Callable[[NDArray[np.float32]], IntArray], horizon: int | None
@@ -64,7 +68,7 @@ class Collector:
         `act` maps observations (n, features) to actions (n,).
         """
         columns: tuple[list[NDArray[Any]], ...] = ([], [], [], [], [], [])
-        finished: list[FinishedEpisode] = []
+        before = len(self.history)
         count = len(self._environments)
         while len(columns[0]) != horizon:
             actions = act(self._observations)
@@ -79,9 +83,8 @@ class Collector:
                 self._rewards[i] += rewards[i]
                 after[i] = following[i]
                 if terminated or truncated:
-                    self.episodes += 1
-                    steps = self.steps + i + 1
-                    finished.append(FinishedEpisode(self.episodes, steps, float(self._rewards[i])))
+                    number, steps = len(self.history) + 1, self.steps + i + 1
+                    self.history.append(FinishedEpisode(number, steps, float(self._rewards[i])))
                     self._rewards[i] = 0.0
                     after[i] = self._environments[i].reset()[0]
             row = (self._observations, actions, rewards, following, *flags)
@@ -89,9 +92,10 @@ class Collector:
                 column.append(values)
             self._observations = after
             self.steps += count
-            if horizon is None and finished:
+            if horizon is None and len(self.history) > before:
                 break
         seen, acted, rewarded, led_to, ended, cut = map(np.stack, columns)
+        finished = self.history[before:]
         return Rollout(seen, acted, rewarded, led_to, ended, cut, finished)
 
     def close(self) -> None:

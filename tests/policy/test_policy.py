@@ -194,8 +194,8 @@ def test_a_policy_has_circuits_and_actions() -> None:
     encoder = Encoder("arctan", np.zeros(0, dtype=int), np.zeros(0))
     with pytest.raises(PolicyError, match="0 circuits and 2 actions"):
         Policy("p", "e", encoder, Program(()), np.zeros(0), np.zeros((2, 0)), np.zeros(2))
+    program = Program((Circuit(),))
     with pytest.raises(PolicyError, match="1 circuits and 0 actions"):
-        program = Program((Circuit(),))
         Policy("p", "e", encoder, program, np.zeros(0), np.zeros((0, 1)), np.zeros(0))
 
 

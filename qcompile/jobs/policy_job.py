@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from io import BytesIO
 from pathlib import Path
 from typing import Any, Literal
@@ -15,13 +15,15 @@ from numpy.typing import NDArray
 
 from qcompile.device import Device
 from qcompile.errors import CircuitError, PolicyError
-from qcompile.ir import Program
+from qcompile.ir import NEGLIGIBLE_RAD, Program
 from qcompile.output import new_folder
 from qcompile.passes import Executable, compile
-from qcompile.policy.policy import Policy
+from qcompile.policy import Policy
 from qcompile.qasm import write
 
 FloatArray = NDArray[np.float64]
+
+_QUARTER_TURN = np.pi / 2
 
 Format = Literal["qasm3", "qasm2"]
 
@@ -35,6 +37,7 @@ def export_job(
     format: Format = "qasm3",
     shots: int = 8192,
     observations: FloatArray | None = None,
+    on_row: Callable[[int], None] = lambda done: None,
 ) -> dict[str, Any]:
     """Write the circuits of `policy` for `device` into the new `folder`; return its job.json.
 
@@ -42,7 +45,7 @@ def export_job(
     native angles in the order of `Executable.bind_slots`, or at level 0 the encoded features.
     With observations (B, features) their angles are bound, one program for each observation and
     round. On a device with its own qubits OpenQASM 3 names them ($n); bit i of register c belongs
-    to circuits[i].
+    to circuits[i]. `on_row` is called with the number of observations written.
 
     Raises:
         CircuitError: OpenQASM 2 without observations.
@@ -53,23 +56,24 @@ def export_job(
             "OpenQASM 2 has no inputs, so a parametric job cannot be written in it.",
             "Give --observations FILE to bind the angles, or use --format qasm3.",
         )
-    parametric = policy.program.substitute(_named(policy.program.parameters, policy.theta))
-    bound = (
-        [(None, parametric)] if observations is None else _bound(parametric, policy, observations)
-    )
+    program = policy.program.substitute(_named(policy.program.parameters, policy.theta))
+    executable = compile(program, device, level)
+    parametric = executable.native if level == 0 else executable.template()
+    rows: Iterable[tuple[int | None, Program]] = [(None, parametric)]
+    if observations is not None:
+        rows = _bound(executable, policy.encode(observations))
+    physical = format == "qasm3" and not device.is_ideal
     programs = []
     with new_folder(folder) as target:
-        for row, program in bound:
-            executable = compile(program, device, level)
+        for row, native in rows:
             prefix = "" if row is None else f"observation{row}-"
             for round_index in range(executable.round_count):
-                circuits = np.flatnonzero(executable.rounds == round_index)
-                qubits = [int(q) for q in executable.qubits[circuits]]
-                native = _part(executable, circuits.tolist())
+                circuits = np.flatnonzero(executable.rounds == round_index).tolist()
+                qubits = executable.qubits[circuits].tolist()
+                part = _part(native, circuits)
                 name = f"{prefix}round{round_index}.qasm"
-                physical = format == "qasm3" and not device.is_ideal
                 text = write(
-                    native,
+                    part,
                     version="3" if format == "qasm3" else "2",
                     qubits=qubits if physical else None,
                 )
@@ -77,12 +81,13 @@ def export_job(
                 programs.append(
                     {
                         "file": name,
-                        "circuits": circuits.tolist(),
+                        "circuits": circuits,
                         "qubits": qubits,
-                        "inputs": list(native.inputs),
+                        "inputs": list(part.inputs),
                         "observation": row,
                     }
                 )
+            on_row(1 if row is None else row + 1)
         job = {
             "format": "qcompile-job-1",
             "backend": device.name,
@@ -124,20 +129,31 @@ def read_observations(path: Path, policy: Policy) -> FloatArray:
     return values
 
 
-def _bound(
-    program: Program, policy: Policy, observations: FloatArray
-) -> Iterator[tuple[int, Program]]:
-    for row, x in enumerate(policy.encode(observations)):
-        yield row, program.substitute(_named(program.inputs, x))
+def _bound(executable: Executable, x: FloatArray) -> Iterator[tuple[int, Program]]:
+    """The native circuits for each row of x (B, inputs), angles bound for the whole batch at once.
+
+    A row with an angle at a quarter turn, where fewer gates may do, is compiled by itself.
+    """
+    place = np.array(executable.open_slots, dtype=np.intp).reshape(-1, 2).T
+    angles = executable.bind_slots(x, np.zeros(0))[:, place[0], place[1]]
+    quarters = np.abs(angles - np.rint(angles / _QUARTER_TURN) * _QUARTER_TURN)
+    special = np.asarray((quarters <= NEGLIGIBLE_RAD).any(axis=1))
+    angles -= np.rint(angles / (4 * _QUARTER_TURN)) * (4 * _QUARTER_TURN)
+    template = executable.template()
+    for row, values in enumerate(angles):
+        if special[row]:
+            known = executable.source.substitute(_named(executable.source.inputs, x[row]))
+            yield row, compile(known, executable.device, executable.level).native
+        else:
+            yield row, template.substitute(_named(template.inputs, values))
 
 
 def _named(names: tuple[str, ...], values: FloatArray) -> dict[str, float]:
-    return dict(zip(names, map(float, values), strict=True))
+    return dict(zip(names, values.tolist(), strict=True))
 
 
-def _part(executable: Executable, circuits: list[int]) -> Program:
+def _part(native: Program, circuits: list[int]) -> Program:
     """The native circuits of one round, with the inputs that occur in them."""
-    native = executable.native if executable.level == 0 else executable.template()
     chosen = tuple(native.circuits[i] for i in circuits)
     used = {symbol for circuit in chosen for symbol in circuit.symbols}
     return Program(chosen, tuple(name for name in native.inputs if name in used))

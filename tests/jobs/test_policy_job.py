@@ -15,12 +15,13 @@ from qiskit.quantum_info import Pauli, Statevector
 from qcompile.device import load_device
 from qcompile.errors import CircuitError, OutputError, PolicyError
 from qcompile.ir import Circuit, Program
+from qcompile.jobs.policy_job import export_job, read_observations
 from qcompile.passes import compile
 from qcompile.policy import Encoder, Policy
-from qcompile.policy.export import export_job, read_observations
 
 RNG = np.random.default_rng(0)
-OBSERVATIONS = RNG.normal(size=(3, 3))
+OBSERVATIONS = np.vstack([RNG.normal(size=(3, 3)), np.zeros(3), [0.0, 0.3, 1e9]])
+"""Some rows at random, some at angles of 0 and pi/2, where fewer gates do."""
 TEXTS = [
     "h ry(x0) rz(x0) ry(theta0)",
     "h ry(x1) rz(x1) ry(theta1)",
@@ -121,9 +122,7 @@ def test_a_parametric_job_is_the_policy(tmp_path: Path, backend: str, level: int
 def test_a_bound_job_is_the_policy(tmp_path: Path, backend: str, level: int, format: Any) -> None:
     policy, device = make(), load_device(backend)
     folder = tmp_path / "job"
-    job = export_job(
-        policy, device, folder, level=level, format=format, observations=OBSERVATIONS
-    )
+    job = export_job(policy, device, folder, level=level, format=format, observations=OBSERVATIONS)
     found = np.full((len(OBSERVATIONS), len(TEXTS)), np.nan)
     for program in job["programs"]:
         assert program["inputs"] == []
@@ -166,7 +165,7 @@ def test_a_folder_in_use_is_left_alone(tmp_path: Path) -> None:
     for folder in (tmp_path, tmp_path / "mine"):
         with pytest.raises(OutputError, match="is in use"):
             export_job(make(), load_device("ideal"), folder)
-    with pytest.raises(OutputError, match="Cannot make the folder"):
+    with pytest.raises(OutputError, match=r"Cannot (write|make)"):
         export_job(make(), load_device("ideal"), tmp_path / "mine" / "job")
     assert [path.name for path in tmp_path.iterdir()] == ["mine"]
     assert (tmp_path / "mine").read_text() == "keep"

@@ -1,0 +1,106 @@
+"""The command line, called as a user calls it, in an empty folder with a tiny policy in it."""
+
+from __future__ import annotations
+
+import json
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from qcompile.cli import main
+
+
+@dataclass
+class Answer:
+    """What a command left: exit code, standard output, standard error."""
+
+    code: int
+    out: str
+    err: str
+
+    def json(self) -> Any:
+        """The one JSON document on standard output."""
+        return json.loads(self.out)
+
+
+@pytest.fixture(autouse=True)
+def empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Every test works in an empty folder, so that messages show short paths."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def qcompile(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Callable[..., Answer]:
+    """Call the command line with these words."""
+
+    def call(*words: object) -> Answer:
+        monkeypatch.setattr(sys, "argv", ["qcompile", *map(str, words)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        assert ended.value.code is None or isinstance(ended.value.code, int)
+        return Answer(ended.value.code or 0, *capsys.readouterr())
+
+    return call
+
+
+def tiny(**changes: Any) -> dict[str, Any]:
+    """The values of a CartPole policy with one circuit for each feature."""
+    values = {
+        "format": "qcompile-policy-1",
+        "name": "tiny",
+        "environment": "CartPole-v1",
+        "encoder": {"function": "arctan", "feature": [0, 1, 2, 3], "scale": [1.0] * 4},
+        "circuits": [[["h"], ["ry", f"x{i}"], ["rz", f"x{i}"], ["ry", "theta0"]] for i in range(4)],
+        "theta": [0.1],
+        "weights": [[1.0, 1.0, 2.0, 1.0], [-1.0, -1.0, -2.0, -1.0]],
+        "bias": [0.0, 0.0],
+    }
+    return values | changes
+
+
+@pytest.fixture
+def policy() -> Callable[..., str]:
+    """Write tiny.json, with these changes, and give its name."""
+
+    def write(**changes: Any) -> str:
+        Path("tiny.json").write_text(json.dumps(tiny(**changes)))
+        return "tiny.json"
+
+    return write
+
+
+@pytest.fixture
+def ctrl_c(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
+    """Send SIGINT when the n-th episode is counted."""
+
+    def after(episodes: int) -> None:
+        counted = 0
+
+        @contextmanager
+        def bar(title: str, total: float) -> Iterator[Callable[[float, str], None]]:
+            def show(done: float, words: str) -> None:
+                nonlocal counted
+                counted += done > 0
+                if done and counted == episodes:
+                    signal.raise_signal(signal.SIGINT)
+
+            yield show
+
+        monkeypatch.setattr("qcompile.report.progress.progress_bar", bar)
+
+    return after
+
+
+@pytest.fixture
+def left() -> Callable[[], list[str]]:
+    """The names of everything in the folder, hidden and temporary files included."""
+    return lambda: sorted(str(path) for path in Path().rglob("*"))

@@ -1,0 +1,104 @@
+"""`qcompile backends`: the list, one device, and a snapshot more."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+Call = Callable[..., Any]
+
+
+def test_devices_are_listed(qcompile: Call) -> None:
+    answer = qcompile("backends")
+    assert (answer.code, answer.err) == (0, "")
+    assert "ibm_lima" in answer.out
+    names = [device["name"] for device in qcompile("backends", "--json").json()]
+    assert names[0] == "ideal"
+    assert {"ibm_lima", "fake_toronto"} <= set(names)
+
+
+def test_a_device_is_shown(qcompile: Call) -> None:
+    answer = qcompile("backends", "show", "ibmq_lima")
+    assert (answer.code, answer.err) == (0, "")
+    assert "0.0249" in answer.out
+    found = qcompile("backends", "show", "ibmq_lima", "--json").json()
+    assert (found["name"], len(found["qubits"])) == ("ibm_lima", 5)
+
+
+def test_json_before_the_subcommand_is_wrong_usage(qcompile: Call) -> None:
+    answer = qcompile("backends", "--json", "show", "ibm_lima")
+    assert (answer.code, answer.out) == (2, "")
+    assert answer.err.endswith("--json goes behind the name: backends show NAME --json\n")
+
+
+def test_a_broken_device_file_is_named(qcompile: Call) -> None:
+    Path("hardware").mkdir()
+    Path("hardware/mine.json").write_text("{}")
+    answer = qcompile("backends")
+    assert (answer.code, answer.out) == (1, "")
+    assert (
+        answer.err
+        == """\
+Error: hardware/mine.json is no device file.
+  name: field required (found {})
+  source: field required (found {})
+  basis_gates: field required (found {})
+"""
+    )
+
+
+def test_folders_are_no_devices(qcompile: Call) -> None:
+    Path("hardware/mine.json").mkdir(parents=True)
+    assert qcompile("backends").code == 0
+
+
+def test_a_snapshot_is_known_by_its_name(qcompile: Call, left: Call) -> None:
+    pytest.importorskip("qiskit_ibm_runtime")
+    answer = qcompile("backends", "add", "FakeLimaV2", "--name", "mine")
+    assert (answer.code, answer.err) == (0, "")
+    assert answer.out.startswith("mine with 5 qubits in hardware/mine.json\n")
+    assert left() == ["hardware", "hardware/mine.json"]
+    assert qcompile("backends", "show", "mine", "--json").json()["name"] == "mine"
+    again = qcompile("backends", "add", "FakeLimaV2", "--name", "mine")
+    assert (again.code, again.out) == (1, "")
+    assert (
+        again.err
+        == """\
+Error: hardware/mine.json is there already.
+  Choose another with --out or --name.
+"""
+    )
+
+
+def test_a_snapshot_of_an_unknown_backend(qcompile: Call, left: Call) -> None:
+    pytest.importorskip("qiskit_ibm_runtime")
+    answer = qcompile("backends", "add", "FakeLimma")
+    assert (answer.code, answer.out) == (1, "")
+    assert answer.err.startswith("Error: Unknown fake backend 'FakeLimma'.\n  Did you mean FakeLi")
+    assert left() == []
+
+
+def test_a_snapshot_cannot_take_the_name_of_the_ideal_backend(qcompile: Call, left: Call) -> None:
+    answer = qcompile("backends", "add", "FakeLimaV2", "--name", "ideal")
+    assert (answer.code, answer.out) == (2, "")
+    assert answer.err.endswith("'--name': 'ideal' is the backend without noise.\n")
+    assert left() == []
+
+
+def test_a_snapshot_without_qiskit_names_the_extra(
+    qcompile: Call, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "qiskit_ibm_runtime", None)
+    answer = qcompile("backends", "add", "FakeLimaV2")
+    assert (answer.code, answer.out) == (1, "")
+    assert (
+        answer.err
+        == """\
+Error: A snapshot of a Qiskit backend needs packages that are not installed.
+  Install them with: pip install 'qcompile[qiskit]'
+"""
+    )

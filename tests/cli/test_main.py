@@ -1,0 +1,103 @@
+"""What all commands share: help, exit codes, closed pipes and full disks."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import click
+import pytest
+
+from qcompile import __version__
+from qcompile.cli import COMMANDS, cli
+
+Call = Callable[..., Any]
+
+
+def every_command(group: click.Group = cli, words: tuple[str, ...] = ()) -> Iterator[Any]:
+    context = click.Context(group)
+    for name in group.list_commands(context):
+        command = group.get_command(context, name)
+        assert command is not None
+        yield pytest.param((*words, name), command, id=" ".join((*words, name)))
+        if isinstance(command, click.Group):
+            yield from every_command(command, (*words, name))
+
+
+@pytest.mark.parametrize(("words", "command"), [*every_command()])
+def test_every_command_has_help(
+    qcompile: Call, words: tuple[str, ...], command: click.Command
+) -> None:
+    answer = qcompile(*words, "--help")
+    assert (answer.code, answer.err) == (0, "")
+    assert answer.out.startswith(f"Usage: qcompile {' '.join(words)} ")
+    assert command.help
+
+
+def test_the_list_of_commands_says_what_each_one_is_for(qcompile: Call) -> None:
+    answer = qcompile("--help")
+    assert answer.code == 0
+    for name, purpose in COMMANDS.items():
+        assert f"{name} " in answer.out
+        assert purpose in answer.out
+
+
+def test_the_version(qcompile: Call) -> None:
+    assert qcompile("--version").out == f"qcompile, version {__version__}\n"
+
+
+@pytest.mark.parametrize("words", [(), ("nosuch",), ("--nosuch",), ("backends", "nosuch")])
+def test_wrong_usage_exits_with_2(qcompile: Call, words: tuple[str, ...]) -> None:
+    answer = qcompile(*words)
+    assert (answer.code, answer.out) == (2, "")
+    assert "Usage: qcompile" in answer.err
+
+
+def test_a_traceback_is_shown_when_asked_for(qcompile: Call) -> None:
+    from qcompile.errors import PolicyError
+
+    assert "Traceback" not in qcompile("run", "nosuch").err
+    with pytest.raises(PolicyError):
+        qcompile("--traceback", "run", "nosuch")
+
+
+def run(*words: str, **options: Any) -> subprocess.CompletedProcess[str]:
+    """The command in a process of its own."""
+    return subprocess.run(
+        [sys.executable, "-W", "error", "-m", "qcompile", *words],
+        stderr=subprocess.PIPE,
+        text=True,
+        timeout=60,
+        check=False,
+        **options,
+    )
+
+
+@pytest.mark.parametrize("words", [("backends",), ("backends", "--json")])
+def test_a_closed_pipe_is_no_error_to_talk_about(words: tuple[str, ...]) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    try:
+        ended = run(*words, stdout=writer)
+    finally:
+        os.close(writer)
+    assert (ended.returncode, ended.stderr) == (1, "")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_a_full_disk_is_explained() -> None:
+    with Path("/dev/full").open("w") as full:
+        ended = run("backends", "--json", stdout=full)
+    assert ended.returncode == 1
+    assert ended.stderr == "Error: The answer cannot be written: no space left on the device.\n"
+
+
+def test_a_terminal_without_the_signs_of_tables_gets_others(policy: Call) -> None:
+    environment = os.environ | {"PYTHONIOENCODING": "latin-1"}
+    ended = run("show", policy(), stdout=subprocess.PIPE, env=environment)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert "h ? ry(x0)" in ended.stdout

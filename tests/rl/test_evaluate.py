@@ -1,0 +1,329 @@
+"""Playing: episodes against stepping by hand, repeatability, and what a summary says."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from scipy import stats
+
+from qcompile.device import load_device
+from qcompile.errors import CalibrationError, CountsError, EnvironmentMismatchError
+from qcompile.policy import Encoder, Policy
+from qcompile.policy.layouts import parallel
+from qcompile.rl.environments import reward_threshold
+from qcompile.rl.evaluate import MAX_EPISODES, Deployment, Episode, RunResult, bootstrap_ci95, play
+
+SCALE = np.array([1.0, 1.0, 4.0, 2.0])
+WEIGHTS = np.array([0.5, -0.8, 3.0, -0.5])
+
+
+def cartpole(copies: int = 1) -> Policy:
+    """Pushes mostly towards the side the pole leans to: y = -sin(x), action 1 is to the right."""
+    program, feature = parallel(4, copies)
+    right = np.tile(-WEIGHTS / copies, copies)
+    return Policy(
+        "leaning",
+        "CartPole-v1",
+        Encoder("arctan", np.array(feature), np.tile(SCALE, copies)),
+        program,
+        np.zeros(4 * copies),
+        np.stack([-right, right]),
+        np.zeros(2),
+    )
+
+
+def by_hand(observation: np.ndarray) -> int:
+    """The more probable action of `cartpole`, from sin(arctan(u)) = u / sqrt(1 + u^2)."""
+    u = SCALE * observation
+    return int((WEIGHTS * u / np.sqrt(1 + u**2)).sum() > 0)
+
+
+def stubborn(name: str, features: int, actions: int, choice: int = 0) -> Policy:
+    """Takes the same action whatever it sees."""
+    program, feature = parallel(features, 1)
+    bias = np.zeros(actions)
+    bias[choice] = 100.0
+    return Policy(
+        "stubborn",
+        name,
+        Encoder("arctan", np.array(feature), np.ones(features)),
+        program,
+        np.zeros(features),
+        np.zeros((actions, features)),
+        bias,
+    )
+
+
+def deploy(policy: Policy, backend: str = "ideal", **settings: Any) -> Deployment:
+    return Deployment(policy, load_device(backend), **settings)
+
+
+def test_episodes_are_those_stepped_by_hand() -> None:
+    """Episode i resets with seed + i; the actions come from a formula of their own."""
+    result = play(deploy(cartpole(), greedy=True, seed=40), 5)
+    expected = []
+    for seed in range(40, 45):
+        environment = gymnasium.make("CartPole-v1")
+        observation, _ = environment.reset(seed=seed)
+        reward, length, done = 0.0, 0, False
+        while not done:
+            observation, paid, terminated, truncated, _ = environment.step(by_hand(observation))
+            reward, length, done = reward + float(paid), length + 1, terminated or truncated
+        environment.close()
+        expected.append(Episode(seed, reward, length))
+    assert result.episodes == expected
+    assert len({episode.length for episode in expected}) > 1, "lockstep is not tried"
+    assert result.env_steps == sum(episode.length for episode in expected)
+    assert result.jobs == max(episode.length for episode in expected)
+    assert not result.interrupted
+
+
+def test_lockstep_changes_nothing_for_a_greedy_policy_without_shot_noise() -> None:
+    device = "fake_lima"
+    together = play(deploy(cartpole(), device, greedy=True, seed=7), 4).episodes
+    alone = [
+        play(deploy(cartpole(), device, greedy=True, seed=seed), 1).episodes[0]
+        for seed in range(7, 11)
+    ]
+    assert together == alone
+
+
+@pytest.mark.parametrize("settings", [{"shots": 64}, {"shots": 64, "greedy": True}, {}])
+def test_a_run_repeats_exactly(settings: dict[str, Any]) -> None:
+    def run(seed: int) -> list[tuple[float, int]]:
+        policy = replace(cartpole(), weights=cartpole().weights / 4)
+        deployment = deploy(policy, "fake_lima", mitigation="readout", seed=seed, **settings)
+        return [(e.reward, e.length) for e in play(deployment, 6).episodes]
+
+    assert run(1) == run(1)
+    assert run(1) != run(2)
+
+
+def test_two_deployments_sample_the_same_actions() -> None:
+    observations = np.random.default_rng(0).normal(size=(100, 4)) / 10
+    settings: dict[str, Any] = {"shots": 16, "mitigation": "readout"}
+    drawn = [
+        deploy(cartpole(), "fake_lima", seed=s, **settings).act(observations) for s in (3, 3, 4)
+    ]
+    np.testing.assert_array_equal(drawn[0], drawn[1])
+    assert (drawn[0] != drawn[2]).any()
+
+
+def test_exact_expectations_are_the_closed_form() -> None:
+    observations = np.random.default_rng(1).normal(size=(20, 4))
+    u = SCALE * observations
+    z = deploy(cartpole()).expectation(observations)
+    np.testing.assert_allclose(z, -u / np.sqrt(1 + u**2), atol=1e-12)
+
+
+def test_mitigation_brings_expectations_nearer() -> None:
+    """The readout of fake_lima errs by a few percent, its gates ten times less."""
+    observations = np.random.default_rng(2).normal(size=(200, 4))
+    u = SCALE * observations
+    true = -u / np.sqrt(1 + u**2)
+    raw, mitigated = (
+        np.abs(
+            deploy(cartpole(), "fake_lima", mitigation=m).expectation(observations) - true
+        ).mean()
+        for m in ("none", "readout")
+    )
+    assert mitigated < raw / 2
+
+
+def test_ctrl_c_keeps_finished_episodes() -> None:
+    finished: list[Episode] = []
+
+    def stop(episode: Episode) -> None:
+        finished.append(episode)
+        if len(finished) == 3:
+            raise KeyboardInterrupt
+
+    deployment = deploy(cartpole(), shots=128, seed=40)
+    result = play(deployment, 8, on_episode=stop)
+    assert result.interrupted
+    assert result.requested == 8
+    assert result.episodes == sorted(finished, key=lambda e: e.seed)
+    assert len(result.episodes) == 3
+    summary = result.summary()
+    assert summary["interrupted"] is True
+    assert summary["mean_reward"] == pytest.approx(np.mean([e.reward for e in finished]))
+
+
+def test_an_interrupted_step_is_counted_like_its_job() -> None:
+    """The job of the last step was run: its executions are those of every step."""
+
+    def stop(episode: Episode) -> None:
+        raise KeyboardInterrupt
+
+    result = play(deploy(stubborn("Clock-v0", 2, 3), shots=100), 2, on_episode=stop)
+    assert (result.jobs, result.env_steps, result.executions) == (3, 6, 600)
+
+
+def test_an_interrupted_run_without_episodes_has_no_mean() -> None:
+    summary = RunResult(deploy(cartpole()), 5, interrupted=True).summary()
+    for key in ("mean_reward", "std_reward", "ci95", "solved"):
+        assert summary[key] is None
+    assert summary["episodes"] == []
+
+
+DOCUMENTED = """policy environment backend kind shots mitigation level seed episodes mean_reward
+std_reward ci95 solved gates_per_circuit circuits_per_step rounds_per_step executions
+qpu_seconds_estimate env_steps wall_seconds""".split()  # noqa: SIM905
+
+
+def test_a_summary_has_what_is_documented_and_counts_by_hand() -> None:
+    """Eight circuits on the five qubits of ibm_lima are two rounds."""
+    deployment = deploy(cartpole(2), "ibm_lima", shots=128, mitigation="readout", seed=9)
+    result = play(deployment, 3)
+    summary = result.summary()
+    assert set(summary) >= set(DOCUMENTED)
+    lengths = [episode["length"] for episode in summary["episodes"]]
+    rewards = [episode["reward"] for episode in summary["episodes"]]
+    assert [set(e) for e in summary["episodes"]] == [{"seed", "reward", "length"}] * 3
+    assert [e["seed"] for e in summary["episodes"]] == [9, 10, 11]
+    assert rewards == [float(n) for n in lengths], "CartPole pays 1 a step"
+    executions = sum(lengths) * 2 * 128 + 2 * 8192
+    expected = {
+        "policy": "leaning",
+        "environment": "CartPole-v1",
+        "backend": "ibm_lima",
+        "kind": "noise-model",
+        "shots": 128,
+        "mitigation": "readout",
+        "level": 2,
+        "seed": 9,
+        "solved": None,
+        "gates_per_circuit": {"sx": 2, "rz": 1, "x": 0, "rx": 0},
+        "circuits_per_step": 8,
+        "rounds_per_step": 2,
+        "executions": executions,
+        "env_steps": sum(lengths),
+    }
+    assert {key: summary[key] for key in expected} == expected
+    assert summary["mean_reward"] == pytest.approx(sum(rewards) / 3)
+    mean = sum(rewards) / 3
+    variance = sum((r - mean) ** 2 for r in rewards) / 3
+    assert summary["std_reward"] == pytest.approx(variance**0.5)
+    seconds = 2 * (max(lengths) + 1) + 0.00035 * executions
+    assert summary["qpu_seconds_estimate"] == pytest.approx(seconds)
+    assert summary["wall_seconds"] > 0
+
+
+def test_exact_shots_cost_nothing() -> None:
+    summary = play(deploy(stubborn("Clock-v0", 2, 3)), 1).summary()
+    assert (summary["shots"], summary["kind"]) == ("exact", "ideal")
+    assert (summary["executions"], summary["qpu_seconds_estimate"]) == (0, None)
+
+
+def test_rewards_of_a_known_environment() -> None:
+    """Each of the copies of the clock is in its first episode: 11 + 12 + 13 and 3 half actions."""
+    result = play(deploy(stubborn("Clock-v0", 2, 3, choice=2)), 3)
+    assert result.episodes == [Episode(seed, 39.0, 3) for seed in range(3)]
+
+
+@pytest.mark.parametrize(
+    ("name", "choice", "episodes", "solved"),
+    [
+        ("ClockPaid-v0", 2, 99, None),  # too few episodes to say
+        ("ClockPaid-v0", 2, 100, False),  # 39 of 40
+        ("ClockPaid-v0", 0, 100, False),
+        ("Clock-v0", 2, 100, None),  # no threshold
+    ],
+)
+def test_solved_needs_a_threshold_and_a_hundred_episodes(
+    name: str, choice: int, episodes: int, solved: bool | None
+) -> None:
+    summary = play(deploy(stubborn(name, 2, 3, choice)), episodes).summary()
+    assert summary["solved"] is solved
+
+
+def test_a_mean_at_the_threshold_is_solved() -> None:
+    deployment = deploy(stubborn("ClockPaid-v0", 2, 3))
+    for reward, solved in ((40.0, True), (39.99, False)):
+        episodes = [Episode(seed, reward, 3) for seed in range(100)]
+        assert RunResult(deployment, 100, episodes).summary()["solved"] is solved
+
+
+def test_thresholds_are_those_of_gymnasium() -> None:
+    assert reward_threshold("CartPole-v1") == 475
+    assert reward_threshold("LunarLander-v3") == 200
+    assert reward_threshold("Clock-v0") is None
+    assert reward_threshold("CartPole") == 475
+
+
+def test_the_interval_of_equal_rewards_is_their_value() -> None:
+    assert bootstrap_ci95(np.full(7, 42.0), 0) == [42.0, 42.0]
+    assert bootstrap_ci95(np.zeros(0), 0) is None
+
+
+@pytest.mark.parametrize("size", [5, 100])
+def test_the_interval_is_scipy_s_percentile_bootstrap(size: int) -> None:
+    """Two runs of 10000 resamples; an end at 2.5 % of a nearly normal law of deviation s has the
+    error s sqrt(0.025 * 0.975 / 10000) / phi(1.96) = 0.027 s, their difference 0.038 s."""
+    rewards = np.random.default_rng(0).normal(200, 30, size)
+    found = bootstrap_ci95(rewards, 1)
+    theirs = stats.bootstrap(
+        (rewards,), np.mean, n_resamples=10_000, method="percentile", rng=np.random.default_rng(2)
+    ).confidence_interval
+    assert found is not None
+    deviation = rewards.std() / np.sqrt(size)
+    np.testing.assert_allclose(found, [theirs.low, theirs.high], atol=5 * 0.038 * deviation)
+    assert found[0] < rewards.mean() < found[1]
+
+
+def test_an_unknown_environment_gets_the_nearest_names() -> None:
+    with pytest.raises(
+        EnvironmentMismatchError, match="Unknown environment 'CartPoll-v1'"
+    ) as caught:
+        play(deploy(stubborn("CartPoll-v1", 4, 2)), 1)
+    assert "CartPole-v1" in str(caught.value)
+    with pytest.raises(EnvironmentMismatchError, match="LunarLander-v3"):
+        play(deploy(stubborn("LunarLander-v2", 8, 4)), 1)
+
+
+@pytest.mark.parametrize(
+    ("name", "features", "actions", "message"),
+    [
+        ("Pendulum-v1", 3, 2, "Pendulum-v1 acts in Box"),
+        ("FrozenLake-v1", 1, 4, "FrozenLake-v1 observes Discrete"),
+        ("CartPole-v1", 5, 2, "reads feature 4; observations of CartPole-v1 have 4 features"),
+        ("CartPole-v1", 4, 3, "has 3 actions; CartPole-v1 has 2"),
+        ("Acrobot-v1", 6, 2, "has 2 actions; Acrobot-v1 has 3"),
+    ],
+)
+def test_an_environment_that_does_not_fit_is_refused(
+    name: str, features: int, actions: int, message: str
+) -> None:
+    with pytest.raises(EnvironmentMismatchError, match=message):
+        play(deploy(stubborn(name, features, actions)), 1)
+
+
+def test_a_policy_may_read_fewer_features_than_there_are() -> None:
+    assert len(play(deploy(stubborn("CartPole-v1", 2, 2)), 2).episodes) == 2
+
+
+@pytest.mark.parametrize("episodes", [0, -1, MAX_EPISODES + 1])
+def test_the_number_of_episodes_has_limits(episodes: int) -> None:
+    with pytest.raises(CountsError, match=f"{episodes} episodes cannot be played"):
+        play(deploy(cartpole()), episodes)
+
+
+def test_settings_of_a_deployment_are_checked() -> None:
+    with pytest.raises(CountsError, match="0 shots cannot be run"):
+        deploy(cartpole(), shots=0)
+    with pytest.raises(
+        CalibrationError, match=r"Unknown mitigation 'magic'\.\n  Known: none, readout"
+    ):
+        deploy(cartpole(), mitigation="magic")
+
+
+def test_the_first_episode_is_filmed() -> None:
+    """A frame for every step of the first episode, which ends soon."""
+    pytest.importorskip("pygame")
+    result = play(deploy(stubborn("CartPole-v1", 4, 2)), 2, film=True)
+    assert len(result.frames) == result.episodes[0].length
+    assert all(frame.shape[2] == 3 and frame.dtype == np.uint8 for frame in result.frames)

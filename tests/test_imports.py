@@ -1,0 +1,122 @@
+"""Who imports whom, what is loaded when, and what is public."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import qcompile
+
+PACKAGE = Path(qcompile.__file__).parent
+
+ORDER = (
+    {"errors"},
+    {"catalogue", "output", "validation"},
+    {"ir"},
+    {"simulate", "qasm", "device"},
+    {"passes"},
+    {"noise"},
+    {"snapshot", "execution"},
+    {"mitigation"},
+    {"policy"},
+    {"jobs", "rl"},
+    {"report"},
+    {"cli"},
+    {"__main__"},
+)
+"""docs/architecture.md: a room imports from itself and from the lines above its own."""
+
+LEVEL = {room: level for level, rooms in enumerate(ORDER) for room in rooms}
+
+SMALL = {"ir", "simulate", "qasm"}
+"""Rooms that ask `catalogue` for the nearest names and touch no file with it."""
+
+HEAVY = ("torch", "cvxpy", "gymnasium", "matplotlib", "qiskit", "openqasm3", "imageio")
+
+
+def room(path: Path) -> str:
+    return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+
+
+def imports(path: Path) -> Iterator[tuple[int, str]]:
+    """Line and room of everything that a file imports from qcompile, within functions too."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}:{node.lineno} imports relatively"
+            names = [f"{node.module}.{alias.name}" for alias in node.names]
+        elif isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        else:
+            continue
+        for name in names:
+            parts = name.split(".")
+            if parts[0] == "qcompile" and parts[1:2] != ["__version__"]:
+                yield node.lineno, parts[1]
+
+
+MODULES = sorted(path for path in PACKAGE.rglob("*.py") if path.parent != PACKAGE / "hardware")
+
+
+def test_every_room_has_its_place() -> None:
+    assert {room(path) for path in MODULES} - {"__init__"} == set(LEVEL)
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_imports_point_one_way(path: Path) -> None:
+    own = room(path)
+    if own == "__init__":
+        return  # the front door: its names are loaded when they are used
+    wrong = [
+        f"{path.name}:{line} imports {other}"
+        for line, other in imports(path)
+        if other != own and LEVEL[other] >= LEVEL[own]
+    ]
+    assert not wrong
+
+
+def loaded_by(statement: str) -> set[str]:
+    """The heavy packages that a fresh interpreter holds after `statement`."""
+    code = f"{statement}\nimport sys\nprint('loaded', *sys.modules)"
+    found = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=True
+    )
+    modules = found.stdout.rpartition("loaded ")[2].split()
+    return {name.partition(".")[0] for name in modules} & set(HEAVY)
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "import qcompile",
+        "import qcompile.ir, qcompile.passes, qcompile.simulate, qcompile.noise, "
+        "qcompile.execution, qcompile.policy, qcompile.policy.export, qcompile.device, "
+        "qcompile.snapshot, qcompile.mitigation, qcompile.qasm, qcompile.jobs.program_file",
+        "import qcompile\nfor name in qcompile.__all__: getattr(qcompile, name)",
+        "import sys\nfrom qcompile.cli import main\nsys.argv = ['qcompile', '--help']\n"
+        "try: main()\nexcept SystemExit as ended: assert ended.code == 0",
+    ],
+    ids=["qcompile", "rooms", "names", "--help"],
+)
+def test_heavy_packages_are_loaded_where_used(statement: str) -> None:
+    assert loaded_by(statement) == set()
+
+
+def test_the_measure_of_what_is_loaded_works() -> None:
+    assert loaded_by("import openqasm3") == {"openqasm3"}
+
+
+def test_public_names_are_sorted_and_there() -> None:
+    assert qcompile.__all__ == sorted(qcompile.__all__)
+    for name in qcompile.__all__:
+        assert getattr(qcompile, name).__module__.startswith("qcompile.")
+    assert {*qcompile.__all__, "__version__"} == set(dir(qcompile))
+
+
+def test_a_name_that_is_not_there_is_named() -> None:
+    with pytest.raises(AttributeError, match="module 'qcompile' has no attribute 'nosuch'"):
+        qcompile.nosuch  # noqa: B018
