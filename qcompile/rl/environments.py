@@ -92,11 +92,9 @@ def check_fit(policy: Policy, environment: Environment) -> None:
         )
 
 
-def reward_threshold(name: str) -> float | None:
+def reward_threshold(environment: Environment) -> float | None:
     """The mean reward at which the environment counts as solved, if it has one."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return gymnasium.spec(name).reward_threshold
+    return environment.spec.reward_threshold if environment.spec else None
 
 
 def reset_all(environments: list[Environment], seeds: list[int]) -> np.ndarray[Any, Any]:

@@ -92,10 +92,14 @@ class Deployment:
 
 @dataclass
 class RunResult:
-    """What a run found. `requested` episodes were asked for; `episodes` finished."""
+    """What a run found. `requested` episodes were asked for; `episodes` finished.
+
+    `threshold` is the mean reward at which the environment counts as solved, if it has one.
+    """
 
     deployment: Deployment
     requested: int
+    threshold: float | None = None
     episodes: list[Episode] = field(default_factory=list)
     jobs: int = 0
     env_steps: int = 0
@@ -120,7 +124,7 @@ class RunResult:
         """The plain values of `qcompile run --json`."""
         made, rewards = self.deployment, self.rewards
         policy, counts = made.policy, made.executable.gate_counts()
-        threshold = reward_threshold(policy.environment)
+        threshold = self.threshold
         mean = float(rewards.mean()) if len(rewards) else None
         judged = threshold is not None and len(rewards) >= _LEAST_FOR_SOLVED and mean is not None
         jobs = self.jobs + (made.mitigation == "readout")
@@ -184,9 +188,9 @@ def play(
         raise CountsError(
             f"{episodes} episodes cannot be played.", f"Their number lies in [1, {MAX_EPISODES}]."
         )
-    result = RunResult(deployment, episodes)
     environments = make_environments(deployment.policy.environment, episodes, film_first=film)
     check_fit(deployment.policy, environments[0])
+    result = RunResult(deployment, episodes, reward_threshold(environments[0]))
     seeds = [deployment.seed + i for i in range(episodes)]
     started = time.perf_counter()
     try:
