@@ -96,7 +96,8 @@ def loaded_by(statement: str) -> set[str]:
         "import qcompile",
         "import qcompile.ir, qcompile.passes, qcompile.simulate, qcompile.noise, "
         "qcompile.execution, qcompile.policy, qcompile.device, "
-        "qcompile.snapshot, qcompile.mitigation, qcompile.qasm, qcompile.jobs.program_file, qcompile.jobs.policy_job",
+        "qcompile.snapshot, qcompile.mitigation, qcompile.qasm, "
+        "qcompile.jobs.program_file, qcompile.jobs.policy_job",
         "import qcompile\nfor name in qcompile.__all__: getattr(qcompile, name)",
         "import sys\nfrom qcompile.cli import main\nsys.argv = ['qcompile', '--help']\n"
         "try: main()\nexcept SystemExit as ended: assert ended.code == 0",

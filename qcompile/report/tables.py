@@ -85,7 +85,7 @@ def _plural(count: int, word: str) -> str:
 
 def _bars(values: Sequence[float]) -> str:
     """One bar for each of the first 40 values, from the least to the greatest."""
-    low, span = min(values), (max(values) - min(values)) or 1.0
+    high, span = max(values), (max(values) - min(values)) or 1.0
     shown = values[:40]
-    bars = "".join(_BARS[round((v - low) / span * (len(_BARS) - 1))] for v in shown)
+    bars = "".join(_BARS[-1 - round((high - v) / span * (len(_BARS) - 1))] for v in shown)
     return bars + ("…" if len(values) > len(shown) else "")

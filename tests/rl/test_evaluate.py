@@ -245,7 +245,7 @@ def test_a_mean_at_the_threshold_is_solved() -> None:
     deployment = deploy(stubborn("ClockPaid-v0", 2, 3))
     for reward, solved in ((40.0, True), (39.99, False)):
         episodes = [Episode(seed, reward, 3) for seed in range(100)]
-        assert RunResult(deployment, 100, episodes).summary()["solved"] is solved
+        assert RunResult(deployment, 100, 40.0, episodes).summary()["solved"] is solved
 
 
 def test_thresholds_are_those_of_gymnasium() -> None:
