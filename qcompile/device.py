@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Literal
@@ -47,6 +48,22 @@ class Qubit(_Record):
     def contrast(self) -> float:
         """1 - p01 - p10: how much of <Z> is left after the readout."""
         return 1.0 - self.p01 - self.p10
+
+
+def relaxation(qubit: Qubit, length_ns: float) -> tuple[float, float]:
+    """What thermal relaxation over `length_ns` leaves of r_z and of r_x, r_y.
+
+    T2 is cut to 2 T1, the physical limit.
+    """
+    t1_ns = 1e3 * qubit.t1_us
+    t2_ns = min(1e3 * qubit.t2_us, 2 * t1_ns)
+    return math.exp(-length_ns / t1_ns), math.exp(-length_ns / t2_ns)
+
+
+def relaxation_error(qubit: Qubit, length_ns: float) -> float:
+    """The average gate error, 1 - fidelity, of thermal relaxation alone."""
+    along, across = relaxation(qubit, length_ns)
+    return (3 - along - 2 * across) / 6
 
 
 class Device(_Record):

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from qcompile.device import Device, GateCalibration, Qubit
+from qcompile.device import Device, GateCalibration, Qubit, relaxation, relaxation_error
 from qcompile.ir import Circuit, Gate
 from qcompile.passes import Executable
 
@@ -22,22 +22,6 @@ FloatArray = NDArray[np.float64]
 """Maps are 4 x 4 matrices that act on (1, r_x, r_y, r_z)."""
 
 _EYE = np.eye(4)
-
-
-def relaxation(qubit: Qubit, length_ns: float) -> tuple[float, float]:
-    """What thermal relaxation over `length_ns` leaves of r_z and of r_x, r_y.
-
-    T2 is cut to 2 T1, the physical limit.
-    """
-    t1_ns = 1e3 * qubit.t1_us
-    t2_ns = min(1e3 * qubit.t2_us, 2 * t1_ns)
-    return math.exp(-length_ns / t1_ns), math.exp(-length_ns / t2_ns)
-
-
-def relaxation_error(qubit: Qubit, length_ns: float) -> float:
-    """The average gate error, 1 - fidelity, of thermal relaxation alone."""
-    along, across = relaxation(qubit, length_ns)
-    return (3 - along - 2 * across) / 6
 
 
 def depolarising(calibration: GateCalibration, qubit: Qubit) -> float:
@@ -99,6 +83,8 @@ class NoisyCircuits:
         self._between = fixed[1:-1]
         end = np.einsum("ci,cij->cj", np.reshape(rows, (-1, 4)), fixed[-1])
         self._end = end.T.copy()
+        # Nothing before the first slot depends on angles: a single slot is a response curve.
+        self._response = self._curve(*self._start.T) if slots == 1 else None
 
     def expectation(self, angles: FloatArray) -> FloatArray:
         """The measured <Z> for angles (B, circuits, slots), as `Executable.bind_slots` gives them.
@@ -106,6 +92,8 @@ class NoisyCircuits:
         (B, circuits), exact: no shot noise. With one slot it is the response curve of the qubit,
         b + c cos(a) + s sin(a).
         """
+        if self._response is not None:
+            return _on_curve(*self._response, angles[:, :, 0])
         r_x, r_y, r_z = self._start.T
         for slot, fixed in enumerate(self._between):
             cos, sin = np.cos(angles[:, :, slot]), np.sin(angles[:, :, slot])
@@ -114,14 +102,18 @@ class NoisyCircuits:
                 fixed[:, i, 0] + fixed[:, i, 1] * r_x + fixed[:, i, 2] * r_y + fixed[:, i, 3] * r_z
                 for i in (1, 2, 3)
             )
-        last = angles[:, :, -1]
+        return _on_curve(*self._curve(r_x, r_y, r_z), angles[:, :, -1])
+
+    def _curve(
+        self, r_x: FloatArray, r_y: FloatArray, r_z: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """b, c, s of the measured <Z> as a function of the last angle, after a Bloch vector."""
         b, e_x, e_y, e_z = self._end
-        measured: FloatArray = (
-            (e_x * r_x + e_y * r_y) * np.cos(last)
-            + (e_y * r_x - e_x * r_y) * np.sin(last)
-            + (b + e_z * r_z)
-        )
-        return measured
+        return b + e_z * r_z, e_x * r_x + e_y * r_y, e_y * r_x - e_x * r_y
+
+
+def _on_curve(b: FloatArray, c: FloatArray, s: FloatArray, angle: FloatArray) -> FloatArray:
+    return np.asarray(b + c * np.cos(angle) + s * np.sin(angle))
 
 
 def physical_qubit(device: Device, index: int) -> Qubit | None:

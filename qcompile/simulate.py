@@ -42,6 +42,8 @@ class Simulator:
             form = forms.setdefault(tuple(a.terms for a in angles), len(self._steps))
             axis = "z" if position % 2 == 0 else "y"
             self._steps.append(_Step(axis, table, form, xp, dtype))
+        self._seen = _seen(self._steps)
+        self._last_z = next((step for step in reversed(self._seen) if step.axis == "z"), None)
 
     def _inputs(self, x: Array, theta: Array) -> Array:
         if self._definitions is None:
@@ -52,21 +54,20 @@ class Simulator:
         """<Z> of every circuit for every observation, (B, circuits), in [-1, 1]."""
         batch, x = len(x), self._inputs(x, theta)
         turns: dict[int, tuple[Array, Array]] = {}
-        last = max((i for i, s in enumerate(self._steps) if s.axis == "y"), default=-1)
         # The Bloch vector, from |0>: None stands for 0 and, in r_z, for 1.
         r_x = r_y = r_z = None
-        for index, step in enumerate(self._steps[: last + 1]):
-            if step.is_identity or (step.axis == "z" and r_x is None):
-                continue
+        for step in self._seen:
             cos, sin = step.turn(x, theta, turns)
             if step.axis == "z":
-                if r_y is None:
+                if step is self._last_z:  # what turns into y is seen no more
+                    r_x = r_x * cos if r_y is None else r_x * cos - r_y * sin
+                elif r_y is None:
                     r_x, r_y = r_x * cos, r_x * sin
                 else:
                     r_x, r_y = r_x * cos - r_y * sin, r_x * sin + r_y * cos
             elif r_x is None:
                 r_x, r_z = sin, cos
-            elif index == last:
+            elif step is self._seen[-1]:
                 r_z = r_z * cos - r_x * sin
             else:
                 r_x, r_z = r_x * cos + r_z * sin, r_z * cos - r_x * sin
@@ -129,7 +130,7 @@ class Definitions:
             euler = np.stack(self._simulator.euler(x, theta))
             return euler[self._parts, :, self._index].T
         z = self._simulator.expectation(x, theta)
-        polar = np.arccos(np.clip(z, -1.0, 1.0))
+        polar = np.arccos(np.minimum(np.maximum(z, -1.0), 1.0))
         return polar if self._one_each else polar[:, self._index]
 
 
@@ -160,6 +161,16 @@ class _Step:
         if self._quarter:
             return -sin, cos
         return cos * self._cos - sin * self._sin, sin * self._cos + cos * self._sin
+
+
+def _seen(steps: Sequence[_Step]) -> list[_Step]:
+    """The steps that <Z> depends on: from the first y that turns to the last one."""
+    kept = [step for step in steps if not step.is_identity]
+    while kept and kept[0].axis == "z":
+        kept.pop(0)
+    while kept and kept[-1].axis == "z":
+        kept.pop()
+    return kept
 
 
 def alternating(circuit: Circuit) -> list[Angle]:

@@ -10,9 +10,8 @@ from typing import Any
 from pydantic import ValidationError
 
 from qcompile.catalogue import nearest
-from qcompile.device import Device, GateCalibration, Qubit
+from qcompile.device import Device, GateCalibration, Qubit, relaxation_error
 from qcompile.errors import DeviceError, MissingExtraError
-from qcompile.noise import relaxation_error
 from qcompile.validation import explain
 
 NATIVE_GATES = ("rz", "sx", "x", "rx")

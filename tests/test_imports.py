@@ -18,8 +18,8 @@ ORDER = (
     {"errors"},
     {"catalogue", "output", "validation"},
     {"ir"},
-    {"simulate", "qasm", "device", "snapshot"},
-    {"passes"},
+    {"simulate", "qasm", "device"},
+    {"passes", "snapshot"},
     {"noise"},
     {"execution"},
     {"mitigation"},
@@ -64,14 +64,10 @@ def test_every_room_has_its_place() -> None:
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
-def test_imports_point_one_way(path: Path, request: pytest.FixtureRequest) -> None:
+def test_imports_point_one_way(path: Path) -> None:
     own = room(path)
     if own == "__init__":
         return  # the front door: its names are loaded when they are used
-    if own == "snapshot":
-        request.applymarker(
-            pytest.mark.xfail(strict=True, reason="snapshot.py takes relaxation_error of noise.py")
-        )
     wrong = [
         f"{path.name}:{line} imports {other}"
         for line, other in imports(path)

@@ -57,7 +57,7 @@ def expectation_from_ones(ones: CountArray, shots: int) -> FloatArray:
     """
     ones = np.asarray(ones)
     check_shots(shots)
-    if ones.size and (ones.min() < 0 or ones.max() > shots):
-        outside = ones[(ones < 0) | (ones > shots)][0]
-        raise CountsError(f"{outside} ones in {shots} shots.", f"Ones lie in [0, {shots}].")
+    outside = (ones < 0) | (ones > shots)
+    if np.count_nonzero(outside):
+        raise CountsError(f"{ones[outside][0]} ones in {shots} shots.", f"Ones lie in [0, {shots}].")
     return np.asarray(1.0 - ones * (2.0 / shots), dtype=np.float64)

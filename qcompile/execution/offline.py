@@ -36,8 +36,8 @@ class OfflineExecutor:
             DeviceError: the executable was compiled for another device.
         """
         check_shots(shots)
-        p_one = (1.0 - self.expectation(executable, x, theta)) / 2.0
-        return self._rng.binomial(shots, np.clip(p_one, 0.0, 1.0, out=p_one))
+        p_one = 0.5 - 0.5 * self.expectation(executable, x, theta)
+        return self._rng.binomial(shots, np.minimum(np.maximum(p_one, 0.0), 1.0))
 
     def expectation(self, executable: Executable, x: FloatArray, theta: FloatArray) -> FloatArray:
         """The measured <Z> of each circuit without shot noise, (B, circuits), readout included."""

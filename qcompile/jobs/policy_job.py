@@ -61,7 +61,7 @@ def export_job(
     parametric = executable.native if level == 0 else executable.template()
     rows: Iterable[tuple[int | None, Program]] = [(None, parametric)]
     if observations is not None:
-        rows = _bound(executable, policy.encode(observations))
+        rows = _bound(executable, _encoded(policy, observations))
     physical = format == "qasm3" and not device.is_ideal
     programs = []
     with new_folder(folder) as target:
@@ -125,8 +125,16 @@ def read_observations(path: Path, policy: Policy) -> FloatArray:
         ) from error
     if not np.isfinite(values).all() or not values.size:
         raise PolicyError(f"{path} holds no observation, or a number that is not finite.")
-    policy.encode(values)
+    _encoded(policy, values)
     return values
+
+
+def _encoded(policy: Policy, observations: FloatArray) -> FloatArray:
+    with np.errstate(all="ignore"):
+        x = policy.encode(observations)
+    if not np.isfinite(x).all():
+        raise PolicyError("An observation gives an angle that is not finite.")
+    return x
 
 
 def _bound(executable: Executable, x: FloatArray) -> Iterator[tuple[int, Program]]:

@@ -56,7 +56,7 @@ class ReadoutMitigation:
         clipped to [-1, 1], which is the least-squares solution under that constraint.
         """
         offset, contrast = self._line
-        return np.clip((z - offset) / contrast, -1.0, 1.0)
+        return np.minimum(np.maximum((z - offset) / contrast, -1.0), 1.0)
 
 
 def calibrate_readout(

@@ -24,6 +24,7 @@ SUFFIXES = (".pt", ".json")
 _TENSORS = ("theta", "weights", "bias")
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
+Word = Annotated[str, Field(pattern=r"^[^\x00-\x1f\x7f]+$", max_length=200)]
 Natural = Annotated[int, Field(ge=0, le=1_000_000)]
 
 
@@ -41,8 +42,8 @@ class PolicyFile(_Record):
     """The schema of a policy file, as docs/policies.md explains it."""
 
     format: Literal["qcompile-policy-1"]
-    name: str
-    environment: str
+    name: Word
+    environment: Word
     encoder: EncoderFile
     circuits: Annotated[list[list[list[str | Number]]], Field(min_length=1)]
     theta: list[Number]

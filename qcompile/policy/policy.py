@@ -23,6 +23,8 @@ ENCODINGS: dict[str, Callable[[FloatArray], FloatArray]] = {
 }
 """The functions an encoder can apply to a scaled feature."""
 
+MOST_SCALE = 1e9
+
 
 @dataclass(frozen=True, eq=False)
 class Encoder:
@@ -31,6 +33,11 @@ class Encoder:
     function: str
     feature: IntArray
     scale: FloatArray
+
+    @cached_property
+    def features(self) -> int:
+        """The least number of features that an observation must have."""
+        return int(self.feature.max(initial=-1)) + 1
 
     def __call__(self, observations: FloatArray) -> FloatArray:
         """Observations (B, features) to inputs x (B, inputs)."""
@@ -73,6 +80,11 @@ class Policy:
                 raise PolicyError(f"{name} has shape {np.shape(array)}.", f"It needs {shape}.")
             if not np.isfinite(array).all():
                 raise PolicyError(f"{name} holds a number that is not finite.")
+        if np.abs(self.encoder.scale).max(initial=0.0) > MOST_SCALE:
+            raise PolicyError(
+                f"encoder.scale has an entry of {np.abs(self.encoder.scale).max():.3g}.",
+                f"Scales lie within {MOST_SCALE:.0e}: more turns every angle into noise.",
+            )
         if self.encoder.function not in ENCODINGS:
             raise PolicyError(
                 f"Unknown encoder function {self.encoder.function!r}.",
@@ -98,7 +110,7 @@ class Policy:
             PolicyError: the observations have too few features.
         """
         observations = np.asarray(observations, dtype=float)
-        needed = int(self.encoder.feature.max(initial=-1)) + 1
+        needed = self.encoder.features
         if observations.ndim != 2 or observations.shape[1] < needed:
             raise PolicyError(
                 f"Observations have shape {observations.shape}.",

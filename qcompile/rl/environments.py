@@ -78,7 +78,7 @@ def check_fit(policy: Policy, environment: Environment) -> None:
     """Raise EnvironmentMismatchError where `policy` cannot act in `environment`."""
     features, actions = features_and_actions(environment)
     name = environment.spec.id if environment.spec else str(environment)
-    needed = int(policy.encoder.feature.max(initial=-1)) + 1
+    needed = policy.encoder.features
     if needed > features:
         raise EnvironmentMismatchError(
             f"Policy {policy.name!r} reads feature {needed - 1}; observations of {name} "

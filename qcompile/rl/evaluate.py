@@ -195,7 +195,7 @@ def play(
     started = time.perf_counter()
     try:
         observations = reset_all(environments, seeds)
-        rewards, lengths = np.zeros(episodes), np.zeros(episodes, dtype=int)
+        rewards, lengths = [0.0] * episodes, [0] * episodes
         alive = list(range(episodes))
         while alive:
             actions = deployment.act(observations[alive]).tolist()
@@ -205,12 +205,12 @@ def play(
             for index, action in zip(alive, actions, strict=True):
                 step = environments[index].step(action)
                 observations[index] = step[0]
-                rewards[index] += step[1]
+                rewards[index] += float(step[1])
                 lengths[index] += 1
                 if film and index == 0:
                     result.frames.append(environments[0].render())  # type: ignore[arg-type]
                 if step[2] or step[3]:
-                    done = Episode(seeds[index], float(rewards[index]), int(lengths[index]))
+                    done = Episode(seeds[index], rewards[index], lengths[index])
                     result.episodes.append(done)
                     on_episode(done)
                 else:

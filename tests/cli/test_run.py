@@ -217,6 +217,14 @@ Error: Policy 'tiny' has 2 actions; Acrobot-v1 has 3.
   Correct `environment`, or `weights` and `bias`, in the policy file.
 """,
     ),
+    "angles out of range": (
+        {"encoder": {"function": "identity", "feature": [0, 1, 2, 3], "scale": [1.7e308] * 4}},
+        """\
+Error: tiny.json is no policy file.
+  encoder.scale has an entry of 1.7e+308.
+    Scales lie within 1e+09: more turns every angle into noise.
+""",
+    ),
     "no numbered actions": (
         {"environment": "Pendulum-v1"},
         """\
@@ -230,7 +238,7 @@ Error: Pendulum-v1 acts in Box(-2.0, 2.0, (1,), float32).
 @pytest.mark.parametrize("what", BAD_POLICIES)
 def test_bad_policies_are_explained(qcompile: Call, policy: Call, what: str) -> None:
     changes, text = BAD_POLICIES[what]
-    answer = qcompile("run", policy(**changes), "--episodes", 1)
+    answer = qcompile("run", policy(**changes), "--episodes", 20)
     assert (answer.code, answer.out, answer.err) == (1, "", text)
 
 

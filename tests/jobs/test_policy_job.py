@@ -191,7 +191,7 @@ def test_a_failed_job_leaves_nothing(
         monkeypatch.setattr(os, "replace", full)
     else:
         observations[2, 1] = np.nan
-    with pytest.raises(OutputError if fault == "disk full" else CircuitError):
+    with pytest.raises(OutputError if fault == "disk full" else PolicyError):
         export_job(make(), load_device("ideal"), tmp_path / "job", observations=observations)
     assert not list(tmp_path.iterdir())
 
