@@ -11,16 +11,20 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from qcompile.catalogue import find, names, nearest
 from qcompile.errors import DeviceError
-from qcompile.validation import explain
+from qcompile.validation import Line, explain
 
 IDEAL_NAME = "ideal"
+LEAST_CONTRAST = 0.8
+"""A qubit whose readout leaves less of <Z> is not used as long as there are others."""
+_FORMAT = "qcompile-device-1"
 
 Probability = Annotated[float, Field(ge=0, le=1)]
+GateName = Annotated[str, Field(pattern=r"^\w+$", max_length=40)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
 class _Record(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=False)
+    model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 class GateCalibration(_Record):
@@ -41,8 +45,8 @@ class Qubit(_Record):
     p10: Probability
     p01: Probability
     readout_ns: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = None
-    gates: dict[str, GateCalibration] = {}
-    doubtful: tuple[str, ...] = ()
+    gates: dict[GateName, GateCalibration] = {}
+    doubtful: tuple[Line, ...] = ()
 
     @property
     def contrast(self) -> float:
@@ -75,10 +79,10 @@ class Device(_Record):
     format: Literal["qcompile-device-1"] = "qcompile-device-1"
     name: Annotated[str, Field(pattern=r"^[\w.-]+$")]
     aliases: tuple[str, ...] = ()
-    source: str
-    calibrated: str | None = None
-    basis_gates: tuple[str, ...]
-    notes: tuple[str, ...] = ()
+    source: Line
+    calibrated: Line | None = None
+    basis_gates: tuple[GateName, ...]
+    notes: tuple[Line, ...] = ()
     qubits: tuple[Qubit, ...] = ()
 
     @model_validator(mode="after")
@@ -86,8 +90,8 @@ class Device(_Record):
         gates = set(self.basis_gates)
         if not (gates >= {"rz", "rx"} or gates >= {"rz", "sx", "x"}):
             raise ValueError(f"basis_gates holds {sorted(gates)}; it needs rz, sx, x or rz, rx")
-        if not self.qubits and self.name != IDEAL_NAME:
-            raise ValueError("qubits is empty; a device needs at least one")
+        if bool(self.qubits) == (self.name == IDEAL_NAME):
+            raise ValueError(f"only the device {IDEAL_NAME!r}, which is built in, has no qubits")
         return self
 
     @property
@@ -98,14 +102,15 @@ class Device(_Record):
     def usable(self) -> tuple[int, ...]:
         """The qubits worth using, the best readout first.
 
-        Left out are those that keep less than 0.8 of <Z>, as long as others are left.
+        Left out are those that keep less than LEAST_CONTRAST of <Z>; if none keeps as much, the
+        best one is used alone.
         """
         ranked = sorted(range(len(self.qubits)), key=lambda q: (-self.qubits[q].contrast, q))
-        good = [q for q in ranked if self.qubits[q].contrast >= 0.8]
+        good = [q for q in ranked if self.qubits[q].contrast >= LEAST_CONTRAST]
         return tuple(good or ranked[:1])
 
     def to_json(self) -> str:
-        return self.model_dump_json(indent=1, exclude_defaults=False) + "\n"
+        return self.model_dump_json(indent=1) + "\n"
 
 
 IDEAL = Device(
@@ -117,21 +122,28 @@ IDEAL = Device(
 
 def device_names() -> list[str]:
     """Every device known by name, `ideal` first; aliases are left out."""
-    return [IDEAL_NAME, *names("hardware", [".json"])]
+    return [IDEAL_NAME, *(known for known in names("hardware", [".json"]) if _claims(known))]
 
 
-def load_device(name: str) -> Device:
+def _claims(name: str) -> bool:
+    """Whether the file of that name says that it is a device: others may share the folder."""
+    path = find("hardware", name, [".json"])
+    return path is not None and _FORMAT.encode() in path.read_bytes()
+
+
+def load_device(name: str | Path) -> Device:
     """The device with this name or alias, or of the file at this path.
 
     Raises:
         DeviceError: no such device (the message has the nearest names), or a wrong file.
     """
+    name = str(name)
     if name == IDEAL_NAME:
         return IDEAL
     path = find("hardware", name, [".json"])
     if path is not None:
         return _read(path)
-    for known in names("hardware", [".json"]):
+    for known in device_names()[1:]:
         other = find("hardware", known, [".json"])
         if other is not None and name in (device := _read(other)).aliases:
             return device
@@ -144,6 +156,6 @@ def load_device(name: str) -> Device:
 
 def _read(path: Path) -> Device:
     try:
-        return Device.model_validate_json(path.read_bytes())
+        return Device.model_validate_json(path.read_bytes(), strict=True)
     except (OSError, ValidationError) as error:
         raise DeviceError(f"{path} is no device file.", *explain(error)) from error

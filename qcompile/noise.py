@@ -92,28 +92,34 @@ class NoisyCircuits:
         (B, circuits), exact: no shot noise. With one slot it is the response curve of the qubit,
         b + c cos(a) + s sin(a).
         """
+        return np.asarray(1.0 - 2.0 * self.p_one(np.cos(angles), np.sin(angles)))
+
+    def p_one(self, cos: FloatArray, sin: FloatArray) -> FloatArray:
+        """P(1) of each circuit for the cosines and sines of its angles, as `bind_turns` gives them.
+
+        Arrays of (B, circuits, slots) to (B, circuits), in [0, 1] up to rounding.
+        """
         if self._response is not None:
-            return _on_curve(*self._response, angles[:, :, 0])
+            b, c, s = self._response
+            return np.asarray(b + c * cos[:, :, 0] + s * sin[:, :, 0])
         r_x, r_y, r_z = self._start.T
         for slot, fixed in enumerate(self._between):
-            cos, sin = np.cos(angles[:, :, slot]), np.sin(angles[:, :, slot])
-            r_x, r_y = r_x * cos - r_y * sin, r_x * sin + r_y * cos
+            cos_k, sin_k = cos[:, :, slot], sin[:, :, slot]
+            r_x, r_y = r_x * cos_k - r_y * sin_k, r_x * sin_k + r_y * cos_k
             r_x, r_y, r_z = (
                 fixed[:, i, 0] + fixed[:, i, 1] * r_x + fixed[:, i, 2] * r_y + fixed[:, i, 3] * r_z
                 for i in (1, 2, 3)
             )
-        return _on_curve(*self._curve(r_x, r_y, r_z), angles[:, :, -1])
+        b, c, s = self._curve(r_x, r_y, r_z)
+        return np.asarray(b + c * cos[:, :, -1] + s * sin[:, :, -1])
 
     def _curve(
         self, r_x: FloatArray, r_y: FloatArray, r_z: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """b, c, s of the measured <Z> as a function of the last angle, after a Bloch vector."""
+        """b, c, s of P(1) as a function of the last angle, after a Bloch vector."""
         b, e_x, e_y, e_z = self._end
-        return b + e_z * r_z, e_x * r_x + e_y * r_y, e_y * r_x - e_x * r_y
-
-
-def _on_curve(b: FloatArray, c: FloatArray, s: FloatArray, angle: FloatArray) -> FloatArray:
-    return np.asarray(b + c * np.cos(angle) + s * np.sin(angle))
+        z = b + e_z * r_z, e_x * r_x + e_y * r_y, e_y * r_x - e_x * r_y
+        return (1.0 - z[0]) / 2, -z[1] / 2, -z[2] / 2
 
 
 def physical_qubit(device: Device, index: int) -> Qubit | None:

@@ -16,22 +16,42 @@ from qcompile.errors import OutputError
 def write_file(path: Path, contents: bytes) -> None:
     """Write `contents` to `path`, which is replaced in one step or left as it was.
 
+    A link is followed; what is no regular file, such as /dev/stdout, is written to directly.
+
     Raises:
         OutputError: the file cannot be written.
     """
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        target = path.resolve()
+        if _is_special(target):
+            target.write_bytes(contents)
+            return
+        target.parent.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
         try:
             with os.fdopen(handle, "wb") as file:
                 file.write(contents)
-            os.chmod(temporary, 0o644)
-            os.replace(temporary, path)
+            os.chmod(temporary, _mode(target))
+            os.replace(temporary, target)
         except BaseException:
             Path(temporary).unlink(missing_ok=True)
             raise
     except OSError as error:
         raise _cannot_write(path, error) from error
+
+
+def _is_special(path: Path) -> bool:
+    """Whether there is something that is neither a file nor a folder, such as a device."""
+    return path.exists() and not path.is_file() and not path.is_dir()
+
+
+def _mode(path: Path) -> int:
+    """The permissions of the file that is replaced, or those a new file would get."""
+    if path.exists():
+        return path.stat().st_mode & 0o777
+    mask = os.umask(0)
+    os.umask(mask)
+    return 0o666 & ~mask
 
 
 def check_writable(path: Path) -> None:
@@ -40,8 +60,11 @@ def check_writable(path: Path) -> None:
     Raises:
         OutputError: it cannot; nothing has been made.
     """
-    folder = next((p for p in path.parents if os.path.lexists(p)), Path())
     try:
+        target = path.resolve()
+        if _is_special(target):
+            return
+        folder = next(p for p in target.parents if os.path.lexists(p))
         if path.is_dir():
             raise IsADirectoryError(errno.EISDIR, "It is a folder")
         handle, temporary = tempfile.mkstemp(dir=folder, prefix=f".{path.name}.")
@@ -75,9 +98,10 @@ def new_folder(path: Path) -> Iterator[Path]:
         raise _cannot_write(path, error) from error
     try:
         yield temporary
-        temporary.chmod(0o755)
-        os.replace(temporary, path)
-    except OSError as error:
-        raise _cannot_write(path, error) from error
+        try:
+            temporary.chmod(0o755)
+            os.replace(temporary, path)
+        except OSError as error:
+            raise _cannot_write(path, error) from error
     finally:
         shutil.rmtree(temporary, ignore_errors=True)

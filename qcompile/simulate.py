@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from qcompile.errors import CircuitError
 from qcompile.ir import NEGLIGIBLE_RAD, Angle, Circuit, Definition, Program
 from qcompile.ir.table import AngleTable, Array
 
@@ -23,12 +24,20 @@ class Simulator:
 
     `xp` is numpy or torch, `dtype` the type of its constants. x has shape (B, inputs) and theta
     (parameters,), both arrays of `xp`; results have shape (B, circuits).
+
+    Raises:
+        CircuitError: the program has definitions, and `xp` is not numpy.
     """
 
     def __init__(self, program: Program, xp: ModuleType = np, dtype: Any = np.float64):
+        if program.definitions and xp is not np:
+            raise CircuitError(
+                "A fused program is evaluated in numpy alone.",
+                "Give torch the program it came from.",
+            )
         self._xp, self._size = xp, len(program)
         self._definitions = (
-            Definitions(program.definitions, program.inputs, program.parameters, xp, dtype)
+            Definitions(program.definitions, program.inputs, program.parameters)
             if program.definitions
             else None
         )
@@ -112,25 +121,31 @@ class Definitions:
         definitions: Sequence[Definition],
         inputs: Sequence[str],
         parameters: Sequence[str],
-        xp: ModuleType = np,
-        dtype: Any = np.float64,
     ):
         blocks = tuple(dict.fromkeys(d.block for d in definitions))
         program = Program(blocks, tuple(inputs), tuple(parameters))
-        self._simulator = Simulator(program, xp, dtype)
+        self._simulator = Simulator(program)
         self._only_polar = all(d.part == "polar" for d in definitions)
         columns = {block: i for i, block in enumerate(blocks)}
         index = np.array([columns[d.block] for d in definitions])
         parts = np.array([("first", "polar", "last").index(d.part) for d in definitions])
-        self._one_each = self._only_polar and (index == np.arange(len(blocks))).all()
+        self._one_each = np.array_equal(index, np.arange(len(blocks)))
         self._index, self._parts = index, parts
+
+    @property
+    def are_polar(self) -> bool:
+        """Whether definition i is the polar angle of block i, and blocks are not shared."""
+        return self._only_polar and self._one_each
+
+    def polar_cosines(self, x: Array, theta: Array) -> Array:
+        """The cosines of the blocks' polar angles, which are their <Z> from |0>: (B, blocks)."""
+        return np.minimum(np.maximum(self._simulator.expectation(x, theta), -1.0), 1.0)
 
     def __call__(self, x: Array, theta: Array) -> Array:
         if not self._only_polar:
             euler = np.stack(self._simulator.euler(x, theta))
             return euler[self._parts, :, self._index].T
-        z = self._simulator.expectation(x, theta)
-        polar = np.arccos(np.minimum(np.maximum(z, -1.0), 1.0))
+        polar = np.arccos(self.polar_cosines(x, theta))
         return polar if self._one_each else polar[:, self._index]
 
 

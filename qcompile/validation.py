@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-from pydantic import ValidationError
+from typing import Annotated
+
+from pydantic import Field, ValidationError
+
+Line = Annotated[str, Field(pattern=r"^[^\x00-\x1f\x7f]+$", max_length=500)]
+"""A text of one line that a terminal can show as it stands."""
 
 
 def explain(error: Exception, most: int = 4) -> list[str]:

@@ -16,7 +16,7 @@ PACKAGE = Path(qcompile.__file__).parent
 
 ORDER = (
     {"errors"},
-    {"catalogue", "output", "validation"},
+    {"catalogue", "output", "validation", "limits"},
     {"ir"},
     {"simulate", "qasm", "device"},
     {"passes", "snapshot"},

@@ -7,7 +7,8 @@ from typing import Literal
 
 import click
 
-from qcompile.cli.options import Shots, backend_option, echo_json, json_option, level_option
+from qcompile.cli.options import backend_option, echo_json, json_option, level_option
+from qcompile.limits import MAX_SHOTS
 
 
 @click.command("export")
@@ -16,7 +17,11 @@ from qcompile.cli.options import Shots, backend_option, echo_json, json_option, 
 @level_option
 @click.option("--format", type=click.Choice(["qasm3", "qasm2"]), default="qasm3", show_default=True)
 @click.option(
-    "--shots", type=Shots(), default=8192, show_default=True, help="Shots to ask for in job.json."
+    "--shots",
+    type=click.IntRange(1, MAX_SHOTS),
+    default=8192,
+    show_default=True,
+    help="Shots to ask for in job.json.",
 )
 @click.option(
     "--observations",
@@ -35,7 +40,7 @@ def command(
     backend: str,
     level: int,
     format: Literal["qasm3", "qasm2"],
-    shots: int | None,
+    shots: int,
     observations: Path | None,
     out: Path,
     as_json: bool,
@@ -50,8 +55,6 @@ def command(
     from qcompile.policy import load_policy
     from qcompile.report.progress import progress_bar
 
-    if shots is None:
-        raise click.BadParameter("a job needs a number of shots.", param_hint="'--shots'")
     device = load_device(backend)
     loaded = load_policy(policy)
     rows = None if observations is None else read_observations(observations, loaded)

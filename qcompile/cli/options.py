@@ -8,7 +8,7 @@ from typing import Any, Protocol, TypeVar
 
 import click
 
-from qcompile.execution.limits import MAX_SHOTS
+from qcompile.limits import MAX_SHOTS
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 

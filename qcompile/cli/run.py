@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 
 import click
 
 from qcompile.cli.options import Shots, backend_option, echo_json, json_option, level_option
+from qcompile.limits import MAX_EPISODES
 
 
 @click.command("run")
@@ -15,7 +17,7 @@ from qcompile.cli.options import Shots, backend_option, echo_json, json_option, 
 @click.option(
     "--shots", type=Shots(), default=8192, show_default=True, help="Shots of each circuit."
 )
-@click.option("--episodes", type=click.IntRange(1), default=20, show_default=True)
+@click.option("--episodes", type=click.IntRange(1, MAX_EPISODES), default=20, show_default=True)
 @click.option(
     "--seed",
     type=click.IntRange(0),
@@ -53,17 +55,20 @@ def command(
     from qcompile.device import load_device
     from qcompile.errors import QcompileError
     from qcompile.policy import load_policy
-    from qcompile.report.film import check_film, write_film
+    from qcompile.report.film import SUFFIXES, Film
     from qcompile.report.progress import progress_bar
     from qcompile.report.tables import print_run
     from qcompile.rl.evaluate import Deployment, Episode, play
 
-    if video is not None:
-        check_film(video)
+    if video is not None and video.suffix not in SUFFIXES:
+        raise click.BadParameter(f"{video} must end with .mp4 or .gif.", param_hint="'--video'")
     device = load_device(backend)
     loaded = load_policy(policy)
     chosen = mitigation or ("none" if device.is_ideal else "readout")
-    with progress_bar(f"{loaded.name} on {device.name}", episodes) as show:
+    with (
+        nullcontext() if video is None else Film(video) as film,
+        progress_bar(f"{loaded.name} on {device.name}", episodes) as show,
+    ):
         show(0, "compiling" if chosen == "none" else "calibrating the readout")
         deployment = Deployment(
             loaded, device, shots=shots, level=level, mitigation=chosen, greedy=greedy, seed=seed
@@ -75,14 +80,13 @@ def command(
             rewards.append(episode.reward)
             show(len(rewards), f"mean reward {sum(rewards) / len(rewards):.1f}")
 
-        result = play(deployment, episodes, film=video is not None, on_episode=count)
+        result = play(deployment, episodes, on_episode=count, on_frame=film.add if film else None)
     summary = result.summary()
     if as_json:
         echo_json(summary)
     else:
         print_run(summary)
-    if video is not None and result.frames:
-        write_film(video, result.frames)
+    if video is not None:
         click.echo(f"film of the first episode in {video}", err=True)
     if result.interrupted:
         raise QcompileError(

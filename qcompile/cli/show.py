@@ -15,7 +15,10 @@ from qcompile.cli.options import backend_option, echo_json, json_option, level_o
 @level_option
 @json_option
 def command(subject: str, backend: str, level: int, as_json: bool) -> None:
-    """Show the circuits of a policy or an OpenQASM file, before and after compilation."""
+    """Show the circuits of a policy or an OpenQASM file, before and after compilation.
+
+    A policy's theta is shown as a symbol; `run` and `export` put its numbers in.
+    """
     from qcompile.device import load_device
     from qcompile.passes import LEVELS, compile
     from qcompile.policy import load_policy
@@ -24,13 +27,14 @@ def command(subject: str, backend: str, level: int, as_json: bool) -> None:
 
     device = load_device(backend)
     if Path(subject).suffix == ".qasm":
+        from qcompile.jobs.program_file import compile_source
         from qcompile.qasm.read import read_file
 
-        policy, program = None, read_file(Path(subject)).program
+        policy, executable = None, compile_source(read_file(subject), device, level, "3").executable
     else:
         policy = load_policy(subject)
-        program = policy.program
-    executable = compile(program, device, level)
+        executable = compile(policy.program, device, level)
+    program = executable.source
     values = executable_values(executable)
     if policy is not None:
         values["policy"] = {

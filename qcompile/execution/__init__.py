@@ -7,11 +7,9 @@ from qcompile.execution.executor import (
     check_shots,
     expectation_from_ones,
 )
-from qcompile.execution.limits import MAX_SHOTS
 from qcompile.execution.offline import OfflineExecutor
 
 __all__ = [
-    "MAX_SHOTS",
     "Executor",
     "Kind",
     "OfflineExecutor",

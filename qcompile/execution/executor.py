@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from qcompile.device import Device
 from qcompile.errors import CountsError
-from qcompile.execution.limits import MAX_SHOTS
+from qcompile.limits import MAX_SHOTS
 from qcompile.passes import Executable
 
 FloatArray = NDArray[np.float64]
 CountArray = NDArray[np.int64]
 
-Kind = Literal["ideal", "noise-model", "measured-response", "hardware"]
+Kind = Literal["ideal", "noise-model"]
 
 
 class Executor(Protocol):
@@ -28,6 +28,10 @@ class Executor(Protocol):
         self, executable: Executable, x: FloatArray, theta: FloatArray, shots: int
     ) -> CountArray:
         """The number of ones of each circuit in `shots` shots, (B, circuits), for x (B, inputs)."""
+        ...
+
+    def expectation(self, executable: Executable, x: FloatArray, theta: FloatArray) -> FloatArray:
+        """The measured <Z> of each circuit without shot noise, (B, circuits)."""
         ...
 
 
@@ -57,7 +61,9 @@ def expectation_from_ones(ones: CountArray, shots: int) -> FloatArray:
     """
     ones = np.asarray(ones)
     check_shots(shots)
-    outside = (ones < 0) | (ones > shots)
+    outside = ones.astype(np.uint64) > shots  # a negative number wraps to a huge one
     if np.count_nonzero(outside):
-        raise CountsError(f"{ones[outside][0]} ones in {shots} shots.", f"Ones lie in [0, {shots}].")
+        raise CountsError(
+            f"{ones[outside][0]} ones in {shots} shots.", f"Ones lie in [0, {shots}]."
+        )
     return np.asarray(1.0 - ones * (2.0 / shots), dtype=np.float64)

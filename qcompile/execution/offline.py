@@ -36,11 +36,18 @@ class OfflineExecutor:
             DeviceError: the executable was compiled for another device.
         """
         check_shots(shots)
-        p_one = 0.5 - 0.5 * self.expectation(executable, x, theta)
+        p_one = self._p_one(executable, x, theta)
         return self._rng.binomial(shots, np.minimum(np.maximum(p_one, 0.0), 1.0))
 
     def expectation(self, executable: Executable, x: FloatArray, theta: FloatArray) -> FloatArray:
-        """The measured <Z> of each circuit without shot noise, (B, circuits), readout included."""
+        """The measured <Z> of each circuit without shot noise, (B, circuits), readout included.
+
+        Raises:
+            DeviceError: the executable was compiled for another device.
+        """
+        return 1.0 - 2.0 * self._p_one(executable, x, theta)
+
+    def _p_one(self, executable: Executable, x: FloatArray, theta: FloatArray) -> FloatArray:
         noisy = self._noisy.get(executable)
         if noisy is None:
             if executable.device is not self.device and executable.device != self.device:
@@ -50,4 +57,4 @@ class OfflineExecutor:
                     "Compile the program for the device it runs on.",
                 )
             noisy = self._noisy[executable] = NoisyCircuits(executable)
-        return noisy.expectation(executable.bind_slots(x, theta))
+        return noisy.p_one(*executable.bind_turns(x, theta))

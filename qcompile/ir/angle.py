@@ -15,6 +15,8 @@ NEGLIGIBLE_RAD = 1e-13
 """An angle this close to a special value counts as that value: <Z> moves by less than 1e-12."""
 
 _PARTS_OF_PI = 48
+_ROUNDING = 1e-15
+"""A coefficient as small as this is what is left of terms that cancel."""
 _SYMBOL = re.compile(r"[A-Za-z_]\w*\Z")
 
 
@@ -59,7 +61,7 @@ class Angle:
     def _checked(cls, constant: float, terms: Mapping[str, float]) -> Angle:
         if not all(math.isfinite(v) for v in (constant, *terms.values())):
             raise CircuitError("An angle is not finite.", f"Found {constant} with {dict(terms)}.")
-        kept = tuple(sorted((s, c) for s, c in terms.items() if abs(c) > NEGLIGIBLE_RAD))
+        kept = tuple(sorted((s, c) for s, c in terms.items() if abs(c) > _ROUNDING))
         return cls(constant, kept)
 
     @property

@@ -56,8 +56,7 @@ def export_job(
             "OpenQASM 2 has no inputs, so a parametric job cannot be written in it.",
             "Give --observations FILE to bind the angles, or use --format qasm3.",
         )
-    program = policy.program.substitute(_named(policy.program.parameters, policy.theta))
-    executable = compile(program, device, level)
+    executable = compile(policy.trained_program, device, level)
     parametric = executable.native if level == 0 else executable.template()
     rows: Iterable[tuple[int | None, Program]] = [(None, parametric)]
     if observations is not None:

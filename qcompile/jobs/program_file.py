@@ -29,7 +29,7 @@ def compile_source(source: Source, device: Device, level: int, version: Version)
     At level 2 only what is measured is kept.
 
     Raises:
-        CircuitError: level 2, and nothing is measured.
+        CircuitError: level 2, and nothing is measured; or two kinds of qubits.
         DeviceError: the device has too few qubits.
     """
     program, layout, notes = source.program, source.layout, []
@@ -70,7 +70,11 @@ def compile_source(source: Source, device: Device, level: int, version: Version)
 def _keep_physical(executable: Executable, source: Source) -> Executable:
     """The executable on the physical qubits that the file itself names, if it does."""
     named = [qubit for qubit in source.layout.qubits if isinstance(qubit, int)]
-    if len(named) != len(executable.native):
+    if not named:
         return executable
+    if len(named) != len(executable.native):
+        raise CircuitError(
+            "The program names qubits of a register and physical qubits.", "Use one kind of them."
+        )
     qubits = np.array(named, dtype=np.intp)
     return replace(executable, qubits=qubits, rounds=np.zeros_like(qubits))

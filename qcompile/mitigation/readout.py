@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from qcompile.device import Device
 from qcompile.errors import CalibrationError
-from qcompile.execution.executor import CountArray, Executor
+from qcompile.execution.executor import Executor
 from qcompile.ir import Circuit, Gate, Program
-from qcompile.passes import Executable
+from qcompile.passes import Executable, compile
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -60,31 +60,36 @@ class ReadoutMitigation:
 
 
 def calibrate_readout(
-    executor: Executor, qubits: IntArray, shots: int = CALIBRATION_SHOTS
+    executor: Executor, qubits: IntArray, shots: int | None = CALIBRATION_SHOTS
 ) -> ReadoutMitigation:
-    """Measure |0> and |1> on each of `qubits`, two executions of `shots`, and fit.
+    """Prepare and measure |0> and |1> on each of `qubits`, two executions of `shots`, and fit.
+
+    Without shots the exact probabilities are fitted. The noise of the gate that prepares |1>
+    counts as readout error.
 
     Raises:
         CalibrationError: a qubit tells |0> and |1> apart too little to be undone.
     """
     qubits = np.unique(qubits)
     nothing = np.zeros((1, 0)), np.zeros(0)
-    zeros, ones = (
-        executor.run(_prepare(bit, qubits, executor.device), *nothing, shots)[0] for bit in (0, 1)
-    )
-    return ReadoutMitigation(qubits, fit_assignment(zeros, ones, shots, qubits))
+    p_one = []
+    for bit in (0, 1):
+        prepared = _prepare(bit, qubits, executor.device)
+        if shots is None:
+            p_one.append((1.0 - executor.expectation(prepared, *nothing)[0]) / 2.0)
+        else:
+            p_one.append(executor.run(prepared, *nothing, shots)[0] / shots)
+    return ReadoutMitigation(qubits, fit_assignment(p_one[0], p_one[1], qubits))
 
 
-def fit_assignment(
-    ones_of_0: CountArray, ones_of_1: CountArray, shots: int, qubits: IntArray
-) -> FloatArray:
-    """Assignment matrices (n, 2, 2) nearest to the counts whose columns are distributions.
+def fit_assignment(p_one_of_0: FloatArray, p_one_of_1: FloatArray, qubits: IntArray) -> FloatArray:
+    """Assignment matrices (n, 2, 2) nearest to what was measured whose columns are distributions.
 
-    `ones_of_0` and `ones_of_1` (n,) are the ones counted after |0> and |1> were prepared.
+    `p_one_of_0` and `p_one_of_1` (n,) are the fractions of ones after |0> and |1> were prepared.
     """
     import cvxpy
 
-    p_one = np.stack([ones_of_0, ones_of_1], axis=1) / shots
+    p_one = np.stack([p_one_of_0, p_one_of_1], axis=1)
     measured_1 = cvxpy.Variable((len(qubits), 2))  # P(1 | prepared)
     problem = cvxpy.Problem(
         cvxpy.Minimize(cvxpy.sum_squares(measured_1 - p_one)), [measured_1 >= 0, measured_1 <= 1]
@@ -106,6 +111,7 @@ def fit_assignment(
 
 
 def _prepare(bit: int, qubits: IntArray, device: Device) -> Executable:
+    """|bit> on every one of `qubits`, in the device's own gates."""
     circuit = Circuit((Gate("x"),)) if bit else Circuit()
-    program = Program((circuit,) * len(qubits))
-    return Executable(program, program, device, 0, qubits, np.zeros_like(qubits))
+    prepared = compile(Program((circuit,) * len(qubits)), device, level=1)
+    return replace(prepared, qubits=qubits, rounds=np.zeros_like(qubits))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
@@ -68,9 +69,35 @@ class Executable:
             angles = np.broadcast_to(angles, (len(x), angles.size))
         return np.asarray(angles.reshape(shape))
 
+    def bind_turns(self, x: FloatArray, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Cosine and sine of the angles that `bind_slots` gives, each (B, circuits, slots).
+
+        Where every angle is a polar angle of its own, or that plus pi, they follow from <Z>.
+        """
+        if self._polar_sign is None or self._definitions is None:
+            angles = self.bind_slots(x, theta)
+            return np.cos(angles), np.sin(angles)
+        self._check(x, theta)
+        z = self._definitions.polar_cosines(x, theta)[:, :, None]
+        sine = np.sqrt(1.0 - z * z)
+        return (z, sine) if self._polar_sign > 0 else (-z, -sine)
+
+    @cached_property
+    def _polar_sign(self) -> int | None:
+        """1 if slot 0 of circuit i is polar angle i, -1 if it is that plus pi, else None."""
+        if self._definitions is None or not self._definitions.are_polar:
+            return None
+        for sign, offset in ((1, 0.0), (-1, math.pi)):
+            wanted = [Angle.symbol(d.name) + offset for d in self.native.definitions]
+            if [[g.angle for g in _rotations(c)] for c in self.native.circuits] == [
+                [angle] for angle in wanted
+            ]:
+                return sign
+        return None
+
     def _check(self, x: FloatArray, theta: FloatArray) -> None:
         inputs, parameters = len(self.source.inputs), len(self.source.parameters)
-        if np.ndim(x) != 2 or x.shape[1] != inputs or np.shape(theta) != (parameters,):
+        if np.ndim(x) != 2 or np.shape(x)[1] != inputs or np.shape(theta) != (parameters,):
             raise CircuitError(
                 f"x has shape {np.shape(x)} and theta {np.shape(theta)}.",
                 f"The program needs (B, {inputs}) and ({parameters},).",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import pickle
 import warnings
 from pathlib import Path
@@ -15,7 +16,7 @@ from qcompile.errors import CircuitError, PolicyError
 from qcompile.ir import Circuit, Program
 from qcompile.output import write_file
 from qcompile.policy.policy import Encoder, Policy
-from qcompile.validation import explain
+from qcompile.validation import Line, explain
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -24,12 +25,11 @@ SUFFIXES = (".pt", ".json")
 _TENSORS = ("theta", "weights", "bias")
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
-Word = Annotated[str, Field(pattern=r"^[^\x00-\x1f\x7f]+$", max_length=200)]
 Natural = Annotated[int, Field(ge=0, le=1_000_000)]
 
 
 class _Record(BaseModel):
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(extra="forbid", strict=True)
 
 
 class EncoderFile(_Record):
@@ -42,8 +42,8 @@ class PolicyFile(_Record):
     """The schema of a policy file, as docs/policies.md explains it."""
 
     format: Literal["qcompile-policy-1"]
-    name: Word
-    environment: Word
+    name: Line
+    environment: Line
     encoder: EncoderFile
     circuits: Annotated[list[list[list[str | Number]]], Field(min_length=1)]
     theta: list[Number]
@@ -166,20 +166,27 @@ def policy_values(policy: Policy) -> dict[str, Any]:
     }
 
 
-def save_policy(policy: Policy, path: Path) -> None:
+def save_policy(policy: Policy, path: str | Path) -> None:
     """Write `policy` to `path`, whole or not at all; the suffix, .pt or .json, says how.
 
     Raises:
-        PolicyError: another suffix.
+        PolicyError: another suffix, or a policy that the file could not give back.
         OutputError: the file cannot be written.
     """
-    values = policy_values(policy)
-    if path.suffix == ".json":
-        write_file(path, PolicyFile.model_validate(values).model_dump_json(indent=1).encode())
-    elif path.suffix == ".pt":
-        write_file(path, _pt_bytes(values))
-    else:
+    path, values = Path(path), policy_values(policy)
+    if path.suffix not in SUFFIXES:
         raise PolicyError(f"{path} is no policy file name.", "It ends with .pt or .json.")
+    try:
+        as_json = PolicyFile.model_validate_json(json.dumps(values))
+        as_json.policy()
+    except (TypeError, ValueError) as error:
+        raise PolicyError(
+            f"Policy {policy.name!r} cannot be written to a file.", *explain(error)
+        ) from error
+    if path.suffix == ".json":
+        write_file(path, as_json.model_dump_json(indent=1).encode())
+    else:
+        write_file(path, _pt_bytes(values))
 
 
 def _pt_bytes(values: Mapping[str, Any]) -> bytes:

@@ -41,7 +41,7 @@ class Encoder:
 
     def __call__(self, observations: FloatArray) -> FloatArray:
         """Observations (B, features) to inputs x (B, inputs)."""
-        return ENCODINGS[self.function](observations[:, self.feature] * self.scale)
+        return ENCODINGS[self.function](observations.take(self.feature, axis=1) * self.scale)
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,9 +99,15 @@ class Policy:
 
     @property
     def parameter_count(self) -> int:
-        """Trained numbers after folding: theta, input scales, weights and bias."""
+        """Numbers of the policy after folding: theta, input scales unless all 1, weights, bias."""
         scales = 0 if (self.encoder.scale == 1).all() else self.encoder.scale.size
         return self.theta.size + scales + self.actions * (len(self.program) + 1)
+
+    @cached_property
+    def trained_program(self) -> Program:
+        """The program with the numbers of theta put in: what is left open are the inputs."""
+        values = zip(self.program.parameters, self.theta.tolist(), strict=True)
+        return self.program.substitute(dict(values))
 
     def encode(self, observations: FloatArray) -> FloatArray:
         """Observations (B, features) to inputs x (B, inputs), in radians.

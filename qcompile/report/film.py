@@ -2,45 +2,69 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import TracebackType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from qcompile.errors import MissingExtraError, QcompileError
+from qcompile.errors import MissingExtraError
 from qcompile.output import check_writable, write_file
 
-_PACKAGES = {".mp4": ("imageio.v3", "imageio_ffmpeg"), ".gif": ("imageio.v3",)}
-"""What a film needs, by the end of its name."""
+SUFFIXES = (".mp4", ".gif")
+_GIF_EVERY, _GIF_SHRINK = 2, 2
+"""A GIF keeps every second frame at half the size: it is meant for a page."""
 
 
-def check_film(path: Path) -> None:
-    """Raise, before anything is played, where a film cannot be written to `path`."""
-    if path.suffix not in _PACKAGES:
-        raise QcompileError(f"{path} is no film.", f"Its name ends with {' or '.join(_PACKAGES)}.")
-    check_writable(path)
-    try:
-        for package in _PACKAGES[path.suffix]:
-            import_module(package)
-    except ImportError as error:
-        raise MissingExtraError("A film", "video") from error
-
-
-def write_film(path: Path, frames: list[NDArray[np.uint8]], frames_per_second: int = 50) -> None:
-    """Write RGB frames (height, width, 3) to `path`, as .mp4 or .gif, whole or not at all.
+class Film:
+    """A film that is encoded while it is taken, and appears at `path` whole or not at all.
 
     Raises:
-        OutputError: the file cannot be written.
+        OutputError: there can be no file at `path`; found before anything is filmed.
+        MissingExtraError: the packages that encode are not installed.
     """
-    import imageio.v3
 
-    if path.suffix == ".gif":
-        # A GIF keeps every second frame at half the size: it is meant for a page.
-        shown = np.stack(frames[::2])[:, ::2, ::2]
-        options: dict[str, Any] = {"duration": 2000 / frames_per_second, "loop": 0}
-    else:
-        shown = np.stack(frames)
-        options = {"plugin": "FFMPEG", "fps": frames_per_second, "macro_block_size": 1}
-    write_file(path, imageio.v3.imwrite("<bytes>", shown, extension=path.suffix, **options))
+    def __init__(self, path: Path):
+        check_writable(path)
+        try:
+            import imageio_ffmpeg  # noqa: F401
+            from imageio import v2
+        except ImportError as error:
+            raise MissingExtraError("A film", "video") from error
+        self._imageio, self._path = v2, path
+        self._folder = TemporaryDirectory(prefix="qcompile-film-")
+        self._draft = Path(self._folder.name) / f"film{path.suffix}"
+        self._writer: Any = None
+        self._taken = 0
+
+    def __enter__(self) -> Film:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
+    ) -> None:
+        try:
+            if self._writer is not None:
+                self._writer.close()
+                if kind is None:
+                    write_file(self._path, self._draft.read_bytes())
+        finally:
+            self._folder.cleanup()
+
+    def add(self, frame: NDArray[np.uint8], frames_per_second: float) -> None:
+        """Take one RGB frame (height, width, 3)."""
+        gif = self._path.suffix == ".gif"
+        if self._writer is None:
+            options: dict[str, Any] = (
+                {"duration": 1000 * _GIF_EVERY / frames_per_second, "loop": 0}
+                if gif
+                else {"fps": frames_per_second, "macro_block_size": 1}
+            )
+            self._writer = self._imageio.get_writer(self._draft, **options)
+        if not gif:
+            self._writer.append_data(frame)
+        elif self._taken % _GIF_EVERY == 0:
+            self._writer.append_data(frame[::_GIF_SHRINK, ::_GIF_SHRINK])
+        self._taken += 1

@@ -19,8 +19,8 @@ Environment = gymnasium.Env[Any, Any]
 _USUAL = ("CartPole-v1", "Acrobot-v1", "LunarLander-v3", "MountainCar-v0")
 
 
-def make_environments(name: str, count: int, *, film_first: bool = False) -> list[Environment]:
-    """`count` environments called `name`; with `film_first` the first one renders frames.
+def make_environments(name: str, count: int, *, film: bool = False) -> list[Environment]:
+    """`count` environments called `name`; with `film` they render frames.
 
     Raises:
         EnvironmentMismatchError: no such environment, or it has no vector of features to observe
@@ -31,14 +31,14 @@ def make_environments(name: str, count: int, *, film_first: bool = False) -> lis
             f"Environment {name!r} names a module to import.",
             "A policy file may not load code; register the environment and give its plain name.",
         )
-    if film_first:
+    if film:
         os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # frames need no screen
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             made = [
-                gymnasium.make(name, render_mode="rgb_array" if film_first and not i else None)
-                for i in range(count)
+                gymnasium.make(name, render_mode="rgb_array" if film else None)
+                for _ in range(count)
             ]
     except gymnasium.error.DependencyNotInstalled as error:
         raise EnvironmentMismatchError(
@@ -51,7 +51,8 @@ def make_environments(name: str, count: int, *, film_first: bool = False) -> lis
             str(error).splitlines()[0],
             nearest(name, [*_USUAL, *gymnasium.registry]),
         ) from error
-    features_and_actions(made[0])
+    for environment in made[:1]:
+        features_and_actions(environment)
     return made
 
 
@@ -97,7 +98,12 @@ def reward_threshold(environment: Environment) -> float | None:
     return environment.spec.reward_threshold if environment.spec else None
 
 
+def frames_per_second(environment: Environment) -> float:
+    """The rate at which the environment's frames show it in real time."""
+    return float(environment.metadata.get("render_fps", 30))
+
+
 def reset_all(environments: list[Environment], seeds: list[int]) -> np.ndarray[Any, Any]:
-    """First observations (n, features), environment i reset with seeds[i]."""
+    """First observations (n, features) in float64, environment i reset with seeds[i]."""
     pairs = zip(environments, seeds, strict=True)
-    return np.stack([environment.reset(seed=seed)[0] for environment, seed in pairs])
+    return np.stack([environment.reset(seed=seed)[0] for environment, seed in pairs]).astype(float)

@@ -13,17 +13,27 @@ from numpy.typing import NDArray
 from qcompile.device import Device
 from qcompile.errors import CalibrationError, CountsError
 from qcompile.execution import OfflineExecutor, check_shots, expectation_from_ones, qpu_seconds
+from qcompile.limits import MAX_EPISODES, MAX_EXECUTIONS_PER_JOB
 from qcompile.mitigation import CALIBRATION_SHOTS, ReadoutMitigation, calibrate_readout
 from qcompile.passes import Executable, compile
 from qcompile.policy import Policy
-from qcompile.rl.environments import check_fit, make_environments, reset_all, reward_threshold
+from qcompile.rl.environments import (
+    Environment,
+    check_fit,
+    frames_per_second,
+    make_environments,
+    reset_all,
+    reward_threshold,
+)
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
+Frame = NDArray[np.uint8]
 
-MAX_EPISODES = 10_000
 MITIGATIONS = ("none", "readout")
 _LEAST_FOR_SOLVED = 100
+_BLOCK = 1_000_000
+_NO_THETA = np.zeros(0)
 
 
 @dataclass(frozen=True)
@@ -68,19 +78,20 @@ class Deployment:
         noise_seed, action_seed = np.random.SeedSequence(seed).spawn(2)
         self.executor = OfflineExecutor(device, noise_seed)
         self._rng = np.random.default_rng(action_seed)
-        self.executable: Executable = compile(policy.program, device, level)
+        self.executable: Executable = compile(policy.trained_program, device, level)
         self._readout: ReadoutMitigation | None = None
         if mitigation == "readout":
             qubits = self.executable.qubits
-            self._readout = calibrate_readout(self.executor, qubits).at(qubits)
+            calibration = None if shots is None else CALIBRATION_SHOTS
+            self._readout = calibrate_readout(self.executor, qubits, calibration).at(qubits)
 
     def expectation(self, observations: FloatArray) -> FloatArray:
         """<Z> of every circuit as measured and mitigated, (B, circuits)."""
-        x, theta = self.policy.encode(observations), self.policy.theta
+        x = self.policy.encode(observations)
         if self.shots is None:
-            z = self.executor.expectation(self.executable, x, theta)
+            z = self.executor.expectation(self.executable, x, _NO_THETA)
         else:
-            ones = self.executor.run(self.executable, x, theta, self.shots)
+            ones = self.executor.run(self.executable, x, _NO_THETA, self.shots)
             z = expectation_from_ones(ones, self.shots)
         return z if self._readout is None else self._readout.apply(z)
 
@@ -92,20 +103,31 @@ class Deployment:
 
 @dataclass
 class RunResult:
-    """What a run found. `requested` episodes were asked for; `episodes` finished.
+    """What a run found; `episodes` are those that finished.
 
-    `threshold` is the mean reward at which the environment counts as solved, if it has one.
+    `threshold` is the mean reward at which the environment counts as solved, if it has one;
+    `steps` counts the steps of the lockstep, `env_steps` those of every environment.
     """
 
     deployment: Deployment
-    requested: int
     threshold: float | None = None
     episodes: list[Episode] = field(default_factory=list)
     jobs: int = 0
+    steps: int = 0
     env_steps: int = 0
     wall_seconds: float = 0.0
     interrupted: bool = False
-    frames: list[NDArray[np.uint8]] = field(default_factory=list)
+
+    def count_step(self, living: int) -> None:
+        """Count a step of `living` episodes: one job, or more where a job cannot hold it."""
+        self.steps += 1
+        self.env_steps += living
+        executions = living * self._executions_per_step
+        self.jobs += max(1, -(-executions // MAX_EXECUTIONS_PER_JOB))
+
+    @property
+    def _executions_per_step(self) -> int:
+        return self.deployment.executable.round_count * (self.deployment.shots or 0)
 
     @property
     def rewards(self) -> FloatArray:
@@ -114,11 +136,10 @@ class RunResult:
     @property
     def executions(self) -> int:
         """Circuits after packing times shots, those of the calibration included."""
-        shots = self.deployment.shots
-        if shots is None:
+        if self.deployment.shots is None:
             return 0
         calibration = 2 * CALIBRATION_SHOTS if self.deployment.mitigation == "readout" else 0
-        return self.env_steps * self.deployment.executable.round_count * shots + calibration
+        return self.env_steps * self._executions_per_step + calibration
 
     def summary(self) -> dict[str, Any]:
         """The plain values of `qcompile run --json`."""
@@ -164,21 +185,32 @@ def bootstrap_ci95(rewards: FloatArray, seed: int, resamples: int = 10_000) -> l
     if not len(rewards):
         return None
     rng = np.random.default_rng(seed)
-    means = rng.choice(rewards, (resamples, len(rewards))).mean(axis=1)
-    return [float(v) for v in np.percentile(means, [2.5, 97.5])]
+    blocks = np.array_split(np.empty(resamples), -(-resamples * len(rewards) // _BLOCK))
+    means = [rng.choice(rewards, (len(block), len(rewards))).mean(axis=1) for block in blocks]
+    return [float(v) for v in np.percentile(np.concatenate(means), [2.5, 97.5])]
+
+
+@dataclass(slots=True)
+class _Living:
+    """An episode that goes on."""
+
+    environment: Environment
+    seed: int
+    reward: float = 0.0
 
 
 def play(
     deployment: Deployment,
     episodes: int,
     *,
-    film: bool = False,
     on_episode: Callable[[Episode], None] = lambda episode: None,
+    on_frame: Callable[[Frame, float], None] | None = None,
 ) -> RunResult:
     """Play `episodes` episodes in lockstep; episode i resets with the deployment's seed + i.
 
     All living episodes step together: one batch of circuits, one job. Ctrl-C ends the run and
-    keeps what is finished. With `film` the frames of the first episode are kept.
+    keeps what is finished. `on_frame` gets the frames of the first episode, (height, width, 3),
+    and how many of them make a second.
 
     Raises:
         CountsError: episodes lie outside [1, MAX_EPISODES].
@@ -188,38 +220,50 @@ def play(
         raise CountsError(
             f"{episodes} episodes cannot be played.", f"Their number lies in [1, {MAX_EPISODES}]."
         )
-    environments = make_environments(deployment.policy.environment, episodes, film_first=film)
-    check_fit(deployment.policy, environments[0])
-    result = RunResult(deployment, episodes, reward_threshold(environments[0]))
-    seeds = [deployment.seed + i for i in range(episodes)]
+    name = deployment.policy.environment
+    environments = make_environments(name, 1, film=on_frame is not None)
+    try:
+        check_fit(deployment.policy, environments[0])
+        environments += make_environments(name, episodes - 1)
+        return _play(deployment, environments, on_episode, on_frame)
+    finally:
+        for environment in environments:
+            environment.close()
+
+
+def _play(
+    deployment: Deployment,
+    environments: list[Environment],
+    on_episode: Callable[[Episode], None],
+    on_frame: Callable[[Frame, float], None] | None,
+) -> RunResult:
+    result = RunResult(deployment, reward_threshold(environments[0]))
+    seeds = [deployment.seed + i for i in range(len(environments))]
+    living = [_Living(*pair) for pair in zip(environments, seeds, strict=True)]
+    filmed = living[0] if on_frame is not None else None
+    fps = frames_per_second(environments[0])
     started = time.perf_counter()
     try:
         observations = reset_all(environments, seeds)
-        rewards, lengths = [0.0] * episodes, [0] * episodes
-        alive = list(range(episodes))
-        while alive:
-            actions = deployment.act(observations[alive]).tolist()
-            result.jobs += 1
-            result.env_steps += len(alive)
-            still = []
-            for index, action in zip(alive, actions, strict=True):
-                step = environments[index].step(action)
-                observations[index] = step[0]
-                rewards[index] += float(step[1])
-                lengths[index] += 1
-                if film and index == 0:
-                    result.frames.append(environments[0].render())  # type: ignore[arg-type]
-                if step[2] or step[3]:
-                    done = Episode(seeds[index], rewards[index], lengths[index])
+        while living:
+            actions = deployment.act(observations).tolist()
+            result.count_step(len(living))
+            going: list[_Living] = []
+            for episode, action in zip(living, actions, strict=True):
+                seen, reward, terminated, truncated, _ = episode.environment.step(action)
+                episode.reward += float(reward)
+                if episode is filmed and on_frame is not None:
+                    on_frame(episode.environment.render(), fps)  # type: ignore[arg-type]
+                if terminated or truncated:
+                    done = Episode(episode.seed, float(episode.reward), result.steps)
                     result.episodes.append(done)
                     on_episode(done)
-                else:
-                    still.append(index)
-            alive = still
+                else:  # those that go on move up; the rows they take have been used
+                    observations[len(going)] = seen
+                    going.append(episode)
+            living, observations = going, observations[: len(going)]
     except KeyboardInterrupt:
         result.interrupted = True
     result.wall_seconds = time.perf_counter() - started
     result.episodes.sort(key=lambda episode: episode.seed)
-    for environment in environments:
-        environment.close()
     return result

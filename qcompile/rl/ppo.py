@@ -19,6 +19,7 @@ from qcompile.rl.presets import Settings
 from qcompile.rl.rollout import Collector, FinishedEpisode, Rollout
 
 _RUNNING_EPISODES = 20
+_LEAST_RATE = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +104,7 @@ class Trainer:
         left = 1.0 - self.progress if settings.anneal else 1.0
         rates = (settings.actor_lr, settings.critic_lr)
         for optimiser, rate in zip(self._optimisers, rates, strict=True):
-            optimiser.param_groups[0]["lr"] = rate * max(left, 0.02)
+            optimiser.param_groups[0]["lr"] = rate * max(left, _LEAST_RATE)
         observations = torch.from_numpy(rollout.observations).flatten(0, 1)
         actions = torch.from_numpy(rollout.actions).flatten()[:, None]
         advantages, targets = self._judge(rollout)

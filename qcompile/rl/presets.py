@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from qcompile.errors import TrainingError
+from qcompile.policy.layouts import LAYOUTS
+
+_COUNTS = ("reuse", "environments", "horizon", "steps", "episodes", "epochs", "minibatch")
 
 
 @dataclass(frozen=True)
@@ -41,7 +44,8 @@ class Settings:
     critic_lr: float = 0.01
     """Adam's step size for the value."""
     anneal: bool = False
-    """Whether step sizes and entropy bonus fall linearly towards the end of the run."""
+    """Whether step sizes and entropy bonus fall linearly to the end of the run; step sizes stop
+    falling at 2 % of their start."""
     gamma: float = 0.99
     """Discount."""
     gae_lambda: float = 1.0
@@ -70,11 +74,27 @@ class Settings:
                 f"{self.environments} environments without a horizon.",
                 "Whole episodes are collected from one environment.",
             )
-        if self.reuse < 1 or not self.scales or min(self.scales) <= 0:
+        if self.layout not in LAYOUTS:
+            raise TrainingError(f"Unknown layout {self.layout!r}.", f"Known: {', '.join(LAYOUTS)}.")
+        if not self.scales or min(self.scales) <= 0:
             raise TrainingError(
-                f"reuse is {self.reuse} and scales are {self.scales}.",
-                "reuse is at least 1; there is one scale at least, and scales are positive.",
+                f"scales are {self.scales}.", "There is one at least, all positive."
             )
+        for name in (
+            "reuse",
+            "environments",
+            "horizon",
+            "steps",
+            "episodes",
+            "epochs",
+            "minibatch",
+        ):
+            value = getattr(self, name)
+            if value is not None and value < 1:
+                raise TrainingError(f"{name} is {value}.", "It is at least 1.")
+        for name in ("gamma", "gae_lambda"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise TrainingError(f"{name} is {getattr(self, name)}.", "It lies in [0, 1].")
         if self.steps is None and self.episodes is None:
             raise TrainingError("The training has no end.", "Set steps, episodes or both.")
 
