@@ -36,10 +36,8 @@ clean:  ## Remove what make made
 $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
 
-# torch is pinned in constraints.txt; every target shares one environment.
 $(VENV)/run.stamp: pyproject.toml constraints.txt | $(BIN)/python
 	@echo "installing qcompile and what it needs into $(VENV) (some minutes the first time)"
-	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt torch==2.13.0
 	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e .
 	@touch $@
 

@@ -1,18 +1,18 @@
 """Speed beside the peers, in one run on one machine: `make bench`.
 
-Every ratio is a median over repetitions that alternate between qcompile and the peer, so that a
-machine whose speed drifts does not favour either. Absolute times are printed for orientation.
+qcompile and the peer are measured in turn, and a ratio is the median over the pairs, with the
+quartiles beside it: machines drift, pairs do not. Seconds are medians too, for orientation.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import statistics
 import subprocess
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
@@ -22,9 +22,21 @@ from qcompile.report.tables import print_table
 from qcompile.rl.environments import make_environments, reset_all
 from qcompile.rl.evaluate import Deployment, play
 
-CIRCUITS, OBSERVATIONS, SHOTS = 24, 1000, 1024
+CIRCUITS, OBSERVATIONS, SHOTS, EPISODES = 24, 1000, 1024, 20
 PROGRAM, _ = parallel(8, 3)
-Row = tuple[str, float, float, float, str]
+
+
+@dataclass(frozen=True)
+class Row:
+    """A figure with its quartiles, what it is of, and what is wanted of it."""
+
+    what: str
+    qcompile_s: float
+    peer_s: float | None
+    figure: float
+    quartiles: tuple[float, float]
+    unit: str
+    wanted: str
 
 
 def seconds(work: Callable[[], object]) -> float:
@@ -33,13 +45,39 @@ def seconds(work: Callable[[], object]) -> float:
     return time.perf_counter() - start
 
 
-def side_by_side(
-    ours: Callable[[], object], theirs: Callable[[], object], repeats: int
-) -> tuple[float, float]:
-    """Median seconds of both, measured in turn after one warm-up each."""
-    ours(), theirs()
-    pairs = [(seconds(ours), seconds(theirs)) for _ in range(repeats)]
-    return statistics.median(p[0] for p in pairs), statistics.median(p[1] for p in pairs)
+def in_turn(
+    ours: Callable[[], object], theirs: Callable[[], object], pairs: int
+) -> list[tuple[float, float]]:
+    """Seconds of both, measured in turn after one warm-up of ours."""
+    ours()
+    return [(seconds(ours), seconds(theirs)) for _ in range(pairs)]
+
+
+def compared(
+    what: str,
+    pairs: list[tuple[float, float]],
+    wanted: str,
+    *,
+    work: float = 1.0,
+    slower: bool = False,
+) -> Row:
+    """A row of measured pairs; `work` is how many times the peer's work ours did.
+
+    The figure is how many times faster qcompile is, or with `slower` how many times the time.
+    """
+    ratios = [ours / theirs if slower else theirs / ours * work for ours, theirs in pairs]
+    low, middle, high = np.percentile(ratios, [25, 50, 75])
+    ours, theirs = np.median(pairs, axis=0)
+    unit = "times the time" if slower else "times faster"
+    return Row(
+        what, float(ours), float(theirs), float(middle), (float(low), float(high)), unit, wanted
+    )
+
+
+def alone(what: str, times: list[float], factor: float, unit: str, wanted: str) -> Row:
+    """A row without a peer; the figure is the median in `unit`, seconds times `factor`."""
+    low, middle, high = np.percentile(times, [25, 50, 75]).tolist()
+    return Row(what, middle, None, middle * factor, (low * factor, high * factor), unit, wanted)
 
 
 def inputs(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -61,19 +99,18 @@ def bind() -> list[Row]:
         circuit.rz(x[0, qubit], qubit)
         circuit.ry(theta[qubit], qubit)
     circuit.measure_all()
-    ours, theirs = side_by_side(lambda: executable.bind(x, theta), lambda: manager.run(circuit), 50)
-    ours, theirs = ours / (OBSERVATIONS * CIRCUITS), theirs / CIRCUITS
+    pairs = in_turn(lambda: executable.bind(x, theta), lambda: manager.run(circuit), 50)
     one = x[:1]
-    single = statistics.median(seconds(lambda: executable.bind(one, theta)) for _ in range(2000))
+    single = [seconds(lambda: executable.bind(one, theta)) for _ in range(2000)]
     return [
-        ("bind, per circuit, against Qiskit level 3", ours, theirs, theirs / ours, ">= 500"),
-        (
-            "bind a single observation of 24 circuits",
-            single,
-            float("nan"),
-            single * 1e6,
-            "us, < 100",
+        compared(
+            "bind 1,000 x 24 circuits; Qiskit: reused level-3 passes on one 24-qubit circuit; "
+            "per circuit",
+            pairs,
+            ">= 500",
+            work=OBSERVATIONS,
         ),
+        alone("bind one observation of 24 circuits", single, 1e6, "us", "< 100"),
     ]
 
 
@@ -99,32 +136,27 @@ def sample() -> list[Row]:
         circuit.sx(0)
         circuit.measure(0, 0)
         circuits.append(circuit)
-    ours = statistics.median(
-        seconds(lambda: executor.run(executable, x, theta, SHOTS)) for _ in range(20)
+    pairs = in_turn(
+        lambda: executor.run(executable, x, theta, SHOTS),
+        lambda: simulator.run(circuits, shots=SHOTS).result(),
+        3,
     )
-    theirs = seconds(lambda: simulator.run(circuits, shots=SHOTS).result())
-    again = statistics.median(
-        seconds(lambda: executor.run(executable, x, theta, SHOTS)) for _ in range(20)
-    )
-    ours = max(ours, again)
     return [
-        (
-            "sample 1,000 x 24 circuits with noise, against Aer",
-            ours,
-            theirs,
-            theirs / ours,
+        compared(
+            "sample 1,000 x 24 circuits with noise, 1024 shots; Aer: the same in one call",
+            pairs,
             ">= 2000",
         )
     ]
 
 
-def episodes() -> list[Row]:
+def episodes(backend: str, shots: int | None, mitigation: str) -> Row:
     """20 lockstep episodes against the same environments stepping the same actions alone."""
     policy = qcompile.load_policy("lunarlander")
-    device = qcompile.load_device("ibm_lima")
+    device = qcompile.load_device(backend)
     pairs = []
-    for seed in range(5):
-        deployment = Deployment(policy, device, shots=8192, mitigation="readout", seed=1000 * seed)
+    for seed in np.repeat(np.arange(8) * 1000, 3).tolist():
+        deployment = Deployment(policy, device, shots=shots, mitigation=mitigation, seed=seed)
         actions: list[list[int]] = []
         act = deployment.act
 
@@ -134,20 +166,21 @@ def episodes() -> list[Row]:
             return chosen
 
         deployment.act = recorded  # type: ignore[method-assign]
-        ours = play(deployment, 20).wall_seconds
-        pairs.append((ours, replay(policy.environment, 1000 * seed, actions)))
-    ours, theirs = (statistics.median(column) for column in zip(*pairs, strict=True))
-    ratio = statistics.median(a / b for a, b in pairs)
-    return [
-        ("20 LunarLander episodes, against the environments alone", ours, theirs, ratio, "<= 1.3")
-    ]
+        ours = play(deployment, EPISODES).wall_seconds
+        pairs.append((ours, replay(policy.environment, seed, actions)))
+    what = (
+        f"run 20 LunarLander episodes on {backend}, {shots or 'exact'} shots, mitigation "
+        f"{mitigation}; the same environments alone, with the same actions"
+    )
+    return compared(what, pairs, "<= 1.3", slower=True)
 
 
 def replay(name: str, seed: int, actions: list[list[int]]) -> float:
-    environments = make_environments(name, 20)
+    """Seconds that the environments need to step recorded actions, resets included."""
+    environments = make_environments(name, EPISODES)
     start = time.perf_counter()
-    reset_all(environments, [seed + i for i in range(20)])
-    alive = list(range(20))
+    reset_all(environments, [seed + i for i in range(EPISODES)])
+    alive = list(range(EPISODES))
     for chosen in actions:
         alive = [
             i
@@ -158,32 +191,42 @@ def replay(name: str, seed: int, actions: list[list[int]]) -> float:
     return time.perf_counter() - start
 
 
-def start_up() -> list[Row]:
-    """The command line's help."""
+def start_up() -> Row:
+    """The command line's help, as a whole process."""
     command = [sys.executable, "-m", "qcompile", "--help"]
-    median = statistics.median(
+    times = [
         seconds(lambda: subprocess.run(command, check=True, capture_output=True)) for _ in range(10)
-    )
-    return [("qcompile --help", median, float("nan"), median, "s, < 0.3")]
+    ]
+    return alone("qcompile --help", times, 1.0, "s", "< 0.3")
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--json", action="store_true")
+    parser.add_argument("--json", action="store_true", help="print one JSON document")
     as_json = parser.parse_args().json
-    rows = [row for part in (bind, sample, episodes, start_up) for row in part()]
-    columns = ["what", "qcompile_s", "peer_s", "figure", "wanted"]
+    rows = [
+        *bind(),
+        *sample(),
+        episodes("ibm_lima", 8192, "readout"),
+        episodes("ideal", None, "none"),
+        start_up(),
+    ]
     if as_json:
-        values = [
-            {k: None if v != v else v for k, v in zip(columns, row, strict=True)} for row in rows
-        ]
-        print(json.dumps(values, indent=1))  # noqa: T201
-    else:
-        shown = [
-            [r[0], f"{r[1]:.3g}", "" if r[2] != r[2] else f"{r[2]:.3g}", f"{r[3]:.3g}", r[4]]
-            for r in rows
-        ]
-        print_table(["what", "qcompile, s", "peer, s", "figure", "wanted"], shown)
+        print(json.dumps([asdict(row) for row in rows], indent=1))  # noqa: T201
+        return
+    print_table(
+        ["what; the peer", "qcompile, s", "peer, s", "figure", "wanted"],
+        [
+            [
+                row.what,
+                f"{row.qcompile_s:.3g}",
+                "" if row.peer_s is None else f"{row.peer_s:.3g}",
+                f"{row.figure:.4g} {row.unit} ({row.quartiles[0]:.4g} to {row.quartiles[1]:.4g})",
+                row.wanted,
+            ]
+            for row in rows
+        ],
+    )
 
 
 if __name__ == "__main__":

@@ -78,7 +78,7 @@ class Device(_Record):
 
     format: Literal["qcompile-device-1"] = "qcompile-device-1"
     name: Annotated[str, Field(pattern=r"^[\w.-]+$")]
-    aliases: tuple[str, ...] = ()
+    aliases: tuple[Line, ...] = ()
     source: Line
     calibrated: Line | None = None
     basis_gates: tuple[GateName, ...]
@@ -127,7 +127,7 @@ def device_names() -> list[str]:
 
 def _claims(name: str) -> bool:
     """Whether the file of that name says that it is a device: others may share the folder."""
-    path = find("hardware", name, [".json"])
+    path = find("hardware", name, [".json"]) if name != IDEAL_NAME else None
     return path is not None and _FORMAT.encode() in path.read_bytes()
 
 
@@ -156,6 +156,9 @@ def load_device(name: str | Path) -> Device:
 
 def _read(path: Path) -> Device:
     try:
-        return Device.model_validate_json(path.read_bytes(), strict=True)
+        device = Device.model_validate_json(path.read_bytes(), strict=True)
     except (OSError, ValidationError) as error:
         raise DeviceError(f"{path} is no device file.", *explain(error)) from error
+    if device.is_ideal:
+        raise DeviceError(f"{path} is no device file.", f"The device {IDEAL_NAME!r} is built in.")
+    return device

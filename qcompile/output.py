@@ -49,9 +49,13 @@ def _mode(path: Path) -> int:
     """The permissions of the file that is replaced, or those a new file would get."""
     if path.exists():
         return path.stat().st_mode & 0o777
-    mask = os.umask(0)
+    return 0o666 & ~_umask()
+
+
+def _umask() -> int:
+    mask = os.umask(0)  # it cannot be read without being set
     os.umask(mask)
-    return 0o666 & ~mask
+    return mask
 
 
 def check_writable(path: Path) -> None:
@@ -99,7 +103,7 @@ def new_folder(path: Path) -> Iterator[Path]:
     try:
         yield temporary
         try:
-            temporary.chmod(0o755)
+            temporary.chmod(0o777 & ~_umask())
             os.replace(temporary, path)
         except OSError as error:
             raise _cannot_write(path, error) from error

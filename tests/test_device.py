@@ -256,7 +256,7 @@ def _with(key: str, value: object):
         (lambda d: d.pop("name"), ["name"]),
         (lambda d: d.update(name="a b"), ["name"]),
         (lambda d: d.update(format="qcompile-device-9"), ["format"]),
-        (lambda d: d.update(qubits=[]), ["qubits is empty"]),
+        (lambda d: d.update(qubits=[]), ["only the device 'ideal'", "has no qubits"]),
         (lambda d: d.update(basis_gates=["u1", "u2"]), ["basis_gates", "rz, sx, x"]),
         (lambda d: d.update(basis_gates=["rz", "sx"]), ["basis_gates"]),
     ],
@@ -298,3 +298,74 @@ def test_one_qubit_is_left_where_all_are_bad() -> None:
     lagos = load_device("fake_lagos")
     bad = lagos.model_copy(update={"qubits": lagos.qubits[:3]})
     assert bad.usable == (1,)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (_with("p10", "0.1"), ["qubits.1.p10", "valid number"]),
+        (_with("p01", True), ["qubits.1.p01", "valid number"]),
+        (_with("t1_us", "100"), ["qubits.1.t1_us", "valid number"]),
+        (_with("gates", {"sx": {"error": "0.1", "length_ns": 1}}), ["qubits.1.gates.sx.error"]),
+        (_with("gates", {"sx": {"error": 0, "length_ns": True}}), ["qubits.1.gates.sx.length_ns"]),
+        (lambda d: d.update(source=3), ["source", "valid string"]),
+        (lambda d: d.update(basis_gates="rz sx x"), ["basis_gates"]),
+    ],
+)
+def test_numbers_and_texts_are_what_they_look_like(tmp_path, change, words: list[str]) -> None:
+    test_a_wrong_file_names_what_is_wrong(tmp_path, change, words)
+
+
+@pytest.mark.parametrize("text", ["two\nlines", "\x1b[2Jgone", "\x9b2J", "bell\x07", "\x7f", ""])
+@pytest.mark.parametrize("key", ["source", "calibrated", "notes", "aliases", "doubtful"])
+def test_texts_that_would_steer_a_terminal_are_refused(tmp_path, key: str, text: str) -> None:
+    def change(device: dict) -> None:
+        owner = device["qubits"][1] if key == "doubtful" else device
+        owner[key] = text if key in ("source", "calibrated") else [text]
+
+    test_a_wrong_file_names_what_is_wrong(tmp_path, change, [key])
+
+
+@pytest.mark.parametrize("name", ["[/x]", "\x1b[2J", "s x", "", "sx\n", "s" * 41])
+def test_gate_names_are_words(tmp_path, name: str) -> None:
+    """A gate name heads a column of a table, where [/x] would be markup."""
+    gate = {"error": 0.1, "length_ns": 1}
+    change = _with("gates", {name: gate})
+    test_a_wrong_file_names_what_is_wrong(tmp_path, change, ["qubits.1.gates"])
+
+    def also(device: dict) -> None:
+        device["basis_gates"].append(name)
+
+    test_a_wrong_file_names_what_is_wrong(tmp_path, also, ["basis_gates"])
+
+
+@pytest.mark.parametrize("key", ["\x1b[2J", "two\nlines", "\x9b"])
+def test_a_message_about_a_key_does_not_steer_a_terminal(tmp_path, key: str) -> None:
+    path = tmp_path / "wrong.json"
+    path.write_text(json.dumps(_valid() | {key: 1}))
+    with pytest.raises(DeviceError) as caught:
+        load_device(path)
+    head, *lines = str(caught.value).split("\n")
+    assert head == f"{path} is no device file."
+    assert len(lines) == 1
+    assert lines[0].isprintable()
+
+
+@pytest.mark.parametrize("qubits", [True, False])
+def test_the_ideal_device_is_not_read_from_a_file(tmp_path, qubits: bool) -> None:
+    contents = _valid() | {"name": "ideal"}
+    if not qubits:
+        contents["qubits"] = []
+    path = tmp_path / "mine.json"
+    path.write_text(json.dumps(contents))
+    with pytest.raises(DeviceError, match=r"'ideal'.* is built in"):
+        load_device(path)
+
+
+def test_a_foreign_file_in_hardware_is_no_device(tmp_path, monkeypatch) -> None:
+    (tmp_path / "hardware").mkdir()
+    (tmp_path / "hardware" / "tsconfig.json").write_text("{}")
+    before = device_names()
+    monkeypatch.chdir(tmp_path)
+    assert device_names() == before
+    assert load_device("ibmq_lima").name == "ibm_lima"  # an alias: the search reads every device

@@ -93,6 +93,18 @@ def test_commands_that_are_not_there_would_be_noticed(line: str) -> None:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name)
+def test_pages_are_filled(page: Path) -> None:
+    text = page.read_text()
+    assert text.strip()
+    assert "@@" not in text, "a place to be filled is left"
+
+
+def test_the_pages_are_those_a_reader_looks_for() -> None:
+    wanted = {"README.md", "CHANGELOG.md", "trained/README.md", "hardware/README.md"}
+    assert wanted <= {name(page) for page in PAGES}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
 def test_links_lead_to_files(page: Path) -> None:
     prose = _FENCE.sub("", page.read_text())
     links = [link for link in _LINK.findall(prose) if "://" not in link and link[0] != "#"]

@@ -8,6 +8,7 @@ import torch
 from qiskit import QuantumCircuit
 from qiskit.quantum_info import Operator, Statevector
 
+from qcompile.errors import CircuitError
 from qcompile.ir import FIXED_GATES, ROTATION_GATES, Circuit, Program
 from qcompile.passes import lower
 from qcompile.simulate import Definitions, Simulator
@@ -163,3 +164,14 @@ def test_definitions_are_the_euler_angles_of_their_blocks() -> None:
         part = ("first", "polar", "last").index(definition.part)
         expected = euler[part, :, blocks.index(definition.block)]
         np.testing.assert_array_equal(values[:, column], expected)
+
+
+def test_a_fused_program_is_for_numpy() -> None:
+    source = Program.of([Circuit.parse("h ry(x0) rz(x0) ry(theta0)")], inputs=2, parameters=2)
+    fused = lower(source, 1, "rz sx x")
+    assert fused.definitions
+    with pytest.raises(CircuitError, match="evaluated in numpy alone"):
+        Simulator(fused, torch, torch.float64)
+    plain = lower(source, 0, "rz sx x")
+    assert not plain.definitions
+    Simulator(plain, torch, torch.float64)

@@ -86,7 +86,7 @@ def command(
         echo_json(summary)
     else:
         print_run(summary)
-    if video is not None:
+    if film is not None and film.frames:
         click.echo(f"film of the first episode in {video}", err=True)
     if result.interrupted:
         raise QcompileError(

@@ -186,7 +186,7 @@ def save_policy(policy: Policy, path: str | Path) -> None:
     if path.suffix == ".json":
         write_file(path, as_json.model_dump_json(indent=1).encode())
     else:
-        write_file(path, _pt_bytes(values))
+        write_file(path, _pt_bytes(as_json.model_dump()))
 
 
 def _pt_bytes(values: Mapping[str, Any]) -> bytes:

@@ -37,7 +37,7 @@ class Film:
         self._folder = TemporaryDirectory(prefix="qcompile-film-")
         self._draft = Path(self._folder.name) / f"film{path.suffix}"
         self._writer: Any = None
-        self._taken = 0
+        self.frames = 0
 
     def __enter__(self) -> Film:
         return self
@@ -64,7 +64,8 @@ class Film:
             )
             self._writer = self._imageio.get_writer(self._draft, **options)
         if not gif:
-            self._writer.append_data(frame)
-        elif self._taken % _GIF_EVERY == 0:
+            height, width = (size - size % 2 for size in frame.shape[:2])  # H.264 takes even sizes
+            self._writer.append_data(frame[:height, :width])
+        elif self.frames % _GIF_EVERY == 0:
             self._writer.append_data(frame[::_GIF_SHRINK, ::_GIF_SHRINK])
-        self._taken += 1
+        self.frames += 1

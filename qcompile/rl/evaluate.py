@@ -79,6 +79,9 @@ class Deployment:
         self.executor = OfflineExecutor(device, noise_seed)
         self._rng = np.random.default_rng(action_seed)
         self.executable: Executable = compile(policy.trained_program, device, level)
+        # The tables of binding and noise are built by the first use; not in the first step, then.
+        nothing = np.zeros((0, len(policy.program.inputs)))
+        self.executor.expectation(self.executable, nothing, _NO_THETA)
         self._readout: ReadoutMitigation | None = None
         if mitigation == "readout":
             qubits = self.executable.qubits

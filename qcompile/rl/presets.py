@@ -80,15 +80,7 @@ class Settings:
             raise TrainingError(
                 f"scales are {self.scales}.", "There is one at least, all positive."
             )
-        for name in (
-            "reuse",
-            "environments",
-            "horizon",
-            "steps",
-            "episodes",
-            "epochs",
-            "minibatch",
-        ):
+        for name in _COUNTS:
             value = getattr(self, name)
             if value is not None and value < 1:
                 raise TrainingError(f"{name} is {value}.", "It is at least 1.")

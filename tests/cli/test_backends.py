@@ -37,18 +37,40 @@ def test_json_before_the_subcommand_is_wrong_usage(qcompile: Call) -> None:
 
 def test_a_broken_device_file_is_named(qcompile: Call) -> None:
     Path("hardware").mkdir()
-    Path("hardware/mine.json").write_text("{}")
+    Path("hardware/mine.json").write_text('{"format": "qcompile-device-1"}')
     answer = qcompile("backends")
     assert (answer.code, answer.out) == (1, "")
     assert (
         answer.err
         == """\
 Error: hardware/mine.json is no device file.
-  name: field required (found {})
-  source: field required (found {})
-  basis_gates: field required (found {})
+  name: field required (found {'format': 'qcompile-device-1'})
+  source: field required (found {'format': 'qcompile-device-1'})
+  basis_gates: field required (found {'format': 'qcompile-device-1'})
 """
     )
+
+
+@pytest.mark.parametrize("contents", ["{}", "[1, 2]", "no JSON", '{"format": "another"}'])
+def test_files_of_others_in_hardware_are_ignored(qcompile: Call, contents: str) -> None:
+    before = qcompile("backends", "--json").out
+    Path("hardware").mkdir()
+    Path("hardware/package.json").write_text(contents)
+    answer = qcompile("backends", "--json")
+    assert (answer.code, answer.out, answer.err) == (0, before, "")
+    assert "package" not in qcompile("backends").out
+    asked = qcompile("backends", "show", "package")
+    assert (asked.code, asked.out) == (1, "")
+    assert asked.err.startswith("Error: hardware/package.json is no device file.\n")
+
+
+def test_a_file_cannot_take_the_place_of_the_ideal_backend(qcompile: Call) -> None:
+    before = qcompile("backends", "--json").out
+    device = qcompile("backends", "show", "ibm_lima", "--json").out
+    Path("hardware").mkdir()
+    Path("hardware/ideal.json").write_text(device)
+    assert qcompile("backends", "--json").out == before
+    assert qcompile("backends", "show", "ideal", "--json").json()["qubits"] == []
 
 
 def test_folders_are_no_devices(qcompile: Call) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -155,3 +156,42 @@ def test_show_answers_with_one_json_document(qcompile: Call, policy: Call) -> No
     assert [circuit["gates"] for circuit in found["circuits"]] == [{"rz": 1, "sx": 2}] * 4
     program = qcompile("show", "in.qasm", "--json").json()
     assert [circuit["source"] for circuit in program["circuits"]] == ["h", "x"]
+
+
+PHYSICAL = """\
+OPENQASM 3.0;
+include "stdgates.inc";
+bit[2] c;
+h $3;
+x $1;
+c[0] = measure $3;
+c[1] = measure $1;
+"""
+
+
+@pytest.mark.parametrize("text", [PROGRAM, PHYSICAL])
+def test_show_names_the_qubits_that_compile_writes(qcompile: Call, text: str) -> None:
+    Path("in.qasm").write_text(text)
+    for backend in ("ibm_lima", "fake_lima"):
+        written = qcompile("compile", "in.qasm", "--backend", backend).out
+        measured = re.findall(r"^c\[\d\] = measure \$(\d+);$", written, re.MULTILINE)
+        shown = qcompile("show", "in.qasm", "--backend", backend, "--json").json()["circuits"]
+        assert [str(circuit["qubit"]) for circuit in shown] == measured
+        assert len(measured) == 2
+        if text is PHYSICAL:
+            assert measured == ["3", "1"]
+
+
+def test_registers_and_physical_qubits_do_not_mix(qcompile: Call, left: Call) -> None:
+    Path("in.qasm").write_text("OPENQASM 3.0;\nqubit q;\nU(1, 0, 0) q;\nU(1, 0, 0) $3;\n")
+    for command in (("compile", "-o", "out.qasm"), ("show",)):
+        answer = qcompile(*command, "in.qasm", "--backend", "ibm_lima", "--level", 1)
+        assert (answer.code, answer.out) == (1, "")
+        assert (
+            answer.err
+            == """\
+Error: The program names qubits of a register and physical qubits.
+  Use one kind of them.
+"""
+        )
+    assert left() == ["in.qasm"]

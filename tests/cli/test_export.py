@@ -91,7 +91,18 @@ def test_what_is_refused_leaves_nothing(
 @pytest.mark.parametrize(
     ("words", "text"),
     [
-        (("--shots", "exact"), "Invalid value for '--shots': a job needs a number of shots."),
+        (
+            ("--shots", "exact"),
+            "Invalid value for '--shots': 'exact' is not a valid integer range.",
+        ),
+        (
+            ("--shots", "0"),
+            "Invalid value for '--shots': 0 is not in the range 1<=x<=10000000.",
+        ),
+        (
+            ("--shots", "10000001"),
+            "Invalid value for '--shots': 10000001 is not in the range 1<=x<=10000000.",
+        ),
         (("--out", "tiny.json"), "Invalid value for '--out': Directory 'tiny.json' is a file."),
         (("--observations", "no.csv"), "'--observations': File 'no.csv' does not exist."),
     ],

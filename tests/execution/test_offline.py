@@ -9,13 +9,13 @@ from scipy.stats import binom, chi2, norm
 from qcompile.device import Device, Qubit, load_device
 from qcompile.errors import CountsError, DeviceError
 from qcompile.execution import (
-    MAX_SHOTS,
     OfflineExecutor,
     check_shots,
     expectation_from_ones,
     qpu_seconds,
 )
 from qcompile.ir import Circuit, Program
+from qcompile.limits import MAX_SHOTS
 from qcompile.passes import Executable, compile
 from qcompile.policy.layouts import parallel
 

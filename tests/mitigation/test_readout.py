@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from qcompile.device import Device, load_device
+from qcompile.device import Device, GateCalibration, Qubit, load_device
 from qcompile.errors import CalibrationError
 from qcompile.execution import OfflineExecutor, expectation_from_ones
 from qcompile.mitigation import CALIBRATION_SHOTS, ReadoutMitigation, calibrate_readout
@@ -32,14 +32,15 @@ def exact_mitigation(device: Device) -> ReadoutMitigation:
 
 
 def test_the_fit_is_the_observed_frequencies() -> None:
-    found = fit_assignment(np.array([10, 250]), np.array([970, 400]), 1000, np.array([4, 7]))
+    found = fit_assignment(np.array([0.010, 0.250]), np.array([0.970, 0.400]), np.array([4, 7]))
     by_hand = [[[0.990, 0.030], [0.010, 0.970]], [[0.750, 0.600], [0.250, 0.400]]]
     np.testing.assert_allclose(found, by_hand, atol=1e-6)
 
 
 @pytest.mark.parametrize(("ones_of_0", "ones_of_1"), [(0, 8192), (8192, 0), (0, 400), (8000, 8192)])
 def test_columns_are_distributions_at_the_extremes(ones_of_0: int, ones_of_1: int) -> None:
-    found = fit_assignment(np.array([ones_of_0]), np.array([ones_of_1]), 8192, np.array([0]))
+    p_one = np.array([[ones_of_0], [ones_of_1]]) / 8192
+    found = fit_assignment(*p_one, np.array([0]))
     np.testing.assert_allclose(found.sum(axis=1), 1, atol=1e-15)
     assert ((found >= 0) & (found <= 1)).all()
     np.testing.assert_allclose(found[0, 1], [ones_of_0 / 8192, ones_of_1 / 8192], atol=1e-6)
@@ -47,7 +48,7 @@ def test_columns_are_distributions_at_the_extremes(ones_of_0: int, ones_of_1: in
 
 def test_no_contrast_is_refused() -> None:
     with pytest.raises(CalibrationError, match="Qubit 9 tells") as caught:
-        fit_assignment(np.array([10, 500]), np.array([990, 510]), 1000, np.array([4, 9]))
+        fit_assignment(np.array([0.01, 0.5]), np.array([0.99, 0.51]), np.array([4, 9]))
     assert "P(1|0) = 0.500 and P(1|1) = 0.510" in str(caught.value)
 
 
@@ -170,3 +171,34 @@ def test_a_qubit_without_calibration_is_named() -> None:
     calibrated = ReadoutMitigation(np.array([0, 2]), np.stack([np.eye(2)] * 2))
     with pytest.raises(CalibrationError, match=r"Qubit 1 has no calibration\.\n  Calibrated: 0 2"):
         calibrated.at(np.array([0, 1, 2]))
+
+
+def test_exact_calibration_is_the_device_s_own_errors() -> None:
+    """No shots, no scatter: 1e-6 is the accuracy of the fit, the seed does not matter."""
+    device = noiseless_gates("fake_lima")
+    found = [
+        calibrate_readout(OfflineExecutor(device, seed), np.arange(5), None).assignment
+        for seed in (1, 2)
+    ]
+    np.testing.assert_array_equal(found[0], found[1])
+    np.testing.assert_allclose(found[0], exact_mitigation(device).assignment, atol=1e-6)
+
+
+def test_an_rx_device_prepares_one_with_its_own_rx() -> None:
+    """|1> is made by Rx(pi), worked by hand: what its noise keeps of r_z counts as p01.
+
+    T1 = T2 = 100 us and 50 ns leave e = exp(-0.0005) of every component; the gate error of 0.02 is
+    reached by depolarising with p = 2 (0.02 - (1 - e) / 2) / e. After Rx(pi) r_z is -1, then
+    r = 1 - e - e (1 - p), and P(read 0) = (1 - p10) (1 + r) / 2 + p01 (1 - r) / 2.
+    """
+    gates = {"rx": GateCalibration(error=0.02, length_ns=50)}
+    qubit = Qubit(t1_us=100, t2_us=100, p10=0.01, p01=0.03, gates=gates)
+    device = Device(name="rx", source="by hand", basis_gates=("rz", "rx"), qubits=(qubit,))
+    found = calibrate_readout(OfflineExecutor(device), np.array([0]), None).assignment[0]
+    e = np.exp(-0.0005)
+    p = 2 * (0.02 - (1 - e) / 2) / e
+    r = 1 - e - e * (1 - p)
+    zero_of_one = 0.99 * (1 + r) / 2 + 0.03 * (1 - r) / 2
+    assert zero_of_one > 0.045
+    by_hand = [[0.99, zero_of_one], [0.01, 1 - zero_of_one]]
+    np.testing.assert_allclose(found, by_hand, atol=1e-6)

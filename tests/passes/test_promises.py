@@ -208,7 +208,9 @@ def test_bound_slots_are_the_native_circuits(level: int, basis: tuple[str, ...])
     """What an executable sends, its native gates with the slots that bind gives, is the source."""
     qubit = Qubit(t1_us=100, t2_us=100, p10=0, p01=0)
     device = (
-        IDEAL if "sx" in basis else Device(name="rx", source="", basis_gates=basis, qubits=(qubit,))
+        IDEAL
+        if "sx" in basis
+        else Device(name="rx", source="test", basis_gates=basis, qubits=(qubit,))
     )
     random = Random(seed=40 + level)
     program = random.program(200, tuple(GATE_CLASSES), bound=False)

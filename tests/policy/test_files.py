@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -373,3 +374,73 @@ def test_another_suffix_is_refused(tmp_path: Path, name: str) -> None:
     with pytest.raises(PolicyError, match=r"It ends with \.pt or \.json"):
         save_policy(awkward(), tmp_path / name)
     assert not list(tmp_path.iterdir())
+
+
+STRICT: list[tuple[dict[str, Any], str]] = [
+    ({"circuits": [[["ry", True]], [["h"]]]}, "circuits.0.0.1"),
+    ({"theta": ["0.1"]}, "theta.0"),
+    ({"theta": [True]}, "theta.0"),
+    ({"bias": ["0.1", 0.0]}, "bias.0"),
+    ({"weights": [[True, 0, 0, 0], [0, 0, 0, 0]]}, "weights.0.0"),
+    ({"reuse": True}, "reuse"),
+    ({"reuse": "2"}, "reuse"),
+    ({"encoder": ENCODER | {"scale": ["1", 1]}}, "encoder.scale.0"),
+    ({"encoder": ENCODER | {"feature": [True, 0]}}, "encoder.feature.0"),
+    ({"name": "two\nlines"}, "name: string should match"),
+    ({"name": "\x1b[2J"}, "name: string should match"),
+    ({"name": ""}, "name: string should match"),
+    ({"environment": "CartPole-v1\x07"}, "environment: string should match"),
+]
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize(("change", "message"), STRICT)
+def test_values_are_what_they_look_like(
+    tmp_path: Path, suffix: str, change: dict[str, Any], message: str
+) -> None:
+    test_wrong_values_are_named(tmp_path, suffix, change, message)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_a_path_may_be_a_text(tmp_path: Path, suffix: str) -> None:
+    path = str(tmp_path / f"p{suffix}")
+    save_policy(awkward(), path)
+    assert load_policy(path).theta.tolist() == awkward().theta.tolist()
+
+
+NEVER_READ_BACK: dict[str, dict[str, Any]] = {
+    "a symbol of its own": {
+        "program": Program(
+            tuple(Circuit.parse(f"ry(alpha) rx({s})") for s in ("b", "c")),
+            ("alpha", "b", "c"),
+            ("theta0", "theta1"),
+        )
+    },
+    "an array in the metadata": {"metadata": {"scores": np.zeros(3)}},
+    "a path in the metadata": {"metadata": {"log": Path("log")}},
+    "a newline in the name": {"name": "two\nlines"},
+    "no name": {"name": ""},
+    "a control character in the environment": {"environment": "CartPole-v1\x1b"},
+}
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("what", NEVER_READ_BACK)
+def test_a_policy_that_would_not_read_back_is_not_written(
+    tmp_path: Path, suffix: str, what: str
+) -> None:
+    policy = replace(awkward(), **NEVER_READ_BACK[what])
+    with pytest.raises(PolicyError, match="cannot be written to a file") as caught:
+        save_policy(policy, tmp_path / f"p{suffix}")
+    assert len(str(caught.value).splitlines()) > 1, "it does not say why"
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_what_was_written_reads_back(tmp_path: Path, suffix: str) -> None:
+    """JSON knows neither tuples nor numbers as keys; both kinds of file agree on what is left."""
+    policy = replace(awkward(), metadata={"scores": (1.5, 2), 7: "seven"})
+    save_policy(policy, tmp_path / f"p{suffix}")
+    again = load_policy(tmp_path / f"p{suffix}")
+    assert again.metadata == {"scores": [1.5, 2], "7": "seven"}
+    assert again.program == policy.program

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import math
+import sys
+import tracemalloc
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -145,7 +149,6 @@ def test_ctrl_c_keeps_finished_episodes() -> None:
     deployment = deploy(cartpole(), shots=128, seed=40)
     result = play(deployment, 8, on_episode=stop)
     assert result.interrupted
-    assert result.requested == 8
     assert result.episodes == sorted(finished, key=lambda e: e.seed)
     assert len(result.episodes) == 3
     summary = result.summary()
@@ -245,7 +248,7 @@ def test_a_mean_at_the_threshold_is_solved() -> None:
     deployment = deploy(stubborn("ClockPaid-v0", 2, 3))
     for reward, solved in ((40.0, True), (39.99, False)):
         episodes = [Episode(seed, reward, 3) for seed in range(100)]
-        assert RunResult(deployment, 100, 40.0, episodes).summary()["solved"] is solved
+        assert RunResult(deployment, 40.0, episodes).summary()["solved"] is solved
 
 
 def test_thresholds_are_those_of_gymnasium() -> None:
@@ -323,6 +326,114 @@ def test_settings_of_a_deployment_are_checked() -> None:
 def test_the_first_episode_is_filmed() -> None:
     """A frame for every step of the first episode, which ends soon."""
     pytest.importorskip("pygame")
-    result = play(deploy(stubborn("CartPole-v1", 4, 2)), 2, film=True)
-    assert len(result.frames) == result.episodes[0].length
-    assert all(frame.shape[2] == 3 and frame.dtype == np.uint8 for frame in result.frames)
+    frames: list[np.ndarray] = []
+    rates: set[float] = set()
+
+    def take(frame: np.ndarray, frames_per_second: float) -> None:
+        frames.append(frame)
+        rates.add(frames_per_second)
+
+    result = play(deploy(stubborn("CartPole-v1", 4, 2)), 2, on_frame=take)
+    assert len(frames) == result.episodes[0].length
+    assert all(frame.shape[2] == 3 and frame.dtype == np.uint8 for frame in frames)
+    assert rates == {50.0}  # CartPole's render_fps
+
+
+def test_exact_shots_are_calibrated_exactly() -> None:
+    """Nothing is executed and nothing scatters: neither in the calibration nor in the circuits."""
+    observations = np.random.default_rng(5).normal(size=(50, 4))
+    settings: dict[str, Any] = {"mitigation": "readout", "greedy": True}
+    found = [deploy(cartpole(), "fake_lima", seed=s, **settings) for s in (1, 2)]
+    z = [deployment.expectation(observations) for deployment in found]
+    np.testing.assert_array_equal(z[0], z[1])
+    u = SCALE * observations
+    # The noise of the gates is left, a few parts in a thousand, and not the readout's hundredths.
+    raw = deploy(cartpole(), "fake_lima").expectation(observations)
+    truth = -u / np.sqrt(1 + u**2)
+    assert np.abs(z[0] - truth).max() < 0.01 < np.abs(raw - truth).max()
+    summary = play(found[0], 2).summary()
+    assert (summary["executions"], summary["qpu_seconds_estimate"]) == (0, None)
+
+
+@pytest.mark.parametrize(
+    ("shots", "circuits", "jobs"),
+    [
+        # Clock-v0 ends after 3 steps; 5 episodes live through all of them, on 5 qubits.
+        (8192, 2, [1, 1, 1]),
+        (2_000_000, 2, [1, 1, 1]),  # 5 x 2 M = 10 M: just one job
+        (2_000_001, 2, [2, 2, 2]),
+        (10_000_000, 2, [5, 5, 5]),
+        (10_000_000, 6, [10, 10, 10]),  # two rounds
+    ],
+)
+def test_a_step_is_as_many_jobs_as_ten_million_executions_need(
+    shots: int, circuits: int, jobs: list[int]
+) -> None:
+    policy = stubborn("Clock-v0", 2, 3)
+    program, feature = parallel(2, circuits // 2)
+    policy = replace(
+        policy,
+        program=program,
+        encoder=Encoder("arctan", np.array(feature), np.ones(circuits)),
+        theta=np.zeros(circuits),
+        weights=np.zeros((3, circuits)),
+    )
+    result = play(deploy(policy, "ibm_lima", shots=shots), 5)
+    rounds = -(-circuits // 5)
+    assert (result.steps, result.env_steps, result.jobs) == (3, 15, sum(jobs))
+    assert result.executions == 15 * rounds * shots
+    seconds = 2 * sum(jobs) + 0.00035 * result.executions
+    assert result.summary()["qpu_seconds_estimate"] == pytest.approx(seconds)
+
+
+def test_jobs_follow_the_episodes_that_live_on() -> None:
+    """ceil(living x 3 M / 10 M) jobs at each step of CartPole, whose episodes end one by one."""
+    result = play(deploy(stubborn("CartPole-v1", 4, 2), "ibm_lima", shots=3_000_000), 8)
+    lengths = [episode.length for episode in result.episodes]
+    living = [sum(length > step for length in lengths) for step in range(max(lengths))]
+    assert living[0] == 8
+    assert living[-1] < 8
+    assert result.jobs == sum(math.ceil(3 * alive / 10) for alive in living)
+    assert result.steps == max(lengths)
+
+
+@pytest.mark.parametrize("block", [1, 700, 12_345, 10**9])
+def test_the_bootstrap_in_blocks_is_the_bootstrap(
+    monkeypatch: pytest.MonkeyPatch, block: int
+) -> None:
+    """numpy draws the same numbers in any blocks: the interval stays to the last bit but rounding.
+
+    The unblocked law is written out here: 2000 resamples of 37 rewards in one array.
+    """
+    rewards = np.random.default_rng(3).normal(200, 30, 37)
+    drawn = np.random.default_rng(9).choice(rewards, (2000, 37)).mean(axis=1)
+    monkeypatch.setattr("qcompile.rl.evaluate._BLOCK", block)
+    found = bootstrap_ci95(rewards, 9, resamples=2000)
+    np.testing.assert_allclose(found, np.percentile(drawn, [2.5, 97.5]), rtol=1e-12)
+
+
+def test_the_bootstrap_of_many_rewards_needs_little_memory() -> None:
+    """10,000 rewards, 10,000 times, are 800 MB at once; a block of a million numbers is 8 MB."""
+    rewards = np.random.default_rng(4).normal(size=10_000)
+    tracemalloc.start()
+    found = bootstrap_ci95(rewards, 0)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 40e6
+    assert found is not None
+    # The law is normal by now: mean +- 1.96 s / 100, its ends known within 0.027 s / 100.
+    deviation = rewards.std() / 100
+    normal = rewards.mean() + deviation * stats.norm.ppf([0.025, 0.975])
+    np.testing.assert_allclose(found, normal, atol=5 * 0.027 * deviation)
+
+
+def test_an_environment_that_names_a_module_imports_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "trojan_horse.py").write_text("raise SystemExit('imported')")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(EnvironmentMismatchError, match="names a module to import"):
+        play(deploy(stubborn("trojan_horse:CartPole-v1", 4, 2)), 1)
+    assert "trojan_horse" not in sys.modules
+    with pytest.raises(SystemExit, match="imported"):
+        gymnasium.make("trojan_horse:CartPole-v1")

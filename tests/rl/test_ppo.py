@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -282,14 +283,35 @@ def test_ctrl_c_keeps_what_was_learned() -> None:
     assert torch.get_num_threads() == threads
 
 
+@pytest.mark.parametrize(
+    "name", ["reuse", "environments", "horizon", "steps", "episodes", "epochs", "minibatch"]
+)
+@pytest.mark.parametrize("value", [0, -3])
+def test_a_count_below_one_is_refused(name: str, value: int) -> None:
+    settings: dict[str, Any] = {"steps": 1, "horizon": 8, name: value}
+    with pytest.raises(TrainingError, match=rf"^{name} is {value}\.\n  It is at least 1\."):
+        Settings(**settings)
+
+
+@pytest.mark.parametrize("name", ["gamma", "gae_lambda"])
+@pytest.mark.parametrize("value", [-0.1, 1.1, float("nan")])
+def test_a_discount_outside_its_interval_is_refused(name: str, value: float) -> None:
+    with pytest.raises(TrainingError, match=rf"^{name} is {value}\.\n  It lies in \[0, 1\]\."):
+        Settings(**{"steps": 1, name: value})  # type: ignore[arg-type]
+
+
 def test_settings_that_contradict_each_other_are_refused() -> None:
     with pytest.raises(TrainingError, match="4 environments without a horizon"):
         Settings(environments=4, steps=1)
     with pytest.raises(TrainingError, match="The training has no end"):
         Settings()
-    for wrong in ({"reuse": 0}, {"scales": ()}, {"scales": (1.0, -2.0)}):
-        with pytest.raises(TrainingError, match="reuse is"):
-            Settings(steps=1, **wrong)  # type: ignore[arg-type]
+    with pytest.raises(
+        TrainingError, match=r"Unknown layout 'ring'\.\n  Known: parallel, serial, "
+    ):
+        Settings(steps=1, layout="ring")
+    for scales in ((), (1.0, -2.0), (0.0,)):
+        with pytest.raises(TrainingError, match=r"scales are .*\n  There is one at least, all pos"):
+            Settings(steps=1, scales=scales)
     with pytest.raises(TrainingError, match="Unknown preset 'best'"):
         settings_for("best", "CartPole-v1")
     with pytest.raises(EnvironmentMismatchError, match="Unknown environment 'CartPoll-v1'"):

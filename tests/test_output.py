@@ -1,0 +1,99 @@
+"""Files appear whole or not at all, where a user expects them and with the modes of a user."""
+
+from __future__ import annotations
+
+import os
+import stat
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from qcompile.errors import OutputError
+from qcompile.output import check_writable, new_folder, write_file
+
+
+@contextmanager
+def umask(mask: int) -> Iterator[None]:
+    before = os.umask(mask)
+    try:
+        yield
+    finally:
+        os.umask(before)
+
+
+def mode(path: Path) -> int:
+    return stat.S_IMODE(path.stat().st_mode)
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_a_link_is_followed(tmp_path: Path, there: bool) -> None:
+    (tmp_path / "real").mkdir()
+    target, link = tmp_path / "real" / "file", tmp_path / "link"
+    if there:
+        target.write_bytes(b"old")
+    link.symlink_to(Path("real") / "file")
+    check_writable(link)
+    write_file(link, b"new")
+    assert link.is_symlink()
+    assert not target.is_symlink()
+    assert target.read_bytes() == b"new"
+    assert names(tmp_path) == ["link", "real"]
+    assert names(tmp_path / "real") == ["file"]
+
+
+@pytest.mark.parametrize("old", [0o600, 0o640, 0o755])
+def test_a_file_that_is_replaced_keeps_its_mode(tmp_path: Path, old: int) -> None:
+    path = tmp_path / "file"
+    path.write_bytes(b"old")
+    path.chmod(old)
+    with umask(0o022):
+        write_file(path, b"new")
+    assert (path.read_bytes(), mode(path)) == (b"new", old)
+
+
+@pytest.mark.parametrize("mask", [0o022, 0o077, 0o002, 0])
+def test_what_is_new_has_the_mode_the_user_asks_for(tmp_path: Path, mask: int) -> None:
+    with umask(mask):
+        write_file(tmp_path / "file", b"new")
+        with new_folder(tmp_path / "folder"):
+            pass
+        assert os.umask(mask) == mask, "the mask of the process was changed"
+    assert mode(tmp_path / "file") == 0o666 & ~mask
+    assert mode(tmp_path / "folder") == 0o777 & ~mask
+
+
+def test_a_pipe_is_written_to(tmp_path: Path) -> None:
+    pipe, read = tmp_path / "pipe", []
+    os.mkfifo(pipe)
+    check_writable(pipe)
+    reader = threading.Thread(target=lambda: read.append(pipe.read_bytes()), daemon=True)
+    reader.start()
+    write_file(pipe, b"through")
+    reader.join(timeout=10)
+    assert read == [b"through"]
+    assert stat.S_ISFIFO(pipe.stat().st_mode)
+    assert names(tmp_path) == ["pipe"]
+
+
+def test_the_null_device_stays_one(tmp_path: Path) -> None:
+    link = tmp_path / "null"
+    link.symlink_to(os.devnull)
+    for path in (Path(os.devnull), link):
+        check_writable(path)
+        write_file(path, b"gone")
+        assert stat.S_ISCHR(path.stat().st_mode)
+    assert names(tmp_path) == ["null"]
+
+
+def test_a_folder_is_no_file(tmp_path: Path) -> None:
+    for act in (check_writable, lambda path: write_file(path, b"new")):
+        with pytest.raises(OutputError, match="Cannot write"):
+            act(tmp_path)
+    assert names(tmp_path) == []
