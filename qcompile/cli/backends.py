@@ -22,15 +22,15 @@ def command(ctx: click.Context, as_json: bool) -> None:
         if as_json:
             raise click.UsageError("--json goes behind the name: backends show NAME --json")
         return
-    devices = [load_device(name) for name in device_names()]
+    devices = {name: load_device(name) for name in device_names()}
     if as_json:
-        echo_json([device.model_dump() for device in devices])
+        echo_json([device.model_dump() for device in devices.values()])
         return
     print_table(
         ["backend", "qubits", "T1 us", "sx error", "readout error", "calibrated"],
         [
             [
-                device.name,
+                name,
                 len(device.qubits) or "any",
                 *(
                     [
@@ -43,9 +43,9 @@ def command(ctx: click.Context, as_json: bool) -> None:
                     if device.qubits
                     else ["-", "-", "-"]
                 ),
-                device.calibrated or "",
+                (device.calibrated or "").partition("T")[0],
             ]
-            for device in devices
+            for name, device in devices.items()
         ],
         "Numbers are medians over the qubits",
     )
@@ -89,7 +89,7 @@ def show(name: str, as_json: bool) -> None:
 
 @command.command("add")
 @click.argument("backend")
-@click.option("--name", help="Name of the device.  [default: the backend's]")
+@click.option("--name", help="Name of the device.  [default: that of --out, or the backend's]")
 @click.option(
     "--out",
     type=click.Path(dir_okay=False, path_type=Path),
@@ -108,7 +108,7 @@ def add(backend: str, name: str | None, out: Path | None) -> None:
     if name == IDEAL_NAME:
         raise click.BadParameter(f"{name!r} is the backend without noise.", param_hint="'--name'")
     found = find_backend(backend)
-    device = device_from_backend(found, name or found.name)
+    device = device_from_backend(found, name or (out.stem if out else found.name))
     path = out or Path("hardware") / f"{device.name}.json"
     if path.exists():
         raise OutputError(f"{path} is there already.", "Choose another with --out or --name.")

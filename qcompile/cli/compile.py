@@ -19,7 +19,7 @@ from qcompile.cli.options import backend_option, echo_json, json_option, level_o
     "-o",
     "--output",
     type=click.Path(dir_okay=False, path_type=Path),
-    help="File to write.  [default: standard output]",
+    help="File to write, overwritten.  [default: standard output]",
 )
 @json_option
 def command(

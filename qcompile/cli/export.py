@@ -12,7 +12,7 @@ from qcompile.limits import MAX_SHOTS
 
 
 @click.command("export")
-@click.argument("policy", default="lunarlander")
+@click.argument("policy", default="lunarlander", metavar="[POLICY]")
 @backend_option()
 @level_option
 @click.option("--format", type=click.Choice(["qasm3", "qasm2"]), default="qasm3", show_default=True)

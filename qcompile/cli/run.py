@@ -12,7 +12,7 @@ from qcompile.limits import MAX_EPISODES
 
 
 @click.command("run")
-@click.argument("policy", default="lunarlander")
+@click.argument("policy", default="lunarlander", metavar="[POLICY]")
 @backend_option()
 @click.option(
     "--shots", type=Shots(), default=8192, show_default=True, help="Shots of each circuit."
@@ -23,7 +23,8 @@ from qcompile.limits import MAX_EPISODES
     type=click.IntRange(0),
     default=0,
     show_default=True,
-    help="Episode i resets its environment with seed + i.",
+    help="Episode i resets its environment with seed + i. All episodes draw shots and actions from "
+    "one stream, so a run repeats exactly with the same --episodes.",
 )
 @level_option
 @click.option(
@@ -33,7 +34,9 @@ from qcompile.limits import MAX_EPISODES
 )
 @click.option("--greedy", is_flag=True, help="Take the most probable action; default: sample.")
 @click.option(
-    "--video", type=click.Path(dir_okay=False, path_type=Path), help="Film the first episode."
+    "--video",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Film the first episode; .mp4 or .gif, overwritten.",
 )
 @json_option
 def command(
@@ -48,7 +51,7 @@ def command(
     video: Path | None,
     as_json: bool,
 ) -> None:
-    """Play episodes with POLICY (a name of trained/ or a file) on a backend.
+    """Play episodes with POLICY (default lunarlander; a name of trained/ or a file).
 
     A run repeats exactly with the same seed. Ctrl-C ends it and reports the finished episodes.
     """
@@ -91,5 +94,6 @@ def command(
     if result.interrupted:
         raise QcompileError(
             f"Interrupted: {len(result.episodes)} of {episodes} episodes were finished.",
-            "What is reported above is of these episodes alone.",
+            "These are the shortest ones, so their mean is no estimate of the policy's score.",
+            "Fewer --episodes end sooner.",
         )

@@ -10,7 +10,7 @@ from qcompile.cli.options import backend_option, echo_json, json_option, level_o
 
 
 @click.command("show")
-@click.argument("subject", metavar="POLICY|FILE.qasm", default="lunarlander")
+@click.argument("subject", metavar="[POLICY|FILE.qasm]", default="lunarlander")
 @backend_option()
 @level_option
 @json_option

@@ -31,18 +31,26 @@ from qcompile.cli.options import echo_json, json_option
 )
 @click.option("--reuse", type=click.IntRange(1, 1000), help="Copies of each output in training.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
-@click.option("--episodes", type=click.IntRange(1), help="Stop after so many episodes.")
-@click.option("--steps", type=click.IntRange(1), help="Stop after so many environment steps.")
+@click.option(
+    "--episodes",
+    type=click.IntRange(1),
+    help="Stop after so many episodes.  [default: the preset's]",
+)
+@click.option(
+    "--steps",
+    type=click.IntRange(1),
+    help="Stop after so many environment steps.  [default: the preset's]",
+)
 @click.option(
     "--log",
     type=click.Path(dir_okay=False, path_type=Path),
-    help="CSV with a row for each episode: episode, steps, reward.",
+    help="CSV, a row for each episode: its number, all steps taken by its end, its reward.",
 )
 @click.option(
     "--out",
     type=click.Path(dir_okay=False, path_type=Path),
     required=True,
-    help="Policy file to write, .pt or .json.",
+    help="Policy file to write, .pt or .json; overwritten.",
 )
 @json_option
 def command(

@@ -48,8 +48,7 @@ def compile_source(source: Source, device: Device, level: int, version: Version)
     if executable.round_count > 1 or (size and executable.qubits.max(initial=0) >= size):
         raise DeviceError(
             f"The program does not fit {device.name}.",
-            f"It needs {len(program)} qubits at once, up to number "
-            f"{int(executable.qubits.max(initial=0))}; {device.name} has {size}, "
+            f"It needs {_needs(source)}; {device.name} has {size} qubits, "
             f"{len(device.usable)} of them worth using.",
             "Take a larger device, --backend ideal, or split the program.",
         )
@@ -61,10 +60,18 @@ def compile_source(source: Source, device: Device, level: int, version: Version)
             "program's own inputs when it is bound (compile(...).bind_slots in Python)."
         )
     physical = version == "3" and not device.is_ideal
+    if version == "2" and not device.is_ideal:
+        places = ", ".join(map(str, executable.qubits.tolist()))
+        notes.append(f"OpenQASM 2 names no physical qubits: put its qubits on {places}, in order.")
     qubits = executable.qubits.tolist() if physical else None
     return CompiledFile(
         write(native, version=version, layout=layout, qubits=qubits), executable, tuple(notes)
     )
+
+
+def _needs(source: Source) -> str:
+    named = [qubit for qubit in source.layout.qubits if isinstance(qubit, int)]
+    return f"qubit ${max(named)}" if named else f"{len(source.program)} qubits at once"
 
 
 def _keep_physical(executable: Executable, source: Source) -> Executable:

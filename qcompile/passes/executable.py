@@ -22,7 +22,7 @@ IntArray = NDArray[np.intp]
 _SLOT_GATES = ("rz", "rx")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Executable:
     """A program compiled for a device, once; `bind` gives it its angles, often.
 
@@ -126,6 +126,9 @@ class Executable:
         defined = tuple(d.name for d in self.native.definitions)
         inputs = (*self.native.inputs, *defined) if self._mixed or not defined else defined
         return AngleTable(angles, inputs, self.native.parameters)
+
+    def __str__(self) -> str:
+        return str(self.native)
 
     @property
     def round_count(self) -> int:

@@ -12,8 +12,9 @@ from rich.table import Table
 
 _KINDS = {
     "ideal": "ideal simulation",
-    "noise-model": "noise model, not the real machine",
+    "noise-model": "noise model",
 }
+_LEAST_FOR_INTERVAL = 5
 _BARS = "▁▂▃▄▅▆▇█"
 
 
@@ -50,18 +51,21 @@ def print_run(summary: dict[str, Any]) -> None:
 def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
     rewards = [episode["reward"] for episode in summary["episodes"]]
     if rewards:
-        low, high = summary["ci95"]
+        interval = ""
+        if summary["ci95"] is not None and len(rewards) >= _LEAST_FOR_INTERVAL:
+            low, high = summary["ci95"]
+            interval = f" (95 % interval {low:.1f} to {high:.1f})"
         yield (
             "mean reward",
             f"[bold]{summary['mean_reward']:.1f}[/] ± {summary['std_reward']:.1f} over "
-            f"{len(rewards)} episodes (95 % interval {low:.1f} to {high:.1f})",
+            f"{_plural(len(rewards), 'episode')}{interval}",
         )
         yield "each episode", f"{_bars(rewards)}  {min(rewards):.0f} to {max(rewards):.0f}"
     if summary["solved"] is not None:
         yield "solved", "yes" if summary["solved"] else "no"
     yield (
         "settings",
-        f"{summary['shots']} shots, level {summary['level']}, mitigation {summary['mitigation']}",
+        f"{_shots(summary['shots'])}, level {summary['level']}, mitigation {summary['mitigation']}",
     )
     yield "actions", f"{'greedy' if summary['greedy'] else 'sampled'}, seed {summary['seed']}"
     gates = " + ".join(f"{n} {gate}" for gate, n in summary["gates_per_circuit"].items() if n)
@@ -71,12 +75,16 @@ def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
         f"{_plural(summary['rounds_per_step'], 'round')}",
     )
     yield "played", f"{summary['env_steps']} steps in {summary['wall_seconds']:.1f} s"
-    if summary["qpu_seconds_estimate"] is not None:
+    if summary["qpu_seconds_estimate"] is not None and summary["kind"] != "ideal":
         hours = summary["qpu_seconds_estimate"] / 3600
         yield (
             "on hardware",
             f"{summary['executions']:,} executions, about {hours:,.1f} QPU hours",
         )
+
+
+def _shots(shots: int | str) -> str:
+    return f"{shots} expectations" if isinstance(shots, str) else _plural(shots, "shot")
 
 
 def _plural(count: int, word: str) -> str:

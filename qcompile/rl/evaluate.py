@@ -150,7 +150,12 @@ class RunResult:
         policy, counts = made.policy, made.executable.gate_counts()
         threshold = self.threshold
         mean = float(rewards.mean()) if len(rewards) else None
-        judged = threshold is not None and len(rewards) >= _LEAST_FOR_SOLVED and mean is not None
+        judged = (
+            threshold is not None
+            and mean is not None
+            and len(rewards) >= _LEAST_FOR_SOLVED
+            and not self.interrupted  # the shortest episodes end first: their mean is biased
+        )
         jobs = self.jobs + (made.mitigation == "readout")
         return {
             "policy": policy.name,
@@ -165,7 +170,7 @@ class RunResult:
             "episodes": [vars(episode) for episode in self.episodes],
             "mean_reward": mean,
             "std_reward": float(rewards.std()) if len(rewards) else None,
-            "ci95": bootstrap_ci95(rewards, made.seed),
+            "ci95": None if self.interrupted else bootstrap_ci95(rewards, made.seed),
             "solved": mean >= threshold if judged else None,  # type: ignore[operator]
             "gates_per_circuit": {
                 gate: max((count[gate] for count in counts), default=0)

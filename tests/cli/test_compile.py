@@ -89,7 +89,7 @@ Error: The program measures nothing, and level 2 keeps what is measured alone.
         PROGRAM.replace("[2]", "[6]"),
         """\
 Error: The program does not fit ibm_lima.
-  It needs 6 qubits at once, up to number 4; ibm_lima has 5, 5 of them worth using.
+  It needs 6 qubits at once; ibm_lima has 5 qubits, 5 of them worth using.
   Take a larger device, --backend ideal, or split the program.
 """,
     ),

@@ -28,10 +28,13 @@ DOCUMENTED = {
 
 
 def test_a_run_is_reported_in_words(qcompile: Call, policy: Call) -> None:
-    answer = qcompile("run", policy(), "--episodes", 2, "--backend", "ibm_lima")
+    answer = qcompile("run", policy(), "--episodes", 5, "--backend", "ibm_lima")
     assert (answer.code, answer.err) == (0, "")
-    assert answer.out.startswith("tiny in CartPole-v1 on ibm_lima (noise model, not the real")
-    assert "over 2 episodes (95 % interval" in answer.out
+    assert answer.out.startswith("tiny in CartPole-v1 on ibm_lima (noise model)\n")
+    assert "over 5 episodes (95 % interval" in answer.out
+    few = qcompile("run", policy(), "--episodes", 1)
+    assert "over 1 episode" in few.out
+    assert "interval" not in few.out
 
 
 def test_the_json_document_holds_the_contract(qcompile: Call, policy: Call) -> None:
@@ -411,11 +414,13 @@ def test_an_interrupted_run_reports_what_is_finished(
     answer = qcompile("run", policy(), "--episodes", 50)
     assert answer.code == 1
     assert "over 2 episodes" in answer.out
+    assert "interval" not in answer.out
     assert (
         answer.err
         == """\
 Error: Interrupted: 2 of 50 episodes were finished.
-  What is reported above is of these episodes alone.
+  These are the shortest ones, so their mean is no estimate of the policy's score.
+  Fewer --episodes end sooner.
 """
     )
 
@@ -428,6 +433,8 @@ def test_an_interrupted_run_is_still_one_json_document(
     assert answer.code == 1
     found = answer.json()
     assert set(found) == DOCUMENTED | {"greedy", "interrupted"}
+    assert found["ci95"] is None  # the shortest episodes end first: no estimate
+    assert found["solved"] is None
     assert (found["interrupted"], len(found["episodes"])) == (True, 3)
 
 
