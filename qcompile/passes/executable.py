@@ -97,7 +97,8 @@ class Executable:
 
     def _check(self, x: FloatArray, theta: FloatArray) -> None:
         inputs, parameters = len(self.source.inputs), len(self.source.parameters)
-        if np.ndim(x) != 2 or np.shape(x)[1] != inputs or np.shape(theta) != (parameters,):
+        shape = getattr(x, "shape", ())
+        if shape[1:] != (inputs,) or getattr(theta, "shape", ()) != (parameters,):
             raise CircuitError(
                 f"x has shape {np.shape(x)} and theta {np.shape(theta)}.",
                 f"The program needs (B, {inputs}) and ({parameters},).",
