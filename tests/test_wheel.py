@@ -93,7 +93,6 @@ def test_shipped_policies_are_found(installed: Run) -> None:
     installed("python", "-c", code, *POLICIES)
 
 
-@pytest.mark.skipif("cartpole" not in POLICIES, reason="needs trained/cartpole.pt")
 def test_a_shipped_policy_plays(installed: Run) -> None:
     words = ("run", "cartpole", "--backend", "ibm_lima", "--episodes", "1", "--json")
     found = json.loads(installed("qcompile", *words))

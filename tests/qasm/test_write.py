@@ -118,7 +118,6 @@ def test_pytket_reads_what_is_written(seed, level, native):
 
 @pytest.mark.parametrize(("seed", "level", "native"), COMPILED)
 def test_cirq_reads_what_is_written(seed, level, native):
-    pytest.importorskip("ply")
     qasm_import = pytest.importorskip("cirq.contrib.qasm_import")
     source = random_program(seed)
     program, expected = lower(source, level, native), expectations(source)
