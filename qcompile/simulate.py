@@ -57,7 +57,7 @@ class Simulator:
     def _inputs(self, x: Array, theta: Array) -> Array:
         if self._definitions is None:
             return x
-        return self._xp.concatenate([x, self._definitions(x, theta)], axis=-1)
+        return np.concatenate([x, self._definitions(x, theta)], axis=-1)
 
     def expectation(self, x: Array, theta: Array) -> Array:
         """<Z> of every circuit for every observation, (B, circuits), in [-1, 1]."""

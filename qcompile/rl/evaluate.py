@@ -263,7 +263,7 @@ def _play(
                 if episode is filmed and on_frame is not None:
                     on_frame(episode.environment.render(), fps)  # type: ignore[arg-type]
                 if terminated or truncated:
-                    done = Episode(episode.seed, float(episode.reward), result.steps)
+                    done = Episode(episode.seed, episode.reward, result.steps)
                     result.episodes.append(done)
                     on_episode(done)
                 else:  # those that go on move up; the rows they take have been used
