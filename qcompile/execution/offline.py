@@ -23,7 +23,7 @@ class OfflineExecutor:
     def __init__(self, device: Device, seed: int | np.random.SeedSequence | None = None):
         self.device = device
         self.kind: Kind = "ideal" if device.is_ideal else "noise-model"
-        self._rng = np.random.default_rng(seed)
+        self.rng = np.random.default_rng(seed)
         self._noisy: WeakKeyDictionary[Executable, NoisyCircuits] = WeakKeyDictionary()
 
     def run(
@@ -37,7 +37,7 @@ class OfflineExecutor:
         """
         check_shots(shots)
         p_one = self._p_one(executable, x, theta)
-        return self._rng.binomial(shots, np.minimum(np.maximum(p_one, 0.0), 1.0))
+        return self.rng.binomial(shots, np.minimum(np.maximum(p_one, 0.0), 1.0))
 
     def expectation(self, executable: Executable, x: FloatArray, theta: FloatArray) -> FloatArray:
         """The measured <Z> of each circuit without shot noise, (B, circuits), readout included.

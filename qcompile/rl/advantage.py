@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -55,3 +57,13 @@ class ReturnScale:
         self._mean += delta * count / total
         self._count = total
         return max(float(np.sqrt(self._m2 / total)), 1e-6) if self._m2 > 0 else 1.0
+
+    def state(self) -> dict[str, Any]:
+        """What `restore` goes on from."""
+        moments = [self._count, self._mean, self._m2]
+        return {"running": self._running.tolist(), "moments": moments}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Go on from `state`."""
+        self._running = np.array(state["running"])
+        self._count, self._mean, self._m2 = state["moments"]

@@ -11,38 +11,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qcompile.device import Device
-from qcompile.errors import CalibrationError, CountsError
-from qcompile.execution import OfflineExecutor, check_shots, expectation_from_ones, qpu_seconds
+from qcompile.errors import CountsError
+from qcompile.execution import qpu_seconds
 from qcompile.limits import MAX_EPISODES, MAX_EXECUTIONS_PER_JOB
-from qcompile.mitigation import CALIBRATION_SHOTS, ReadoutMitigation, calibrate_readout
-from qcompile.passes import Executable, compile
+from qcompile.mitigation import CALIBRATION_SHOTS
 from qcompile.policy import Policy
 from qcompile.rl.environments import (
     Environment,
     check_fit,
-    frames_per_second,
     make_environments,
-    reset_all,
     reward_threshold,
 )
+from qcompile.rl.lockstep import Episode, Frame, lockstep
+from qcompile.rl.measurement import Measurement
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
-Frame = NDArray[np.uint8]
 
-MITIGATIONS = ("none", "readout")
 _LEAST_FOR_SOLVED = 100
 _BLOCK = 1_000_000
 _NO_THETA = np.zeros(0)
-
-
-@dataclass(frozen=True)
-class Episode:
-    """One finished episode: the seed of its reset, its total reward, its number of steps."""
-
-    seed: int
-    reward: float
-    length: int
 
 
 class Deployment:
@@ -69,34 +57,21 @@ class Deployment:
     ):
         self.policy, self.device, self.shots = policy, device, shots
         self.level, self.mitigation, self.greedy, self.seed = level, mitigation, greedy, seed
-        if shots is not None:
-            check_shots(shots)
-        if mitigation not in MITIGATIONS:
-            raise CalibrationError(
-                f"Unknown mitigation {mitigation!r}.", f"Known: {', '.join(MITIGATIONS)}."
-            )
         noise_seed, action_seed = np.random.SeedSequence(seed).spawn(2)
-        self.executor = OfflineExecutor(device, noise_seed)
         self._rng = np.random.default_rng(action_seed)
-        self.executable: Executable = compile(policy.trained_program, device, level)
-        # The tables of binding and noise are built by the first use; not in the first step, then.
-        nothing = np.zeros((0, len(policy.program.inputs)))
-        self.executor.expectation(self.executable, nothing, _NO_THETA)
-        self._readout: ReadoutMitigation | None = None
-        if mitigation == "readout":
-            qubits = self.executable.qubits
-            calibration = None if shots is None else CALIBRATION_SHOTS
-            self._readout = calibrate_readout(self.executor, qubits, calibration).at(qubits)
+        self._measure = Measurement(
+            policy.trained_program,
+            device,
+            shots=shots,
+            level=level,
+            mitigation=mitigation,
+            seed=noise_seed,
+        )
+        self.executor, self.executable = self._measure.executor, self._measure.executable
 
     def expectation(self, observations: FloatArray) -> FloatArray:
         """<Z> of every circuit as measured and mitigated, (B, circuits)."""
-        x = self.policy.encode(observations)
-        if self.shots is None:
-            z = self.executor.expectation(self.executable, x, _NO_THETA)
-        else:
-            ones = self.executor.run(self.executable, x, _NO_THETA, self.shots)
-            z = expectation_from_ones(ones, self.shots)
-        return z if self._readout is None else self._readout.apply(z)
+        return self._measure(self.policy.encode(observations), _NO_THETA)
 
     def act(self, observations: FloatArray) -> IntArray:
         """An action for each of the observations (B, features)."""
@@ -198,15 +173,6 @@ def bootstrap_ci95(rewards: FloatArray, seed: int, resamples: int = 10_000) -> l
     return [float(v) for v in np.percentile(np.concatenate(means), [2.5, 97.5])]
 
 
-@dataclass(slots=True)
-class _Living:
-    """An episode that goes on."""
-
-    environment: Environment
-    seed: int
-    reward: float = 0.0
-
-
 def play(
     deployment: Deployment,
     episodes: int,
@@ -246,30 +212,21 @@ def _play(
     on_frame: Callable[[Frame, float], None] | None,
 ) -> RunResult:
     result = RunResult(deployment, reward_threshold(environments[0]))
-    seeds = [deployment.seed + i for i in range(len(environments))]
-    living = [_Living(*pair) for pair in zip(environments, seeds, strict=True)]
-    filmed = living[0] if on_frame is not None else None
-    fps = frames_per_second(environments[0])
+
+    def note(episode: Episode) -> None:
+        result.episodes.append(episode)
+        on_episode(episode)
+
     started = time.perf_counter()
     try:
-        observations = reset_all(environments, seeds)
-        while living:
-            actions = deployment.act(observations).tolist()
-            result.count_step(len(living))
-            going: list[_Living] = []
-            for episode, action in zip(living, actions, strict=True):
-                seen, reward, terminated, truncated, _ = episode.environment.step(action)
-                episode.reward += float(reward)
-                if episode is filmed and on_frame is not None:
-                    on_frame(episode.environment.render(), fps)  # type: ignore[arg-type]
-                if terminated or truncated:
-                    done = Episode(episode.seed, episode.reward, result.steps)
-                    result.episodes.append(done)
-                    on_episode(done)
-                else:  # those that go on move up; the rows they take have been used
-                    observations[len(going)] = seen
-                    going.append(episode)
-            living, observations = going, observations[: len(going)]
+        lockstep(
+            deployment.act,
+            environments,
+            deployment.seed,
+            on_step=result.count_step,
+            on_episode=note,
+            on_frame=on_frame,
+        )
     except KeyboardInterrupt:
         result.interrupted = True
     result.wall_seconds = time.perf_counter() - started

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable
-from copy import deepcopy
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,116 +12,203 @@ from numpy.typing import NDArray
 
 from qcompile.policy import Policy
 from qcompile.rl.advantage import ReturnScale, generalised_advantage
-from qcompile.rl.models import SVQC
-from qcompile.rl.presets import Settings
+from qcompile.rl.models import SVQC, Surrogate, make_model, parameter_count
+from qcompile.rl.noise import ActingNoise
+from qcompile.rl.pause import Pause
 from qcompile.rl.rollout import Collector, FinishedEpisode, Rollout
+from qcompile.rl.settings import Settings, plain
+from qcompile.rl.versions import versions
 
-_RUNNING_EPISODES = 20
 _LEAST_RATE = 0.02
+
+
+@dataclass(frozen=True)
+class Update:
+    """How an update of PPO went, at its last minibatch: what its losses were, and how far it moved.
+
+    `divergence` estimates the Kullback-Leibler divergence of the old from the new policy, in nats;
+    `clipped` is the share of ratios that the clip holds.
+    """
+
+    steps: int
+    episodes: int
+    actor_loss: float
+    critic_loss: float
+    entropy: float
+    divergence: float
+    clipped: float
 
 
 @dataclass(frozen=True, eq=False)
 class TrainingResult:
-    """The trained policy and every finished episode; `interrupted` says if Ctrl-C ended it."""
+    """The trained model and every finished episode; `interrupted` says if Ctrl-C ended it.
 
-    policy: Policy
+    `policy` is what can be deployed: None where the model is no one-qubit circuits.
+    """
+
+    actor: torch.nn.Module
+    policy: Policy | None
     episodes: list[FinishedEpisode]
     steps: int
     interrupted: bool
 
 
 class Trainer:
-    """Trains an actor and a critic, both circuits of the same layout, on one environment.
+    """Trains an actor and a critic, models of the same kind, in one environment.
 
     The same environment, settings and seed give the same policy on the same machine and versions.
     """
 
     def __init__(self, environment: str, settings: Settings, seed: int):
-        self._environment, self._settings, self._seed = environment, settings, seed
-        env_seeds, action_seeds, torch_seeds = np.random.SeedSequence(seed).spawn(3)
-        self._collector = Collector(environment, settings.environments, env_seeds)
-        self._rng = np.random.default_rng(action_seeds)
-        self._generator = torch.Generator().manual_seed(int(torch_seeds.generate_state(1)[0]))
+        self.environment, self.settings, self.seed = environment, settings.check(), seed
+        seeds = np.random.SeedSequence(seed).spawn(4)
+        self._collector = Collector(environment, settings.environments, seeds[0])
+        self._rng = np.random.default_rng(seeds[1])
+        self._generator = torch.Generator().manual_seed(int(seeds[2].generate_state(1)[0]))
         features, actions = self._collector.features, self._collector.actions
-        self._actor = SVQC(features, actions, settings, self._generator)
-        self._critic = SVQC(features, 1, settings, self._generator)
-        self._optimisers = [
-            torch.optim.Adam(self._actor.parameters(), lr=settings.actor_lr, eps=1e-5),
-            torch.optim.Adam(self._critic.parameters(), lr=settings.critic_lr, eps=1e-5),
+        self.actor = make_model(settings, features, actions, self._generator)
+        self._critic = make_model(settings, features, 1, self._generator)
+        groups = [
+            {"params": list(self.actor.parameters()), "lr": settings.actor_lr},
+            {"params": list(self._critic.parameters()), "lr": settings.critic_lr},
         ]
+        self._optimiser = torch.optim.Adam(groups, eps=1e-5, fused=True)
         self._scale = ReturnScale(settings.environments, settings.gamma)
-        self._pause = _Pause(settings.pause_at)
+        self._pause = Pause(settings.pause_at)
+        self._noise: ActingNoise | None = None
+        if isinstance(self.actor, SVQC) and (settings.backend, settings.shots) != ("ideal", None):
+            self._noise = ActingNoise(self.actor, settings, seeds[3])
+        self.last_update: Update | None = None
+
+    @property
+    def steps(self) -> int:
+        """Environment steps taken."""
+        return self._collector.steps
+
+    @property
+    def history(self) -> list[FinishedEpisode]:
+        """Every finished episode."""
+        return self._collector.history
 
     @property
     def progress(self) -> float:
         """How much of the run is done, in [0, 1]."""
-        settings, collector = self._settings, self._collector
-        parts = [
-            done / budget
-            for done, budget in (
-                (collector.steps, settings.steps),
-                (len(collector.history), settings.episodes),
-            )
-            if budget is not None
-        ]
+        settings = self.settings
+        budgets = ((self.steps, settings.steps), (len(self.history), settings.episodes))
+        parts = [done / budget for done, budget in budgets if budget is not None]
         return min(max(parts), 1.0)
 
     def train(
-        self, on_episode: Callable[[FinishedEpisode, float], None] = lambda episode, progress: None
+        self,
+        on_episode: Callable[[FinishedEpisode, float], None] = lambda episode, progress: None,
+        on_update: Callable[[], None] = lambda: None,
     ) -> TrainingResult:
         """Train until the budget of the settings is spent, or until Ctrl-C.
 
-        `on_episode` is called with each finished episode and the progress of the run.
+        `on_episode` is called with each finished episode and the progress of the run, `on_update`
+        after each rollout and what was learned from it: there `state` can be taken.
         """
         interrupted = False
         threads = torch.get_num_threads()
         torch.set_num_threads(1)  # the tensors are small: threads cost more than they bring
         try:
             while self.progress < 1.0:
-                rollout = self._collector.collect(self._act, self._settings.horizon)
+                rollout = self._collector.collect(self._act, self.settings.horizon)
                 for episode in rollout.finished:
                     on_episode(episode, self.progress)
-                if not self._pause.holds(rollout.finished, self._actor):
+                if not self._pause.holds(rollout.finished, self.actor):
                     self._update(rollout)
+                elif self._noise is not None:
+                    self._noise.taken()
+                on_update()
         except KeyboardInterrupt:
             interrupted = True
         finally:
             torch.set_num_threads(threads)
             self._collector.close()
-        return TrainingResult(
-            self._policy(), self._collector.history, self._collector.steps, interrupted
-        )
+        if self._pause.best is not None:
+            self.actor.load_state_dict(self._pause.best)
+        return TrainingResult(self.actor, self.policy(), self.history, self.steps, interrupted)
+
+    def policy(self) -> Policy | None:
+        """The policy as it is, if it can be deployed."""
+        if not isinstance(self.actor, SVQC | Surrogate):
+            return None
+        metadata: dict[str, Any] = {
+            "seed": self.seed,
+            "episodes": len(self.history),
+            "steps": self.steps,
+            "settings": plain(self.settings),
+            "versions": versions(),
+        }
+        name = self.environment.rsplit("-v", 1)[0].lower()
+        return self.actor.policy(name, self.environment, metadata)
+
+    @property
+    def parameter_count(self) -> int:
+        """The numbers of the actor that are trained, copies of output reuse folded."""
+        return parameter_count(self.actor)
 
     def _act(self, observations: NDArray[np.float32]) -> NDArray[np.intp]:
         with torch.no_grad():
-            logits = self._actor(torch.from_numpy(observations)).numpy()
+            seen = torch.from_numpy(observations)
+            logits = (self.actor if self._noise is None else self._noise.act)(seen).numpy()
         return np.asarray((logits + self._rng.gumbel(size=logits.shape)).argmax(axis=1))
 
     def _update(self, rollout: Rollout) -> None:
-        settings = self._settings
+        settings = self.settings
         left = 1.0 - self.progress if settings.anneal else 1.0
         rates = (settings.actor_lr, settings.critic_lr)
-        for optimiser, rate in zip(self._optimisers, rates, strict=True):
-            optimiser.param_groups[0]["lr"] = rate * max(left, _LEAST_RATE)
-        observations = torch.from_numpy(rollout.observations).flatten(0, 1)
-        actions = torch.from_numpy(rollout.actions).flatten()[:, None]
+        for group, rate in zip(self._optimiser.param_groups, rates, strict=True):
+            group["lr"] = rate * max(left, _LEAST_RATE)
         advantages, targets = self._judge(rollout)
+        columns = [
+            torch.from_numpy(rollout.observations).flatten(0, 1),
+            torch.from_numpy(rollout.actions).flatten()[:, None],
+            advantages,
+            targets,
+        ]
+        if self._noise is not None:
+            columns.append(self._noise.taken())
         with torch.no_grad():
-            before = _log_probabilities(self._actor, observations).gather(1, actions)[:, 0]
+            taken = self._log_probabilities(columns[0], *columns[4:])
+            columns.insert(1, taken.gather(1, columns[1])[:, 0])
         for _ in range(settings.epochs):
-            for batch in self._minibatches(len(actions)):
-                log_all = _log_probabilities(self._actor, observations[batch])
-                ratio = (log_all.gather(1, actions[batch])[:, 0] - before[batch]).exp()
+            for batch in self._minibatches(columns):
+                observations, before, actions, advantage, target, *residual = batch
+                log_all = self._log_probabilities(observations, *residual)
+                ratio = (log_all.gather(1, actions)[:, 0] - before).exp()
                 clipped = ratio.clamp(1 - settings.clip, 1 + settings.clip)
-                gain = torch.minimum(ratio * advantages[batch], clipped * advantages[batch]).mean()
+                actor_loss = -torch.minimum(ratio * advantage, clipped * advantage).mean()
                 entropy = -(log_all.exp() * log_all).sum(dim=1).mean()
-                self._descend(0, -gain - settings.entropy * left * entropy)
-                value = self._critic(observations[batch])[:, 0]
-                self._descend(1, ((value - targets[batch]) ** 2).mean())
+                loss = actor_loss - settings.entropy * left * entropy
+                value = self._critic(observations)[:, 0]
+                critic_loss = ((value - target) ** 2).mean()
+                self._descend(loss, critic_loss)
+        with torch.no_grad():
+            self.last_update = Update(
+                self.steps,
+                len(self.history),
+                actor_loss.item(),
+                critic_loss.item(),
+                entropy.item(),
+                (ratio - 1 - ratio.log()).mean().item(),
+                (ratio != clipped).float().mean().item(),
+            )
+
+    def _log_probabilities(
+        self, observations: torch.Tensor, residual: torch.Tensor | None = None
+    ) -> torch.Tensor:
+        if residual is None:
+            outputs = self.actor(observations)
+        else:
+            assert self._noise is not None
+            outputs = self._noise.outputs(observations, residual)
+        return torch.log_softmax(outputs, dim=1)
 
     def _judge(self, rollout: Rollout) -> tuple[torch.Tensor, torch.Tensor]:
         """Normalised advantages and value targets, both (steps * environments,)."""
-        settings, rewards = self._settings, rollout.rewards
+        settings, rewards = self.settings, rollout.rewards
         if settings.scale_rewards:
             rewards = rewards / self._scale.update(rewards, rollout.done)
         with torch.no_grad():
@@ -142,72 +227,56 @@ class Trainer:
         flat = torch.from_numpy(advantages).float().flatten()
         return (flat - flat.mean()) / (flat.std(correction=0) + 1e-8), targets
 
-    def _minibatches(self, size: int) -> tuple[torch.Tensor | slice, ...]:
-        if self._settings.minibatch is None:
-            return (slice(None),)
-        order = torch.randperm(size, generator=self._generator)
-        parts: tuple[torch.Tensor, ...] = order.split(self._settings.minibatch)  # type: ignore[no-untyped-call]
-        return parts
+    def _minibatches(self, columns: list[torch.Tensor]) -> list[tuple[torch.Tensor, ...]]:
+        """The columns in one piece, or shuffled and cut."""
+        size = self.settings.minibatch
+        if size is None:
+            return [tuple(columns)]
+        order = torch.randperm(len(columns[0]), generator=self._generator)
+        cut = [column[order].split(size) for column in columns]  # type: ignore[no-untyped-call]
+        return list(zip(*cut, strict=True))
 
-    def _descend(self, which: int, loss: torch.Tensor) -> None:
-        optimiser = self._optimisers[which]
-        optimiser.zero_grad()
-        loss.backward()  # type: ignore[no-untyped-call]
-        if self._settings.gradient_norm is not None:
-            parameters = optimiser.param_groups[0]["params"]
-            torch.nn.utils.clip_grad_norm_(parameters, self._settings.gradient_norm)
-        optimiser.step()
+    def _descend(self, actor_loss: torch.Tensor, critic_loss: torch.Tensor) -> None:
+        """One step down both losses, which share no parameter."""
+        self._optimiser.zero_grad()
+        (actor_loss + critic_loss).backward()  # type: ignore[no-untyped-call]
+        if self.settings.gradient_norm is not None:
+            for group in self._optimiser.param_groups:
+                torch.nn.utils.clip_grad_norm_(group["params"], self.settings.gradient_norm)
+        self._optimiser.step()
 
-    def _policy(self) -> Policy:
-        import gymnasium
-
-        from qcompile import __version__
-
-        metadata: dict[str, Any] = {
-            "seed": self._seed,
-            "episodes": len(self._collector.history),
-            "steps": self._collector.steps,
-            "settings": {
-                k: list(v) if isinstance(v, tuple) else v for k, v in asdict(self._settings).items()
-            },
-            "versions": {
-                "qcompile": __version__,
-                "torch": str(torch.__version__),
-                "numpy": np.__version__,
-                "gymnasium": gymnasium.__version__,
-            },
+    def state(self) -> dict[str, Any]:
+        """All that `restore` needs to go on bit for bit, tensors and plain values."""
+        return {
+            "actor": _copied(self.actor.state_dict()),
+            "critic": _copied(self._critic.state_dict()),
+            "optimiser": _copied(self._optimiser.state_dict()),
+            "generator": self._generator.get_state(),
+            "rng": self._rng.bit_generator.state,
+            "collector": self._collector.state(),
+            "return_scale": self._scale.state(),
+            "pause": self._pause.state(),
+            "noise": None if self._noise is None else self._noise.state(),
         }
-        name = self._environment.rsplit("-v", 1)[0].lower()
-        if self._pause.best is not None:
-            self._actor.load_state_dict(self._pause.best)
-        return self._actor.policy(name, self._environment, metadata)
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Go on from a state of a trainer with the same environment, settings and seed."""
+        self.actor.load_state_dict(state["actor"])
+        self._critic.load_state_dict(state["critic"])
+        self._optimiser.load_state_dict(state["optimiser"])
+        self._generator.set_state(state["generator"])
+        self._rng.bit_generator.state = state["rng"]
+        self._scale.restore(state["return_scale"])
+        self._pause.restore(state["pause"])
+        if self._noise is not None:
+            self._noise.restore(state["noise"])
+        self._collector.restore(state["collector"])
 
 
-def _log_probabilities(actor: SVQC, observations: torch.Tensor) -> torch.Tensor:
-    return torch.log_softmax(actor(observations), dim=1)
-
-
-class _Pause:
-    """Algorithm 2 of the paper: stop learning while episodes are good, keep the best policy."""
-
-    def __init__(self, reward: float | None):
-        self._reward = reward
-        self._running: deque[float] = deque(maxlen=_RUNNING_EPISODES)
-        self._row = self._longest = 0
-        self.best: dict[str, torch.Tensor] | None = None
-
-    def holds(self, finished: list[FinishedEpisode], actor: SVQC) -> bool:
-        """Whether the update after these episodes is skipped."""
-        if self._reward is None:
-            return False
-        good = False
-        for episode in finished:
-            self._running.append(episode.reward)
-            good = episode.reward >= self._reward
-            if good:
-                self._row += 1
-                if self._row > self._longest:
-                    self._longest, self.best = self._row, deepcopy(actor.state_dict())
-        if sum(self._running) < self._reward * len(self._running):
-            self._row = 0
-        return good or self._row > 0
+def _copied(state: Any) -> Any:
+    """A copy of nested dicts and lists whose tensors the training no longer changes."""
+    if isinstance(state, torch.Tensor):
+        return state.detach().clone()
+    if isinstance(state, dict):
+        return {key: _copied(value) for key, value in state.items()}
+    return [_copied(value) for value in state] if isinstance(state, list) else state

@@ -10,7 +10,7 @@ import torch
 
 from qcompile.policy import Policy
 from qcompile.rl.models import SVQC
-from qcompile.rl.presets import Settings
+from qcompile.rl.settings import Settings
 from qcompile.simulate import Simulator
 
 BASE = Settings(steps=1, theta_spread_rad=3.0)

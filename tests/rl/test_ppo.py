@@ -11,9 +11,11 @@ import torch
 
 from qcompile.errors import EnvironmentMismatchError, TrainingError
 from qcompile.policy import Policy
-from qcompile.rl.ppo import Trainer, TrainingResult, _Pause
-from qcompile.rl.presets import Settings, settings_for
+from qcompile.rl.pause import Pause
+from qcompile.rl.ppo import Trainer, TrainingResult
+from qcompile.rl.presets import settings_for
 from qcompile.rl.rollout import FinishedEpisode
+from qcompile.rl.settings import Settings
 from qcompile.simulate import Simulator
 
 QUICK = Settings(
@@ -141,12 +143,12 @@ def test_an_update_is_the_paper_s_objective(monkeypatch: pytest.MonkeyPatch) -> 
         losses[which].append(loss.item())
         if which == 0:
             with torch.no_grad():
-                trainer._actor.bias += move
+                trainer.actor.bias += move
 
     monkeypatch.setattr(trainer, "_descend", descend)
     chosen = iter([0, 2, 1])
     rollout = trainer._collector.collect(lambda seen: np.array([next(chosen)]), None)
-    actor, critic = (m.policy("p", "e", {}) for m in (trainer._actor, trainer._critic))
+    actor, critic = (m.policy("p", "e", {}) for m in (trainer.actor, trainer._critic))
     trainer._update(rollout)
 
     observations = np.array([[1.0, 0.0], [1.0, 1.0], [1.0, 2.0]])
@@ -200,7 +202,7 @@ class Actor:
         return {"episode": self.episode}
 
 
-def scripted(pause: _Pause, rewards: list[float]) -> tuple[list[bool], list[int | None]]:
+def scripted(pause: Pause, rewards: list[float]) -> tuple[list[bool], list[int | None]]:
     """What Algorithm 2 does after each of these episodes, and which episode's policy it keeps."""
     actor, held, kept = Actor(), [], []
     for number, reward in enumerate(rewards, 1):
@@ -218,13 +220,13 @@ def test_algorithm_2_holds_good_episodes_and_keeps_the_longest_row() -> None:
     150 (202) hold, as the average is good, and 210 is a row of two; 220 (205) is a row of three;
     0 (175.7) updates; 200 (178.8) is good but begins a new row.
     """
-    held, kept = scripted(_Pause(200.0), [250, 100, 300, 210, 150, 220, 0, 200])
+    held, kept = scripted(Pause(200.0), [250, 100, 300, 210, 150, 220, 0, 200])
     assert held == [True, False, True, True, True, True, False, True]
     assert kept == [1, 1, 1, 4, 4, 6, 6, 6]
 
 
 def test_algorithm_2_without_a_threshold_never_holds() -> None:
-    held, kept = scripted(_Pause(None), [1e6, -1e6, 1e6])
+    held, kept = scripted(Pause(None), [1e6, -1e6, 1e6])
     assert held == [False] * 3
     assert kept == [None] * 3
 
@@ -234,7 +236,7 @@ def test_algorithm_2_forgets_after_twenty_episodes() -> None:
 
     Until then the average is below 200 and every good episode begins a new row of one.
     """
-    held, kept = scripted(_Pause(200.0), [-5000.0, *[210.0] * 25])
+    held, kept = scripted(Pause(200.0), [-5000.0, *[210.0] * 25])
     assert held == [False, *[True] * 25]
     # Episode 21 is the first whose last twenty hold no disaster, its row is 1 like that of
     # episode 2, kept long before; 22 makes a row of two, and so on.
@@ -255,8 +257,8 @@ def test_algorithm_2_returns_the_policy_it_saved() -> None:
     settings = Settings(episodes=60, actor_lr=0.05, critic_lr=0.05, pause_at=14.0)
     trainer = Trainer("Match-v0", settings, 0)
     played: list[list[float]] = []
-    result = trainer.train(lambda episode, progress: played.append(trainer._actor.theta.tolist()))
-    _, kept = scripted(_Pause(14.0), [episode.reward for episode in result.episodes])
+    result = trainer.train(lambda episode, progress: played.append(trainer.actor.theta.tolist()))
+    _, kept = scripted(Pause(14.0), [episode.reward for episode in result.episodes])
     saved = kept[-1]
     assert saved is not None
     assert played[saved - 1] != played[0]

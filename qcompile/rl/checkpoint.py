@@ -1,0 +1,96 @@
+"""Checkpoint files: a training that goes on where it stopped, bit for bit."""
+
+from __future__ import annotations
+
+import io
+import json
+import pickle
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from qcompile.errors import TrainingError
+from qcompile.output import write_file
+from qcompile.rl.ppo import Trainer
+from qcompile.rl.settings import plain, restored
+from qcompile.rl.versions import versions
+
+FORMAT = "qcompile-checkpoint-1"
+
+_PARTS = {"format", "environment", "settings", "seed", "versions", "tensors", "plain"}
+_TENSORS = ("actor", "critic", "optimiser", "generator", "pause")
+
+
+def save_checkpoint(trainer: Trainer, path: Path, state: Mapping[str, Any] | None = None) -> None:
+    """Write a state of the trainer, the present one unless another is given, to `path`.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    state = trainer.state() if state is None else state
+    contents = io.BytesIO()
+    torch.save(
+        {
+            "format": FORMAT,
+            "environment": trainer.environment,
+            "settings": json.dumps(plain(trainer.settings)),
+            "seed": trainer.seed,
+            "versions": versions(),
+            "tensors": {name: state[name] for name in _TENSORS},
+            "plain": json.dumps({k: v for k, v in state.items() if k not in _TENSORS}),
+        },
+        contents,
+    )
+    write_file(path, contents.getvalue())
+
+
+def load_checkpoint(path: Path) -> tuple[Trainer, list[str]]:
+    """The trainer of a checkpoint, ready to go on, and the versions that differ from its own.
+
+    Nothing but tensors and plain values is loaded from the file.
+
+    Raises:
+        TrainingError: the file is no checkpoint of this version, or its training cannot go on.
+    """
+    saved = _read(path)
+    try:
+        settings = restored(json.loads(saved["settings"]))
+        trainer = Trainer(saved["environment"], settings, saved["seed"])
+        trainer.restore({**saved["tensors"], **json.loads(saved["plain"])})
+    except (KeyError, TypeError, ValueError, RuntimeError, AttributeError) as error:
+        if isinstance(error, TrainingError):
+            raise
+        raise TrainingError(f"Checkpoint {path} is damaged.", f"{error}".splitlines()[0]) from error
+    now = versions()
+    differ = [
+        f"{name} {made} then, {now.get(name, 'none')} now"
+        for name, made in saved["versions"].items()
+        if made != now.get(name)
+    ]
+    return trainer, differ
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        saved = torch.load(path, map_location="cpu", weights_only=True)
+    except FileNotFoundError as error:
+        raise TrainingError(
+            f"There is no checkpoint {path}.", "A training writes one with --checkpoint FILE."
+        ) from error
+    except (OSError, RuntimeError, EOFError, ValueError, KeyError, pickle.UnpicklingError) as error:
+        raise TrainingError(
+            f"{path} is no checkpoint: it cannot be read as tensors and plain values.",
+            f"{error}".splitlines()[0] if f"{error}" else type(error).__name__,
+        ) from error
+    found = saved.get("format") if isinstance(saved, dict) else type(saved).__name__
+    if found != FORMAT:
+        raise TrainingError(
+            f"{path} is no checkpoint that this version reads: its format is {found!r}.",
+            f"Needed: {FORMAT!r}, as `qcompile train --checkpoint` writes it.",
+        )
+    missing = sorted(_PARTS - set(saved))
+    if missing:
+        raise TrainingError(f"Checkpoint {path} is damaged.", f"Missing: {', '.join(missing)}.")
+    return dict(saved)

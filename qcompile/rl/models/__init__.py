@@ -1,0 +1,41 @@
+"""What can be trained: modules from observations (B, features) to outputs (B, outputs)."""
+
+from __future__ import annotations
+
+import torch
+
+from qcompile.rl.models.head import ReusedLinear
+from qcompile.rl.models.mvqc import MVQC
+from qcompile.rl.models.networks import convolutional, fully_connected
+from qcompile.rl.models.surrogate import Surrogate
+from qcompile.rl.models.svqc import SVQC
+from qcompile.rl.settings import Settings
+
+__all__ = ["MVQC", "SVQC", "Surrogate", "make_model", "parameter_count"]
+
+_MAKERS = {
+    "svqc": SVQC,
+    "mvqc": MVQC,
+    "surrogate": Surrogate,
+    "fcn": fully_connected,
+    "cnn": convolutional,
+}
+
+
+def make_model(
+    settings: Settings, features: int, outputs: int, generator: torch.Generator
+) -> torch.nn.Module:
+    """The model that the settings name; its first numbers are drawn from `generator`.
+
+    Raises:
+        TrainingError: the model cannot have this shape.
+    """
+    return _MAKERS[settings.model](features, outputs, settings, generator)
+
+
+def parameter_count(model: torch.nn.Module) -> int:
+    """The numbers that are trained. Copies of output reuse are folded, as in a deployed policy."""
+    trained = sum(p.numel() for p in model.parameters() if p.requires_grad)
+    heads = [part for part in model.modules() if isinstance(part, ReusedLinear)]
+    copies = sum(head.weights.numel() * (head.reuse - 1) // head.reuse for head in heads)
+    return trained - copies

@@ -1,0 +1,60 @@
+"""What the models with expectations share: input scales and a linear layer with output reuse."""
+
+from __future__ import annotations
+
+import torch
+
+from qcompile.errors import TrainingError
+from qcompile.rl.settings import Settings
+
+
+def input_scale(settings: Settings, columns: int) -> torch.nn.Parameter:
+    """The logarithms of the input scales, copy by copy, `columns` to a copy.
+
+    Raises:
+        TrainingError: a copy has a scale for each feature, but not for as many as there are.
+    """
+    rows = []
+    for scale in settings.scales:
+        row = torch.tensor(scale, dtype=torch.float32)
+        if row.ndim and len(row) != columns:
+            raise TrainingError(
+                f"A copy has {len(row)} scales, found {columns} features.",
+                "Give a number for each copy, or one for each feature.",
+            )
+        rows.append(row.expand(columns))
+    return torch.nn.Parameter(torch.cat(rows).log(), requires_grad=settings.trainable_scale)
+
+
+def first_theta(
+    settings: Settings, shape: tuple[int, ...], generator: torch.Generator
+) -> torch.nn.Parameter:
+    """theta, uniform in an interval around 0."""
+    spread = torch.rand(shape, generator=generator) - 0.5
+    return torch.nn.Parameter(settings.theta_spread_rad * spread)
+
+
+class ReusedLinear(torch.nn.Module):
+    """A linear layer that reads every one of n values `reuse` times (output reuse).
+
+    The copies fold: forward sums the weights of a value's copies. Source: arXiv 2203.14348.
+    """
+
+    def __init__(self, values: int, outputs: int, settings: Settings, generator: torch.Generator):
+        super().__init__()
+        self.reuse = settings.reuse
+        columns = values * settings.reuse
+        if settings.weight_spread is None:  # Glorot
+            limit = (6 / (columns + outputs)) ** 0.5
+            weights = limit * (2 * torch.rand(outputs, columns, generator=generator) - 1)
+        else:
+            weights = settings.weight_spread * torch.randn(outputs, columns, generator=generator)
+        self.weights = torch.nn.Parameter(weights)
+        self.bias = torch.nn.Parameter(torch.zeros(outputs))
+
+    def forward(self, values: torch.Tensor) -> torch.Tensor:
+        """(B, values) to (B, outputs)."""
+        folded: torch.Tensor = self.weights
+        if self.reuse > 1:
+            folded = folded.reshape(len(self.bias), self.reuse, -1).sum(dim=1)
+        return torch.nn.functional.linear(values, folded, self.bias)

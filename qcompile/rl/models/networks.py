@@ -1,0 +1,57 @@
+"""The paper's classical baselines: a fully connected and a convolutional network."""
+
+from __future__ import annotations
+
+import itertools
+
+import torch
+
+from qcompile.rl.settings import Settings
+
+_ACTIVATIONS = {"relu": torch.nn.ReLU, "tanh": torch.nn.Tanh}
+_KERNEL = 3
+
+
+def fully_connected(
+    features: int, outputs: int, settings: Settings, generator: torch.Generator
+) -> torch.nn.Sequential:
+    """Linear layers of the sizes `hidden`, the activation between them, and a linear output."""
+    sizes = [features, *settings.hidden]
+    layers: list[torch.nn.Module] = []
+    for before, after in itertools.pairwise(sizes):
+        layers += [torch.nn.Linear(before, after), _ACTIVATIONS[settings.activation]()]
+    layers.append(torch.nn.Linear(sizes[-1], outputs))
+    return _drawn(torch.nn.Sequential(*layers), settings, generator)
+
+
+def convolutional(
+    features: int, outputs: int, settings: Settings, generator: torch.Generator
+) -> torch.nn.Sequential:
+    """Convolutions of width 3 over the row of features, `hidden` channels, and a linear output."""
+    channels = [1, *settings.hidden]
+    layers: list[torch.nn.Module] = [torch.nn.Unflatten(1, (1, features))]
+    for before, after in itertools.pairwise(channels):
+        layers += [
+            torch.nn.Conv1d(before, after, _KERNEL, padding="same"),
+            _ACTIVATIONS[settings.activation](),
+        ]
+    layers += [torch.nn.Flatten(), torch.nn.Linear(channels[-1] * features, outputs)]
+    return _drawn(torch.nn.Sequential(*layers), settings, generator)
+
+
+def _drawn(
+    network: torch.nn.Sequential, settings: Settings, generator: torch.Generator
+) -> torch.nn.Sequential:
+    """The network with torch's usual first numbers, from `generator`: uniform, 1 / sqrt(inputs)."""
+    for layer in network:
+        if isinstance(layer, (torch.nn.Linear, torch.nn.Conv1d)):
+            limit = layer.weight[0].numel() ** -0.5
+            for tensor in (layer.weight, layer.bias):
+                assert tensor is not None
+                torch.nn.init.uniform_(tensor, -limit, limit, generator)
+    if settings.weight_spread is not None:
+        last = network[-1]
+        assert isinstance(last, torch.nn.Linear)
+        torch.nn.init.normal_(last.weight, 0.0, settings.weight_spread, generator)
+        torch.nn.init.zeros_(last.bias)
+    return network

@@ -1,0 +1,63 @@
+"""Learning under a device's noise: actions follow the <Z> that the device shows."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import torch
+
+from qcompile.device import load_device
+from qcompile.rl.measurement import Measurement
+from qcompile.rl.models import SVQC
+from qcompile.rl.models.svqc import numbers
+from qcompile.rl.settings import Settings
+
+
+class ActingNoise:
+    """Measures the actor's circuits on a device while it acts, and brings the noise to the update.
+
+    The residual of a step is the measured <Z> less the ideal one. In the update it is added to the
+    ideal <Z> of the parameters being learned: so before anything is learned the probabilities are
+    those the actions were drawn from, and gradients flow through the ideal circuit.
+    """
+
+    def __init__(self, actor: SVQC, settings: Settings, seed: np.random.SeedSequence):
+        self._actor = actor
+        self._measure = Measurement(
+            actor.program,
+            load_device(settings.backend),
+            shots=settings.shots,
+            mitigation=settings.mitigation,
+            seed=seed,
+        )
+        self._residuals: list[torch.Tensor] = []
+
+    def act(self, observations: torch.Tensor) -> torch.Tensor:
+        """Outputs (B, actions) from the measured <Z> for observations (B, features)."""
+        ideal = self._actor.expectation(observations)
+        x = numbers(self._actor.inputs(observations))
+        measured = self._measure(x, numbers(self._actor.theta))
+        residual = torch.from_numpy(measured).float() - ideal
+        self._residuals.append(residual)
+        outputs: torch.Tensor = self._actor.head(ideal + residual)
+        return outputs
+
+    def outputs(self, observations: torch.Tensor, residual: torch.Tensor) -> torch.Tensor:
+        """Outputs (B, actions) where the noise was `residual`, (B, circuits)."""
+        outputs: torch.Tensor = self._actor.head(self._actor.expectation(observations) + residual)
+        return outputs
+
+    def taken(self) -> torch.Tensor:
+        """The residuals of the steps since the last call, (steps * environments, circuits)."""
+        residuals = torch.cat(self._residuals)
+        self._residuals.clear()
+        return residuals
+
+    def state(self) -> dict[str, Any]:
+        """What `restore` goes on from, between two rollouts."""
+        return dict(self._measure.executor.rng.bit_generator.state)
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Go on from `state`."""
+        self._measure.executor.rng.bit_generator.state = state

@@ -1,0 +1,169 @@
+"""Everything a training run depends on besides its environment and its seed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Annotated, Any, Literal
+
+from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic.dataclasses import dataclass
+
+from qcompile.catalogue import nearest
+from qcompile.errors import TrainingError
+from qcompile.validation import explain
+
+Model = Literal["svqc", "mvqc", "fcn", "cnn", "surrogate"]
+MODELS: tuple[Model, ...] = ("svqc", "mvqc", "fcn", "cnn", "surrogate")
+
+Count = Annotated[int, Field(ge=1)]
+Fraction = Annotated[float, Field(ge=0, le=1)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Scale = Positive | Annotated[tuple[Positive, ...], Field(min_length=1)]
+
+_ENCODED = ("svqc", "mvqc", "surrogate")
+_OF_MODELS: dict[str, tuple[str, ...]] = {
+    "layout": ("svqc",),
+    "reuse": ("svqc", "mvqc", "surrogate"),
+    "scales": _ENCODED,
+    "trainable_scale": _ENCODED,
+    "theta_spread_rad": ("svqc", "mvqc"),
+    "backend": ("svqc",),
+    "shots": ("svqc",),
+    "mitigation": ("svqc",),
+    "hidden": ("fcn", "cnn"),
+    "activation": ("fcn", "cnn"),
+}
+"""Settings that only some models have."""
+
+
+@dataclass(frozen=True, config=ConfigDict(extra="forbid", allow_inf_nan=False))
+class Settings:
+    """Settings of one training; qcompile.rl.presets fills them.
+
+    Raises:
+        TrainingError: from `changed`, which checks values, and from `check`, which checks that
+            they fit each other.
+    """
+
+    # The model
+    model: Model = "svqc"
+    """What is trained: a name of MODELS."""
+    layout: Literal["parallel", "serial", "single"] = "parallel"
+    """How features become circuits: a name of `qcompile.policy.layouts.LAYOUTS`."""
+    scales: Annotated[tuple[Scale, ...], Field(min_length=1)] = (1.0,)
+    """Input scale of each copy (or layer) of the features, a number or one for each feature; there
+    are as many copies as scales."""
+    trainable_scale: bool = False
+    """Whether input scales are trained along."""
+    reuse: Count = 1
+    """Copies of each output before the linear layer."""
+    theta_spread_rad: NotNegative = 0.0
+    """theta starts uniform in an interval of this width around 0."""
+    hidden: tuple[Count, ...] = (64, 64)
+    """Sizes of the hidden layers of an fcn, channels of those of a cnn."""
+    activation: Literal["relu", "tanh"] = "relu"
+    """Between the layers of an fcn or a cnn."""
+    weight_spread: Positive | None = None
+    """Standard deviation of the first weights of the last layer; None is the model's usual law."""
+
+    # What circuits are played on
+    backend: str = "ideal"
+    """Device whose noise the policy acts under while it learns."""
+    shots: Count | None = None
+    """Shots of each circuit and step; None is the expectation without shot noise."""
+    mitigation: Literal["none", "readout"] = "none"
+    """What is done about readout errors."""
+
+    # The experience
+    environments: Count = 1
+    """Environments that step together."""
+    horizon: Count | None = None
+    """Steps of each environment between updates; None is one whole episode of one environment."""
+    steps: Count | None = None
+    """Stop after this many environment steps."""
+    episodes: Count | None = None
+    """Stop after this many episodes."""
+
+    # The update
+    actor_lr: Positive = 0.001
+    """Adam's step size for the policy."""
+    critic_lr: Positive = 0.01
+    """Adam's step size for the value."""
+    anneal: bool = False
+    """Whether step sizes and entropy bonus fall linearly to the end of the run; step sizes stop
+    falling at 2 % of their start."""
+    gamma: Fraction = 0.99
+    """Discount."""
+    gae_lambda: Fraction = 1.0
+    """Generalised advantage estimation; 1 is the discounted return less the value."""
+    epochs: Count = 4
+    """Passes over each rollout."""
+    minibatch: Count | None = None
+    """Steps in one gradient; None is the whole rollout."""
+    clip: Positive = 0.1
+    """PPO clips the probability ratio to 1 +- this."""
+    entropy: NotNegative = 0.0
+    """Weight of the entropy bonus."""
+    gradient_norm: Positive | None = None
+    """Gradients are cut to this norm."""
+    scale_rewards: bool = False
+    """Whether rewards are divided by the running standard deviation of returns."""
+    bootstrap_truncated: bool = True
+    """Whether the value stands in for what a time limit cut off; the paper takes 0."""
+    pause_at: float | None = None
+    """Algorithm 2: episodes with at least this reward update nothing; the longest such row saves
+    the policy; updates resume when the running average falls below."""
+
+    def check(self) -> Settings:
+        """These settings, where they fit each other."""
+        if self.horizon is None and self.environments != 1:
+            raise TrainingError(
+                f"{self.environments} environments without a horizon.",
+                "Whole episodes are collected from one environment; set horizon.",
+            )
+        if self.steps is None and self.episodes is None:
+            raise TrainingError("The training has no end.", "Set steps, episodes or both.")
+        for name, models in _OF_MODELS.items():
+            if self.model not in models and getattr(self, name) != _DEFAULTS[name]:
+                raise TrainingError(
+                    f"Model {self.model!r} has no {name!r}, found {getattr(self, name)!r}.",
+                    f"It is a setting of {' and '.join(models)}.",
+                )
+        return self
+
+    def changed(self, **values: Any) -> Settings:
+        """A copy with these values, checked."""
+        unknown = sorted(set(values) - set(_DEFAULTS))
+        if unknown:
+            raise TrainingError(
+                f"Unknown setting {unknown[0]!r}.", nearest(unknown[0], SETTING_NAMES)
+            )
+        try:
+            return _ADAPTER.validate_python(plain(self) | values).check()
+        except ValidationError as error:
+            raise TrainingError(f"Settings: {explain(error)}") from error
+
+
+_DEFAULTS: Mapping[str, Any] = {field.name: field.default for field in fields(Settings)}
+_ADAPTER = TypeAdapter(Settings)
+SETTING_NAMES = tuple(_DEFAULTS)
+
+
+def plain(settings: Settings) -> dict[str, Any]:
+    """The settings as plain values, which `restored` reads back."""
+    values: dict[str, Any] = _ADAPTER.dump_python(settings, mode="json")
+    return values
+
+
+def restored(values: Mapping[str, Any]) -> Settings:
+    """The settings that `plain` gave.
+
+    Raises:
+        TrainingError: they are no settings.
+    """
+    try:
+        return _ADAPTER.validate_python(dict(values)).check()
+    except ValidationError as error:
+        raise TrainingError(f"Settings: {explain(error)}") from error
