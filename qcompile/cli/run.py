@@ -61,7 +61,8 @@ def command(
     from qcompile.report.film import SUFFIXES, Film
     from qcompile.report.progress import progress_bar
     from qcompile.report.tables import print_run
-    from qcompile.rl.evaluate import Deployment, Episode, play
+    from qcompile.rl.evaluate import Deployment, play
+    from qcompile.rl.lockstep import Episode
 
     if video is not None and video.suffix not in SUFFIXES:
         raise click.BadParameter(f"{video} must end with .mp4 or .gif.", param_hint="'--video'")
