@@ -58,6 +58,10 @@ class TrainingError(QcompileError, ValueError):
     """Training settings contradict each other or the environment."""
 
 
+class StudyError(QcompileError, ValueError):
+    """A study cannot be run or written up as asked."""
+
+
 class OutputError(QcompileError, OSError):
     """A file or folder cannot be written."""
 

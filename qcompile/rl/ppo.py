@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch.nn.functional import cross_entropy, mse_loss
 
 from qcompile.policy import Policy
 from qcompile.rl.advantage import ReturnScale, generalised_advantage
+from qcompile.rl.flat import FlatParameters
 from qcompile.rl.models import SVQC, Surrogate, make_model, parameter_count
 from qcompile.rl.noise import ActingNoise
 from qcompile.rl.pause import Pause
@@ -68,10 +70,8 @@ class Trainer:
         features, actions = self._collector.features, self._collector.actions
         self.actor = make_model(settings, features, actions, self._generator)
         self._critic = make_model(settings, features, 1, self._generator)
-        groups = [
-            {"params": list(self.actor.parameters()), "lr": settings.actor_lr},
-            {"params": list(self._critic.parameters()), "lr": settings.critic_lr},
-        ]
+        self._learned = [FlatParameters(self.actor), FlatParameters(self._critic)]
+        groups = [{"params": [flat.parameter]} for flat in self._learned]
         self._optimiser = torch.optim.Adam(groups, eps=1e-5, fused=True)
         self._scale = ReturnScale(settings.environments, settings.gamma)
         self._pause = Pause(settings.pause_at)
@@ -164,47 +164,47 @@ class Trainer:
         advantages, targets = self._judge(rollout)
         columns = [
             torch.from_numpy(rollout.observations).flatten(0, 1),
-            torch.from_numpy(rollout.actions).flatten()[:, None],
+            torch.from_numpy(rollout.actions).flatten(),
             advantages,
             targets,
         ]
         if self._noise is not None:
             columns.append(self._noise.taken())
         with torch.no_grad():
-            taken = self._log_probabilities(columns[0], *columns[4:])
-            columns.insert(1, taken.gather(1, columns[1])[:, 0])
+            outputs = self._outputs(columns[0], *columns[4:])
+            columns.insert(1, cross_entropy(outputs, columns[1], reduction="none"))
         for _ in range(settings.epochs):
             for batch in self._minibatches(columns):
                 observations, before, actions, advantage, target, *residual = batch
-                log_all = self._log_probabilities(observations, *residual)
-                ratio = (log_all.gather(1, actions)[:, 0] - before).exp()
+                outputs = self._outputs(observations, *residual)
+                # The cross entropy with the action taken is minus its log-probability.
+                ratio = (before - cross_entropy(outputs, actions, reduction="none")).exp()
                 clipped = ratio.clamp(1 - settings.clip, 1 + settings.clip)
-                actor_loss = -torch.minimum(ratio * advantage, clipped * advantage).mean()
-                entropy = -(log_all.exp() * log_all).sum(dim=1).mean()
-                loss = actor_loss - settings.entropy * left * entropy
-                value = self._critic(observations)[:, 0]
-                critic_loss = ((value - target) ** 2).mean()
+                gain = torch.minimum(ratio * advantage, clipped * advantage).mean()
+                loss = -gain
+                if settings.entropy:
+                    loss = loss - settings.entropy * left * _entropy(outputs)
+                critic_loss = mse_loss(self._critic(observations)[:, 0], target)
                 self._descend(loss, critic_loss)
         with torch.no_grad():
             self.last_update = Update(
                 self.steps,
                 len(self.history),
-                actor_loss.item(),
+                -gain.item(),
                 critic_loss.item(),
-                entropy.item(),
+                _entropy(outputs).item(),
                 (ratio - 1 - ratio.log()).mean().item(),
                 (ratio != clipped).float().mean().item(),
             )
 
-    def _log_probabilities(
+    def _outputs(
         self, observations: torch.Tensor, residual: torch.Tensor | None = None
     ) -> torch.Tensor:
         if residual is None:
-            outputs = self.actor(observations)
-        else:
-            assert self._noise is not None
-            outputs = self._noise.outputs(observations, residual)
-        return torch.log_softmax(outputs, dim=1)
+            outputs: torch.Tensor = self.actor(observations)
+            return outputs
+        assert self._noise is not None
+        return self._noise.outputs(observations, residual)
 
     def _judge(self, rollout: Rollout) -> tuple[torch.Tensor, torch.Tensor]:
         """Normalised advantages and value targets, both (steps * environments,)."""
@@ -233,16 +233,17 @@ class Trainer:
         if size is None:
             return [tuple(columns)]
         order = torch.randperm(len(columns[0]), generator=self._generator)
-        cut = [column[order].split(size) for column in columns]  # type: ignore[no-untyped-call]
+        cut = [column.index_select(0, order).split(size) for column in columns]  # type: ignore[no-untyped-call]
         return list(zip(*cut, strict=True))
 
     def _descend(self, actor_loss: torch.Tensor, critic_loss: torch.Tensor) -> None:
         """One step down both losses, which share no parameter."""
-        self._optimiser.zero_grad()
+        for flat in self._learned:
+            flat.zero_gradient()
         (actor_loss + critic_loss).backward()  # type: ignore[no-untyped-call]
         if self.settings.gradient_norm is not None:
-            for group in self._optimiser.param_groups:
-                torch.nn.utils.clip_grad_norm_(group["params"], self.settings.gradient_norm)
+            for flat in self._learned:
+                flat.clip_gradient(self.settings.gradient_norm)
         self._optimiser.step()
 
     def state(self) -> dict[str, Any]:
@@ -271,6 +272,12 @@ class Trainer:
         if self._noise is not None:
             self._noise.restore(state["noise"])
         self._collector.restore(state["collector"])
+
+
+def _entropy(outputs: torch.Tensor) -> torch.Tensor:
+    """The mean entropy in nats of the softmax of outputs (B, actions)."""
+    log_all = torch.log_softmax(outputs, dim=1)
+    return -(log_all.exp() * log_all).sum(dim=1).mean()
 
 
 def _copied(state: Any) -> Any:

@@ -25,7 +25,7 @@ _SVQC_FAMILY: Family = {
         actor_lr=0.002,
         critic_lr=0.02,
         gamma=0.98,
-        episodes=1500,
+        episodes=1200,
         pause_at=200.0,
     ),
 }
@@ -66,7 +66,9 @@ def _as_model(family: Family, **changes: object) -> Family:
 PRESETS: dict[str, dict[str, Family]] = {
     "paper": {
         "svqc": {**_SVQC_FAMILY, "CartPole single": _SINGLE},
-        "mvqc": _as_model(_SVQC_FAMILY, model="mvqc", scales=(1.0,) * 5, theta_spread_rad=math.pi),
+        "mvqc": _as_model(
+            _SVQC_FAMILY, model="mvqc", scales=(1.0,) * 5, theta_spread_rad=math.pi, pause_at=None
+        ),
         "surrogate": _as_model(_SVQC_FAMILY, model="surrogate"),
         "fcn": {
             "": _FCN,

@@ -33,7 +33,7 @@ class Surrogate(torch.nn.Module):
 
     def forward(self, observations: torch.Tensor) -> torch.Tensor:
         """Observations (B, features) to outputs (B, outputs)."""
-        u = observations[:, self.feature] * self.log_scale.exp()
+        u = observations.index_select(1, self.feature) * self.log_scale.exp()
         cosine = torch.rsqrt(u * u + 1)
         outputs: torch.Tensor = self.head(torch.cat([u * cosine, cosine * cosine], dim=1))
         return outputs

@@ -33,7 +33,7 @@ class SVQC(torch.nn.Module):
 
     def inputs(self, observations: torch.Tensor) -> torch.Tensor:
         """Observations (B, features) to the inputs x of the circuits (B, inputs), in radians."""
-        return torch.arctan(observations[:, self.feature] * self.log_scale.exp())
+        return torch.arctan(observations.index_select(1, self.feature) * self.log_scale.exp())
 
     def expectation(self, observations: torch.Tensor) -> torch.Tensor:
         """Observations (B, features) to the ideal <Z> of every circuit (B, circuits)."""

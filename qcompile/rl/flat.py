@@ -1,0 +1,32 @@
+"""All trained numbers of a model in one tensor, so that an update is a few operations."""
+
+from __future__ import annotations
+
+import torch
+
+
+class FlatParameters:
+    """One parameter that shares its memory, and its gradient's, with every trained one of `model`.
+
+    Gradients add up in `parameter.grad` until `zero_gradient`.
+    """
+
+    def __init__(self, model: torch.nn.Module):
+        trained = [p for p in model.parameters() if p.requires_grad]
+        self.parameter = torch.nn.Parameter(torch.cat([p.detach().flatten() for p in trained]))
+        self._gradient = torch.zeros_like(self.parameter)
+        self.parameter.grad = self._gradient
+        start = 0
+        for p in trained:
+            end = start + p.numel()
+            p.data = self.parameter.data[start:end].view_as(p)
+            p.grad = self._gradient[start:end].view_as(p)
+            start = end
+
+    def zero_gradient(self) -> None:
+        self._gradient.zero_()
+
+    def clip_gradient(self, most: float) -> None:
+        """Cut the gradient to the norm `most`."""
+        norm = self._gradient.norm()
+        self._gradient.mul_((most / (norm + 1e-6)).clamp(max=1.0))

@@ -1,0 +1,59 @@
+"""What a model in training scores on episodes it has not seen."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from qcompile.device import load_device
+from qcompile.rl.environments import make_environments
+from qcompile.rl.evaluate import Deployment, play
+from qcompile.rl.lockstep import Act, Episode, lockstep
+from qcompile.rl.ppo import Trainer
+
+
+def score(trainer: Trainer, episodes: int, first_seed: int) -> NDArray[np.float64]:
+    """Rewards (episodes,) of the model as it is, episode i reset with `first_seed` + i.
+
+    Actions are sampled; a model of one-qubit circuits plays on the backend it learns on. Every
+    draw comes from a generator derived from `first_seed`: the training goes on undisturbed, and
+    the score repeats.
+    """
+    policy, settings = trainer.policy(), trainer.settings
+    if policy is not None:
+        deployment = Deployment(
+            policy,
+            load_device(settings.backend),
+            shots=settings.shots,
+            mitigation=settings.mitigation,
+            seed=first_seed,
+        )
+        result = play(deployment, episodes)
+        if result.interrupted:
+            raise KeyboardInterrupt
+        return result.rewards
+    rewards: dict[int, float] = {}
+
+    def note(episode: Episode) -> None:
+        rewards[episode.seed] = episode.reward
+
+    environments = make_environments(trainer.environment, episodes)
+    try:
+        lockstep(_sampling(trainer.actor, first_seed), environments, first_seed, on_episode=note)
+    finally:
+        for environment in environments:
+            environment.close()
+    return np.array([rewards[seed] for seed in sorted(rewards)])
+
+
+def _sampling(actor: torch.nn.Module, seed: int) -> Act:
+    """Actions drawn from the softmax of a network's outputs."""
+    rng = np.random.default_rng(seed)
+
+    def act(observations: NDArray[np.float64]) -> NDArray[np.intp]:
+        with torch.no_grad():
+            logits = actor(torch.from_numpy(observations).float()).numpy()
+        return np.asarray((logits + rng.gumbel(size=logits.shape)).argmax(axis=1))
+
+    return act

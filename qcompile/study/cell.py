@@ -1,0 +1,104 @@
+"""Train one cell, and keep what came of it in a file of its own."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from qcompile.output import write_file
+from qcompile.rl.settings import plain
+from qcompile.study.rows import Cell
+
+EVALUATION_EPISODES = 100
+EVALUATION_SEED = 10_000
+"""The final model plays episodes reset with these seeds, which no training sees by name."""
+
+Steps = Annotated[int, Field(ge=1)]
+
+
+class CellResult(BaseModel):
+    """What one training gave; `steps` and `rewards` have an entry for each episode."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    format: Literal["qcompile-study-1"] = "qcompile-study-1"
+    row: str
+    seed: int
+    environment: str
+    settings: dict[str, Any]
+    versions: dict[str, str]
+    parameters: int
+    steps: list[Steps]
+    rewards: list[float]
+    evaluation: list[float]
+    wall_seconds: float
+
+    @property
+    def averages(self) -> NDArray[np.float64]:
+        """The average of the last 20 rewards (fewer before the 20th), after each episode."""
+        total = np.cumsum([0.0, *self.rewards])
+        end = np.arange(1, len(self.rewards) + 1)
+        start = np.maximum(end - 20, 0)
+        return np.asarray((total[end] - total[start]) / (end - start))
+
+
+def run_cell(cell: Cell, evaluation: int = EVALUATION_EPISODES) -> CellResult:
+    """Train the cell and play `evaluation` fresh episodes with what came of it, on one thread.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C; half a training is no result.
+    """
+    import torch
+
+    from qcompile.rl.ppo import Trainer
+    from qcompile.rl.score import score
+    from qcompile.rl.versions import versions
+
+    torch.set_num_threads(1)
+    started = time.perf_counter()
+    trainer = Trainer(cell.row.environment, cell.row.settings, cell.seed)
+    result = trainer.train()
+    if result.interrupted:
+        raise KeyboardInterrupt
+    played = score(trainer, evaluation, EVALUATION_SEED)
+    policy = result.policy
+    return CellResult(
+        row=cell.row.name,
+        seed=cell.seed,
+        environment=cell.row.environment,
+        settings=plain(cell.row.settings),
+        versions=versions(),
+        parameters=trainer.parameter_count if policy is None else policy.parameter_count,
+        steps=[episode.steps for episode in result.episodes],
+        rewards=[round(episode.reward, 2) for episode in result.episodes],
+        evaluation=[round(float(reward), 2) for reward in played],
+        wall_seconds=round(time.perf_counter() - started, 1),
+    )
+
+
+def write_cell(result: CellResult, folder: Path) -> None:
+    """Write the result to its file in `folder`.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    name = f"{result.row}-seed{result.seed}.json"
+    write_file(folder / name, (json.dumps(result.model_dump()) + "\n").encode())
+
+
+def read_cell(cell: Cell, folder: Path, evaluation: int | None = None) -> CellResult | None:
+    """The result of the cell, if `folder` has it with the cell's settings."""
+    try:
+        result = CellResult.model_validate_json((folder / f"{cell.name}.json").read_bytes())
+    except (OSError, ValidationError):
+        return None
+    wanted = (cell.row.environment, plain(cell.row.settings), cell.seed)
+    if (result.environment, result.settings, result.seed) != wanted:
+        return None
+    return result if evaluation in (None, len(result.evaluation)) else None
