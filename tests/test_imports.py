@@ -26,6 +26,7 @@ ORDER = (
     {"policy"},
     {"jobs", "rl"},
     {"report"},
+    {"study"},
     {"cli"},
     {"__main__"},
 )

@@ -19,6 +19,7 @@ COMMANDS = {
     "export": "Write a policy's circuits as an OpenQASM job.",
     "compile": "Compile an OpenQASM 2 or 3 file.",
     "train": "Train a policy with PPO.",
+    "study": "Repeat the paper's training study.",
     "backends": "List, show and add devices.",
 }
 """Name and first help line of every command, so that --help loads none of them."""

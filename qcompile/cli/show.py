@@ -3,22 +3,39 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 from qcompile.cli.options import backend_option, echo_json, json_option, level_option
+
+if TYPE_CHECKING:
+    from qcompile.policy.surrogate import Surrogate
 
 
 @click.command("show")
 @click.argument("subject", metavar="[POLICY|FILE.qasm]", default="lunarlander")
 @backend_option()
 @level_option
+@click.option(
+    "--surrogate",
+    is_flag=True,
+    help="Show instead the linear softmax policy that a policy's circuits compute, term by term.",
+)
 @json_option
-def command(subject: str, backend: str, level: int, as_json: bool) -> None:
+@click.pass_context
+def command(
+    ctx: click.Context, subject: str, backend: str, level: int, surrogate: bool, as_json: bool
+) -> None:
     """Show the circuits of a policy or an OpenQASM file, before and after compilation.
 
     A policy's theta is shown as a symbol; `run` and `export` put its numbers in.
     """
+    if surrogate:
+        _check_surrogate(ctx, subject)
+        _show_surrogate(subject, as_json)
+        return
     from qcompile.device import load_device
     from qcompile.passes import LEVELS, compile
     from qcompile.policy import load_policy
@@ -65,3 +82,67 @@ def command(subject: str, backend: str, level: int, as_json: bool) -> None:
     if values["definitions"]:
         click.echo("Angles computed when an observation is bound, such as")
         click.echo(f"  {values['definitions'][0]}")
+
+
+def _check_surrogate(ctx: click.Context, subject: str) -> None:
+    """Refuse what --surrogate cannot be combined with."""
+    if Path(subject).suffix == ".qasm":
+        raise click.UsageError(
+            f"--surrogate is for a policy; {subject} is a program, without encoder and head.", ctx
+        )
+    for name in ("backend", "level"):
+        if ctx.get_parameter_source(name) is not ParameterSource.DEFAULT:
+            raise click.UsageError(
+                f"--surrogate and --{name} exclude each other: nothing is compiled.", ctx
+            )
+
+
+def _show_surrogate(subject: str, as_json: bool) -> None:
+    from qcompile.policy import load_policy
+    from qcompile.policy.surrogate import Surrogate, merged_inputs
+    from qcompile.report.tables import print_table
+
+    policy = load_policy(subject)
+    surrogate = Surrogate.of(policy)
+    if as_json:
+        echo_json(_surrogate_values(surrogate))
+        return
+    terms, circuits = len(surrogate.terms), len(policy.program)
+    click.echo(
+        f"{policy.name} for {policy.environment} is, without noise, a linear softmax policy on "
+        f"{terms} fixed functions of\nthe observation: its {circuits} circuit"
+        f"{'s compute' if circuits != 1 else ' computes'} exactly this.\n"
+        f"surrogate: {policy.actions} x ({terms} weights + 1 bias) = {surrogate.parameter_count} "
+        "numbers, and the input scales\n"
+        f"policy: {policy.parameter_count} trained numbers, input scales included\n"
+    )
+    merged = merged_inputs(policy)
+    for row in _inputs(surrogate):
+        name, equal = row["input"], str(merged[row["input"]])
+        scaled = f"{row['scale']:.6g} * observation[{row['feature']}]"
+        read = scaled if row["function"] == "identity" else f"{row['function']}({scaled})"
+        click.echo(f"  {name} = {read}" if equal == name else f"  {name} = {equal} = {read}")
+    columns = ["term", *(f"action {action}" for action in range(policy.actions))]
+    rows = [*zip(surrogate.terms, *surrogate.weights.tolist(), strict=True)]
+    print_table(columns, [*rows, ("1 (bias)", *surrogate.bias.tolist())])
+
+
+def _surrogate_values(surrogate: Surrogate) -> dict[str, Any]:
+    """The plain values of `qcompile show --surrogate --json`."""
+    return {
+        "policy": surrogate.policy.name,
+        "environment": surrogate.policy.environment,
+        "inputs": _inputs(surrogate),
+        "terms": [*surrogate.terms],
+        "weights": surrogate.weights.tolist(),
+        "bias": surrogate.bias.tolist(),
+    }
+
+
+def _inputs(surrogate: Surrogate) -> list[dict[str, Any]]:
+    encoder, names = surrogate.policy.encoder, surrogate.policy.program.inputs
+    rows = zip(names, encoder.feature.tolist(), encoder.scale.tolist(), strict=True)
+    return [
+        {"input": name, "feature": feature, "scale": scale, "function": encoder.function}
+        for name, feature, scale in rows
+    ]

@@ -59,6 +59,29 @@ _TUNED = Settings(
 _TUNED_FAMILY: Family = {"": _TUNED, "LunarLander": replace(_TUNED, gamma=0.999)}
 
 
+_FCN_TUNED = Settings(
+    model="fcn",
+    hidden=(64, 64),
+    activation="tanh",
+    weight_spread=0.01,
+    environments=8,
+    horizon=128,
+    steps=1_500_000,
+    actor_lr=0.001,
+    critic_lr=0.001,
+    anneal=True,
+    gamma=0.99,
+    gae_lambda=0.98,
+    epochs=6,
+    minibatch=256,
+    clip=0.2,
+    entropy=0.003,
+    gradient_norm=0.5,
+    scale_rewards=True,
+)
+_FCN_FAMILY: Family = {"": _FCN_TUNED}
+
+
 def _as_model(family: Family, **changes: object) -> Family:
     return {name: replace(settings, **changes) for name, settings in family.items()}  # type: ignore[arg-type]
 
@@ -78,6 +101,8 @@ PRESETS: dict[str, dict[str, Family]] = {
     },
     "tuned": {
         "svqc": _TUNED_FAMILY,
+        "surrogate": _as_model(_TUNED_FAMILY, model="surrogate", theta_spread_rad=0.0),
+        "fcn": _FCN_FAMILY,
     },
 }
 """Settings by preset, model and environment (its name without version); "" serves any other."""

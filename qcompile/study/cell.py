@@ -22,6 +22,17 @@ EVALUATION_SEED = 10_000
 Steps = Annotated[int, Field(ge=1)]
 
 
+AVERAGED = 20
+"""Episodes of an average, as in the paper's learning curves."""
+
+
+def first_at(averages: NDArray[np.float64], target: float) -> int | None:
+    """The first episode, 20 at least, after which the average is at the target; None if never."""
+    start = min(AVERAGED, len(averages)) - 1
+    reached = np.flatnonzero(averages[start:] >= target)
+    return int(reached[0]) + start + 1 if len(reached) else None
+
+
 class CellResult(BaseModel):
     """What one training gave; `steps` and `rewards` have an entry for each episode."""
 
@@ -44,8 +55,22 @@ class CellResult(BaseModel):
         """The average of the last 20 rewards (fewer before the 20th), after each episode."""
         total = np.cumsum([0.0, *self.rewards])
         end = np.arange(1, len(self.rewards) + 1)
-        start = np.maximum(end - 20, 0)
+        start = np.maximum(end - AVERAGED, 0)
         return np.asarray((total[end] - total[start]) / (end - start))
+
+    @property
+    def full_averages(self) -> NDArray[np.float64]:
+        """The averages over 20 episodes; the last one alone where there are fewer episodes."""
+        return self.averages[min(AVERAGED, len(self.rewards)) - 1 :]
+
+    @property
+    def best_average(self) -> float:
+        """The best average over 20 episodes."""
+        return float(self.full_averages.max())
+
+    def first_at(self, target: float) -> int | None:
+        """The first episode, 20 at least, after which the average is at the target."""
+        return first_at(self.averages, target)
 
 
 def run_cell(cell: Cell, evaluation: int = EVALUATION_EPISODES) -> CellResult:

@@ -1,0 +1,193 @@
+"""`qcompile study`: the paper's training study, as a command."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from qcompile.cli.options import echo_json, json_option
+
+
+@click.command("study")
+@click.argument("name", type=click.Choice(["paper"]), default="paper")
+@click.option(
+    "--figure",
+    "figures",
+    multiple=True,
+    metavar="NAME",
+    help="Only this figure: cartpole, reuse, cartpole-v0, acrobot or lunarlander; repeatable.",
+)
+@click.option(
+    "--row", "only", multiple=True, metavar="NAME", help="Only rows whose name begins with this."
+)
+@click.option("--seeds", type=click.IntRange(1, 1000), help="Seeds of each row.  [default: 5, 10]")
+@click.option(
+    "--episodes", type=click.IntRange(1), help="At most so many a training, for a first look."
+)
+@click.option(
+    "--evaluation",
+    type=click.IntRange(1, 10_000),
+    default=100,
+    show_default=True,
+    help="Fresh episodes that each final model plays.",
+)
+@click.option(
+    "--out",
+    type=click.Path(file_okay=False, path_type=Path),
+    default=Path("study"),
+    show_default=True,
+    help="Folder for trainings, CSV and figures; what it holds is not trained again.",
+)
+@click.option(
+    "--page",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Markdown page to write.  [default: reproduction.md in the folder]",
+)
+@click.option(
+    "--engine",
+    type=click.Choice(["processes", "dask", "ray"]),
+    default="processes",
+    show_default=True,
+    help="What runs the trainings side by side.",
+)
+@click.option("--address", help="Address of a running Dask scheduler or Ray cluster.")
+@click.option(
+    "--workers", type=click.IntRange(1), help="Trainings at a time.  [default: one for each core]"
+)
+@click.option("--list", "listing", is_flag=True, help="List the rows and what is left, and stop.")
+@json_option
+def command(
+    name: str,
+    figures: tuple[str, ...],
+    only: tuple[str, ...],
+    seeds: int | None,
+    episodes: int | None,
+    evaluation: int,
+    out: Path,
+    page: Path | None,
+    engine: str,
+    address: str | None,
+    workers: int | None,
+    listing: bool,
+    as_json: bool,
+) -> None:
+    """Train every model of the paper with several seeds and write it up.
+
+    Writes results.csv, curves.csv, a picture for each figure and reproduction.md. Ctrl-C keeps
+    every finished training; the same command goes on from there.
+    """
+    from qcompile.errors import StudyError
+    from qcompile.output import check_writable
+    from qcompile.report.progress import progress_bar
+    from qcompile.study.cell import CellResult, write_cell
+    from qcompile.study.engine import run_cells
+    from qcompile.study.paper import rows_of, shortened
+    from qcompile.study.rows import cells
+    from qcompile.study.study import cells_folder, missing_cells, summaries, write_up
+
+    rows = rows_of(figures)
+    if only:
+        rows = [row for row in rows if row.name.startswith(only)]
+        if not rows:
+            raise StudyError(
+                f"No row's name begins with {' or '.join(only)}.", "--list shows their names."
+            )
+    if episodes is not None:
+        rows = [shortened(row, episodes) for row in rows]
+    page = page or out / "reproduction.md"
+    check_writable(page)
+    check_writable(cells_folder(out) / "cell.json")
+    missing = missing_cells(rows, out, seeds, evaluation)
+    count = len(cells(rows, seeds))
+    if listing:
+        _list(rows, missing, seeds, as_json)
+        return
+    done = 0
+    with progress_bar(f"study {name}", count) as show:
+        show(count - len(missing), f"{count - len(missing)} of {count} trainings are there")
+
+        def keep(result: CellResult) -> None:
+            nonlocal done
+            write_cell(result, cells_folder(out))
+            done += 1
+            words = f"{result.row}, seed {result.seed}: {result.averages[-1]:.1f}"
+            show(count - len(missing) + done, words)
+
+        try:
+            run_cells(
+                missing,
+                keep,
+                engine=engine,  # type: ignore[arg-type]
+                address=address,
+                workers=workers,
+                evaluation=evaluation,
+                on_loss=lambda words: click.echo(words, err=True),
+            )
+        except KeyboardInterrupt:
+            left = len(missing) - done
+            raise StudyError(
+                f"Interrupted: {left} of {count} trainings are left.",
+                f"What is finished is in {out}; the same command goes on from there.",
+            ) from None
+    found = summaries(rows, out, seeds)
+    paths = write_up(found, out, page)
+    if as_json:
+        echo_json(
+            {
+                "study": name,
+                "rows": [summary.values() for summary in found],
+                "trained": done,
+                "files": [str(path) for path in paths],
+            }
+        )
+        return
+    _show(found)
+    click.echo(f"{done} trainings done, {count - done} were there; written up in {page}")
+
+
+def _list(rows: list, missing: list, seeds: int | None, as_json: bool) -> None:  # type: ignore[type-arg]
+    from qcompile.report.tables import print_table
+
+    left = {row.name: sum(cell.row is row for cell in missing) for row in rows}
+    values = [
+        {
+            "row": row.name,
+            "environment": row.environment,
+            "seeds": row.seeds if seeds is None else seeds,
+            "left": left[row.name],
+        }
+        for row in rows
+    ]
+    if as_json:
+        echo_json(values)
+    else:
+        print_table(["row", "environment", "seeds", "left"], [list(v.values()) for v in values])
+
+
+def _show(found: list) -> None:  # type: ignore[type-arg]
+    from qcompile.report.tables import print_table
+
+    print_table(
+        [
+            "row",
+            "seeds",
+            "parameters",
+            "target",
+            "mean at target",
+            "last average",
+            "fresh episodes",
+        ],
+        [
+            [
+                summary.row.name,
+                len(summary.results),
+                summary.parameters,
+                summary.row.target,
+                summary.mean_first or "never",
+                f"{summary.final.mean():.1f} ± {summary.final.std():.1f}",
+                f"{summary.evaluation.mean():.1f} ± {summary.evaluation.std():.1f}",
+            ]
+            for summary in found
+        ],
+    )

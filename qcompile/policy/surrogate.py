@@ -1,0 +1,289 @@
+"""The classical surrogate of a policy: the functions that its circuits compute, written out.
+
+A circuit of one qubit is a run of rotations about z and y, so its <Z> is a polynomial in the
+cosines and sines of its angles. The Bloch vector is carried through the rotations as three such
+polynomials; theta is a number by then, and what is left are fixed functions of the observation.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from qcompile.errors import PolicyError
+from qcompile.ir import NEGLIGIBLE_RAD, Angle, Circuit
+from qcompile.ir.table import AngleTable
+from qcompile.policy.policy import FloatArray, IntArray, Policy
+from qcompile.simulate import alternating
+
+MOST_TERMS = 10_000
+"""More terms than this are no help to a reader, and a matrix of them fills the memory."""
+
+MOST_COEFFICIENTS = 1e4
+"""The sizes of a polynomial's coefficients add up to this at most: <Z> is then good to 1e-11."""
+
+_VANISHES = 1e-15
+"""A coefficient this small, beside the largest of its circuit, is what rounding left."""
+
+Factor = tuple[int, int, int]
+"""cos(form)^p sin(form)^q as (index of the form, p, q), q in (0, 1) and not both 0."""
+
+Monomial = tuple[Factor, ...]
+"""A product of factors, one for each form, sorted; () is 1."""
+
+Polynomial = dict[Monomial, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Surrogate:
+    """A linear softmax policy on fixed functions, equal to `policy` without noise.
+
+    logits = features weights^T + bias. weights (k, terms); bias (k,). The angles `forms` are
+    linear in the inputs, and `basis` says which of their cosines and sines a term multiplies.
+    """
+
+    policy: Policy
+    forms: tuple[Angle, ...]
+    basis: tuple[Monomial, ...]
+    weights: FloatArray
+    bias: FloatArray
+
+    @classmethod
+    def of(cls, policy: Policy) -> Surrogate:
+        """The surrogate of `policy`.
+
+        Raises:
+            PolicyError: it has too many terms, or a circuit's coefficients are too large to be
+                exact.
+        """
+        expansion = _Expansion(policy)
+        polynomials: list[Polynomial] = []
+        basis: dict[Monomial, None] = {}
+        for index, circuit in enumerate(policy.trained_program.circuits):
+            polynomials.append(expansion.expectation(circuit, index))
+            basis |= dict.fromkeys(monomial for monomial in _by_degree(polynomials[-1]) if monomial)
+            _require_few(len(basis), "The policy")
+        column = {monomial: i for i, monomial in enumerate(basis)}
+        coefficients = np.zeros((len(polynomials), len(basis) + 1))  # the last one: constants
+        for row, polynomial in enumerate(polynomials):
+            for monomial, coefficient in polynomial.items():
+                coefficients[row, column.get(monomial, -1)] = coefficient
+        weights = policy.folded().weights @ coefficients
+        return cls(
+            policy,
+            tuple(expansion.forms),
+            tuple(basis),
+            weights[:, :-1],
+            policy.bias + weights[:, -1],
+        )
+
+    @property
+    def terms(self) -> tuple[str, ...]:
+        """The functions as texts, such as "sin(x0)", "cos(x3)^2" and "cos(x0)*sin(x1)"."""
+        return tuple("*".join(self._texts(monomial)) for monomial in self.basis)
+
+    def _texts(self, monomial: Monomial) -> Iterable[str]:
+        for form, cosines, sines in monomial:
+            if cosines:
+                yield f"cos({self.forms[form]})" + (f"^{cosines}" if cosines > 1 else "")
+            if sines:
+                yield f"sin({self.forms[form]})"
+
+    @property
+    def parameter_count(self) -> int:
+        """Weights and biases; input scales belong to the functions."""
+        return self.weights.size + self.bias.size
+
+    @cached_property
+    def _table(self) -> AngleTable:
+        return AngleTable(self.forms, self.policy.program.inputs, ())
+
+    @cached_property
+    def _factors(self) -> tuple[tuple[Factor, ...], IntArray]:
+        """Every factor once, and (factors of a term, terms): their positions, 0 standing for 1."""
+        factors = tuple(dict.fromkeys(factor for monomial in self.basis for factor in monomial))
+        position = {factor: i for i, factor in enumerate(factors, start=1)}
+        index = np.zeros((max(map(len, self.basis), default=0), len(self.basis)), dtype=np.intp)
+        for column, monomial in enumerate(self.basis):
+            index[: len(monomial), column] = [position[factor] for factor in monomial]
+        return factors, index
+
+    def features(self, observations: FloatArray) -> FloatArray:
+        """Observations (B, features) to the values of the terms (B, terms).
+
+        Raises:
+            PolicyError: the observations have too few features.
+        """
+        x = self.policy.encode(observations)
+        angles = np.broadcast_to(self._table(x, np.empty(0)), (len(x), len(self.forms)))
+        cos, sin = np.cos(angles), np.sin(angles)
+        factors, index = self._factors
+        values = np.ones((len(x), len(factors) + 1))
+        for column, (form, cosines, sines) in enumerate(factors, start=1):
+            values[:, column] = cos[:, form] ** cosines * sin[:, form] ** sines
+        product = np.ones((len(x), len(self.basis)))
+        for positions in index:
+            product *= values[:, positions]
+        return product
+
+    def logits(self, observations: FloatArray) -> FloatArray:
+        """Observations (B, features) to the logits of `policy` (B, k)."""
+        return np.asarray(self.features(observations) @ self.weights.T + self.bias)
+
+    def probabilities(self, observations: FloatArray) -> FloatArray:
+        """Observations (B, features) to action probabilities (B, k)."""
+        logits = self.logits(observations)
+        odds = np.exp(logits - logits.max(axis=1, keepdims=True))
+        return np.asarray(odds / odds.sum(axis=1, keepdims=True))
+
+
+def merged_inputs(policy: Policy) -> dict[str, Angle]:
+    """Each input as plus or minus the first one that is equal to it, or as 0.
+
+    Inputs are equal that read one feature with one scale. The functions of an encoder are odd, so
+    the opposite scale gives the opposite input, and scale 0 gives 0.
+    """
+    first: dict[tuple[int, float], Angle] = {}
+    merged = {}
+    encoder = policy.encoder
+    pairs = zip(encoder.feature.tolist(), encoder.scale.tolist(), strict=True)
+    for name, (feature, scale) in zip(policy.program.inputs, pairs, strict=True):
+        sign = _sign(scale)
+        equal = first.setdefault((feature, abs(scale)), Angle.symbol(name) * sign)
+        merged[name] = equal * sign
+    return merged
+
+
+def _sign(value: float) -> float:
+    return float((value > 0) - (value < 0))
+
+
+class _Expansion:
+    """<Z> of the circuits of a policy as polynomials in the cosines and sines of `forms`."""
+
+    def __init__(self, policy: Policy):
+        self._inputs = merged_inputs(policy)
+        self.forms: dict[Angle, int] = {}
+
+    def expectation(self, circuit: Circuit, index: int) -> Polynomial:
+        """<Z> of a circuit; `index` is its number in messages.
+
+        Raises:
+            PolicyError: there are too many terms, or too large coefficients, on the way.
+        """
+        angles = alternating(circuit)
+        angles = angles[: len(angles) // 2 * 2]  # a last z is not seen
+        x: Polynomial = {}
+        y: Polynomial = {}
+        z: Polynomial = {(): 1.0}
+        for position, angle in enumerate(angles):
+            cos, sin = self._turn(angle)
+            if position % 2 == 0:
+                x, y = _turned(y, x, cos, sin)
+            else:
+                z, x = _turned(x, z, cos, sin)
+            for polynomial in (x, y, z):
+                _require_few(len(polynomial), f"Circuit {index}")
+                _require_exact(polynomial, index)
+        least = _VANISHES * max(map(abs, z.values()), default=0.0)
+        return {monomial: value for monomial, value in z.items() if abs(value) >= least}
+
+    def _turn(self, angle: Angle) -> tuple[Polynomial, Polynomial]:
+        """Cosine and sine of an angle, by the addition theorem for its constant."""
+        cos, sin = _cos_sin(angle.constant)
+        form = Angle()
+        for symbol, coefficient in angle.terms:
+            form += self._inputs[symbol] * coefficient
+        if form.is_constant:
+            return {(): cos}, {(): sin}
+        sign = _sign(form.terms[0][1])
+        number = self.forms.setdefault(form * sign, len(self.forms))
+        c, s = ((number, 1, 0),), ((number, 0, 1),)
+        return {c: cos, s: -sign * sin}, {c: sin, s: sign * cos}
+
+
+def _cos_sin(constant: float) -> tuple[float, float]:
+    """Cosine and sine; whole numbers at quarter turns, so that what cancels leaves nothing."""
+    quarter = round(constant / (math.pi / 2))
+    if abs(constant - quarter * math.pi / 2) > NEGLIGIBLE_RAD:
+        return math.cos(constant), math.sin(constant)
+    return ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[quarter % 4]
+
+
+def _turned(
+    first: Polynomial, second: Polynomial, cos: Polynomial, sin: Polynomial
+) -> tuple[Polynomial, Polynomial]:
+    """second cos - first sin, first cos + second sin."""
+    return (
+        _sum(_times(second, cos), _times(first, sin, -1.0)),
+        _sum(_times(first, cos), _times(second, sin)),
+    )
+
+
+def _sum(left: Polynomial, right: Polynomial) -> Polynomial:
+    total = dict(left)
+    for monomial, value in right.items():
+        total[monomial] = total.get(monomial, 0.0) + value
+    return {monomial: value for monomial, value in total.items() if value}
+
+
+def _times(polynomial: Polynomial, turn: Polynomial, sign: float = 1.0) -> Polynomial:
+    """`sign` times a polynomial times a turn, whose monomials are 1 or a single cosine or sine."""
+    product: Polynomial = {}
+    for factor, scale in turn.items():
+        if not scale:
+            continue
+        for monomial, value in polynomial.items():
+            for made, part in _multiplied(monomial, factor):
+                product[made] = product.get(made, 0.0) + sign * part * scale * value
+    return product
+
+
+def _multiplied(monomial: Monomial, factor: Monomial) -> Iterable[tuple[Monomial, float]]:
+    """A monomial times a single factor: monomials and their coefficients, sin^2 = 1 - cos^2."""
+    if not factor:
+        return [(monomial, 1.0)]
+    ((form, cosines, sines),) = factor
+    others = tuple(f for f in monomial if f[0] != form)
+    for found, power, odd in monomial:
+        if found == form:
+            cosines, sines = cosines + power, sines + odd
+    if sines < 2:
+        return [(_with(others, (form, cosines, sines)), 1.0)]
+    return [
+        (_with(others, (form, cosines, 0)), 1.0),
+        (_with(others, (form, cosines + 2, 0)), -1.0),
+    ]
+
+
+def _with(others: Monomial, factor: Factor) -> Monomial:
+    return tuple(sorted((*others, factor))) if factor[1] or factor[2] else others
+
+
+def _by_degree(polynomial: Polynomial) -> list[Monomial]:
+    """The monomials of a polynomial, those of low degree first."""
+    return sorted(polynomial, key=lambda m: (sum(p + q for _, p, q in m), m))
+
+
+def _require_few(terms: int, what: str) -> None:
+    if terms > MOST_TERMS:
+        raise PolicyError(
+            f"{what} has more terms than its surrogate can be written out with.",
+            f"Found {terms:,}; the limit is {MOST_TERMS:,}.",
+            "Each different angle within a circuit multiplies them: put fewer inputs on a qubit, "
+            "or give the copies of an input one scale.",
+        )
+
+
+def _require_exact(polynomial: Polynomial, index: int) -> None:
+    total = sum(map(abs, polynomial.values()))
+    if total > MOST_COEFFICIENTS:
+        raise PolicyError(
+            f"The surrogate of circuit {index} would not be exact: its terms nearly cancel.",
+            f"Their coefficients add up to {total:,.0f}; the limit is {MOST_COEFFICIENTS:,.0f}.",
+            "Encode the same input less often on one qubit.",
+        )

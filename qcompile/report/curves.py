@@ -1,0 +1,71 @@
+"""Learning curves as pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from io import BytesIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+# Okabe and Ito's colours, which colour-blind readers tell apart.
+_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A line with a band: values over episodes, `low` and `high` around them.
+
+    Curves of one `colour` group share it; `dashed` sets one of them apart.
+    """
+
+    label: str
+    group: str
+    dashed: bool
+    episodes: NDArray[np.intp]
+    mean: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+
+
+def draw_curves(
+    title: str, curves: Sequence[Curve], target: float, most_episodes: int | None = None
+) -> bytes:
+    """The curves over the number of episodes, as the bytes of a PNG file.
+
+    `target` is drawn across; the picture ends at `most_episodes`.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8.0, 4.8), layout="constrained")
+    axes = figure.add_subplot()
+    groups = list(dict.fromkeys(curve.group for curve in curves))
+    for curve in curves:
+        colour = _COLOURS[groups.index(curve.group) % len(_COLOURS)]
+        style = "--" if curve.dashed else "-"
+        axes.plot(curve.episodes, curve.mean, style, color=colour, label=curve.label, linewidth=1.6)
+        axes.fill_between(curve.episodes, curve.low, curve.high, color=colour, alpha=0.1, lw=0)
+    axes.axhline(target, color="0.5", linewidth=0.8, linestyle=":")
+    axes.annotate(
+        f"{target:g}",
+        (1.0, target),
+        xycoords=("axes fraction", "data"),
+        xytext=(4, 0),
+        textcoords="offset points",
+        va="center",
+        color="0.4",
+        annotation_clip=False,
+    )
+    longest = max(int(curve.episodes[-1]) for curve in curves)
+    axes.set_xlim(0, min(longest, most_episodes or longest))
+    axes.set_title(title, loc="left", fontsize=11)
+    axes.set_xlabel("episode")
+    axes.set_ylabel("average reward of the last 20 episodes")
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(frameon=False, fontsize=8, ncols=2)
+    FigureCanvasAgg(figure)
+    picture = BytesIO()
+    figure.savefig(picture, format="png", dpi=120, metadata={"Software": None})
+    return picture.getvalue()

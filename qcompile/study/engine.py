@@ -1,0 +1,178 @@
+"""Run the cells of a study side by side: on this machine's cores, or on a Dask or Ray cluster.
+
+A cell is one seed on one thread, and draws from its own seed alone, so results do not depend on the
+engine, on the number of workers or on the order. What is finished is handed over at once; where a
+worker is lost its cells run again.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, Literal
+from urllib.parse import urlsplit
+
+import joblib
+
+from qcompile.errors import MissingExtraError, QcompileError, StudyError
+from qcompile.study.cell import EVALUATION_EPISODES, CellResult, run_cell
+from qcompile.study.rows import Cell
+
+Engine = Literal["processes", "dask", "ray"]
+ENGINES: tuple[Engine, ...] = ("processes", "dask", "ray")
+
+_BACKENDS = {"processes": "loky", "dask": "dask", "ray": "ray"}
+_MOST_LOSSES = 3
+_CONNECT_SECONDS = 5
+
+
+def run_cells(
+    cells: Sequence[Cell],
+    on_result: Callable[[CellResult], None],
+    *,
+    engine: Engine = "processes",
+    address: str | None = None,
+    workers: int | None = None,
+    evaluation: int = EVALUATION_EPISODES,
+    on_loss: Callable[[str], None] = lambda words: None,
+) -> None:
+    """Run every cell and hand each result to `on_result`, in the order in which they end.
+
+    `address` is that of a running cluster; without it a local one is started. `workers` is their
+    number, by default one for each core or all that the cluster has. `on_loss` is told when workers
+    were lost and what is left runs again.
+
+    Raises:
+        StudyError: no such engine, no cluster at the address, a training failed, or workers were
+            lost several times without a cell getting done.
+        MissingExtraError: the engine's package is not installed.
+    """
+    waiting = {cell.name: cell for cell in cells}
+    losses = 0
+    with _engine(engine, address, workers) as jobs:
+        while waiting:
+            before = len(waiting)
+            try:
+                for name, outcome in _outcomes(list(waiting.values()), engine, jobs, evaluation):
+                    if isinstance(outcome, str):
+                        raise StudyError(f"{name} failed: {outcome}")
+                    del waiting[name]
+                    on_result(outcome)
+            except QcompileError:
+                raise
+            except Exception as error:  # whatever the engine raises where a worker is gone
+                losses = 1 if len(waiting) < before else losses + 1
+                words = f"{type(error).__name__}: {error}".splitlines()[0][:200]
+                if losses == _MOST_LOSSES:
+                    raise StudyError(
+                        f"Workers were lost {losses} times while no training got done ({words}).",
+                        "Each needs about 500 MB of memory; try fewer --workers.",
+                        "What is finished is kept: the same command goes on from there.",
+                    ) from error
+                on_loss(f"workers were lost ({words}); {len(waiting)} trainings run again")
+
+
+def _outcomes(
+    cells: list[Cell], engine: Engine, jobs: int, evaluation: int
+) -> Iterator[tuple[str, CellResult | str]]:
+    tasks = [joblib.delayed(_outcome)(cell, evaluation) for cell in cells]
+    # One cell a task: the next one goes to whoever is free.
+    options: dict[str, Any] = {"n_jobs": jobs, "batch_size": 1, "pre_dispatch": "all"}
+    with joblib.parallel_config(backend=_BACKENDS[engine]):
+        if engine != "ray":
+            yield from joblib.Parallel(return_as="generator_unordered", **options)(tasks)
+            return
+        # Ray's backend hands over lists alone: what is finished is kept after each of these.
+        size = 2 * joblib.effective_n_jobs(jobs)
+        for start in range(0, len(tasks), size):
+            yield from joblib.Parallel(**options)(tasks[start : start + size])
+
+
+def _outcome(cell: Cell, evaluation: int) -> tuple[str, CellResult | str]:
+    """The cell's name with its result, or with what went wrong: no worker raises for that."""
+    try:
+        return cell.name, run_cell(cell, evaluation)
+    except Exception as error:
+        return cell.name, f"{type(error).__name__}: {error}"
+
+
+@contextmanager
+def _engine(engine: Engine, address: str | None, workers: int | None) -> Iterator[int]:
+    """The engine made ready; gives joblib's number of jobs."""
+    if engine == "processes":
+        if address is not None:
+            raise StudyError(
+                f"The engine 'processes' has no address, found {address!r}.",
+                "Say --engine dask or --engine ray.",
+            )
+        yield workers or joblib.cpu_count()
+    elif engine == "dask":
+        with _dask(address, workers):
+            yield workers or -1
+    elif engine == "ray":
+        with _ray(address, workers):
+            yield workers or -1
+    else:
+        raise StudyError(f"Unknown engine {engine!r}.", f"Known: {', '.join(ENGINES)}.")
+
+
+@contextmanager
+def _dask(address: str | None, workers: int | None) -> Iterator[None]:
+    try:
+        from distributed import Client, LocalCluster
+    except ImportError as error:
+        raise MissingExtraError("--engine dask", "dask") from error
+    if address is None:
+        with (
+            LocalCluster(
+                n_workers=workers or joblib.cpu_count(),
+                threads_per_worker=1,
+                dashboard_address=None,
+            ) as cluster,
+            Client(cluster),
+        ):
+            yield
+        return
+    _check_reachable("Dask scheduler", address, "tcp://HOST:8786")
+    with Client(address, timeout=_CONNECT_SECONDS) as client:
+        if not client.scheduler_info()["workers"]:
+            raise StudyError(
+                f"The Dask scheduler at {address} has no workers.", "Start some: dask worker."
+            )
+        yield
+
+
+@contextmanager
+def _ray(address: str | None, workers: int | None) -> Iterator[None]:
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    try:
+        import ray
+        from ray.util.joblib import register_ray
+    except ImportError as error:
+        raise MissingExtraError("--engine ray", "ray") from error
+    options: dict[str, Any] = {"log_to_driver": False, "logging_level": "error"}
+    if address is None:
+        ray.init(num_cpus=workers or joblib.cpu_count(), include_dashboard=False, **options)
+    else:
+        _check_reachable("Ray cluster", address, "HOST:6379")
+        ray.init(address=address, **options)
+    register_ray()
+    try:
+        yield
+    finally:
+        ray.shutdown()
+
+
+def _check_reachable(what: str, address: str, form: str) -> None:
+    """Raise StudyError where nothing listens: the clients would try for minutes."""
+    try:
+        place = urlsplit(address if "://" in address else f"//{address}")
+        with socket.create_connection((place.hostname, place.port or 0), _CONNECT_SECONDS):
+            return
+    except (OSError, ValueError) as error:
+        raise StudyError(
+            f"There is no {what} at {address!r} ({error}).",
+            f"An address looks like {form}; without --address one is started here.",
+        ) from error
