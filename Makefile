@@ -5,13 +5,16 @@ BIN := $(VENV)/bin
 EPISODES ?= 20
 
 .DEFAULT_GOAL := help
-.PHONY: help run test lint types bench docs clean
+.PHONY: help run study test lint types bench docs clean
 
 help:  ## Show this help
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-7s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 run: $(VENV)/run.stamp  ## Land the trained LunarLander policy on ibm_lima's noise model
 	$(BIN)/qcompile run lunarlander --backend ibm_lima --shots 8192 --episodes $(EPISODES)
+
+study: $(VENV)/run.stamp  ## Repeat the paper's training study into docs/ (hours; goes on where it stopped)
+	$(BIN)/qcompile study paper --out docs/study --page docs/reproduction.md
 
 test: $(VENV)/dev.stamp  ## Run the tests
 	$(BIN)/pytest -n 2
@@ -23,8 +26,9 @@ lint: $(VENV)/dev.stamp  ## Check style and format
 types: $(VENV)/dev.stamp  ## Check types
 	$(BIN)/mypy
 
-bench: $(VENV)/dev.stamp  ## Measure speed beside the peers, in one run
+bench: $(VENV)/bench.stamp  ## Measure speed beside the peers, in one run
 	$(BIN)/python benchmarks/peers.py
+	$(BIN)/python benchmarks/training.py
 
 docs: $(VENV)/docs.stamp  ## Build the documentation into site/
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
@@ -42,8 +46,13 @@ $(VENV)/run.stamp: pyproject.toml constraints.txt | $(BIN)/python
 	@touch $@
 
 $(VENV)/dev.stamp: pyproject.toml constraints.txt $(VENV)/run.stamp
-	@echo "installing the development tools and the peers into $(VENV)"
+	@echo "installing the development tools into $(VENV)"
 	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[dev]"
+	@touch $@
+
+$(VENV)/bench.stamp: pyproject.toml constraints.txt $(VENV)/dev.stamp
+	@echo "installing the peers of the benchmarks into $(VENV)"
+	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[bench]"
 	@touch $@
 
 $(VENV)/docs.stamp: pyproject.toml constraints.txt $(VENV)/run.stamp

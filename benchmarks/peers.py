@@ -1,83 +1,21 @@
-"""Speed beside the peers, in one run on one machine: `make bench`.
-
-qcompile and the peer are measured in turn, and a ratio is the median over the pairs, with the
-quartiles beside it: machines drift, pairs do not. Seconds are medians too, for orientation.
-"""
+"""Compiling and running beside the peers, in one run on one machine: `make bench`."""
 
 from __future__ import annotations
 
-import argparse
-import json
 import subprocess
 import sys
 import time
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
 
 import numpy as np
+from measure import Row, alone, compared, in_turn, seconds, show
 
 import qcompile
 from qcompile.policy.layouts import parallel
-from qcompile.report.tables import print_table
 from qcompile.rl.environments import make_environments, reset_all
 from qcompile.rl.evaluate import Deployment, play
 
 CIRCUITS, OBSERVATIONS, SHOTS, EPISODES = 24, 1000, 1024, 20
 PROGRAM, _ = parallel(8, 3)
-
-
-@dataclass(frozen=True)
-class Row:
-    """A figure with its quartiles, what it is of, and what is wanted of it."""
-
-    what: str
-    qcompile_s: float
-    peer_s: float | None
-    figure: float
-    quartiles: tuple[float, float]
-    unit: str
-    wanted: str
-
-
-def seconds(work: Callable[[], object]) -> float:
-    start = time.perf_counter()
-    work()
-    return time.perf_counter() - start
-
-
-def in_turn(
-    ours: Callable[[], object], theirs: Callable[[], object], pairs: int
-) -> list[tuple[float, float]]:
-    """Seconds of both, measured in turn after one warm-up of ours."""
-    ours()
-    return [(seconds(ours), seconds(theirs)) for _ in range(pairs)]
-
-
-def compared(
-    what: str,
-    pairs: list[tuple[float, float]],
-    wanted: str,
-    *,
-    work: float = 1.0,
-    slower: bool = False,
-) -> Row:
-    """A row of measured pairs; `work` is how many times the peer's work ours did.
-
-    The figure is how many times faster qcompile is, or with `slower` how many times the time.
-    """
-    ratios = [ours / theirs if slower else theirs / ours * work for ours, theirs in pairs]
-    low, middle, high = np.percentile(ratios, [25, 50, 75])
-    ours, theirs = np.median(pairs, axis=0)
-    unit = "times the time" if slower else "times faster"
-    return Row(
-        what, float(ours), float(theirs), float(middle), (float(low), float(high)), unit, wanted
-    )
-
-
-def alone(what: str, times: list[float], factor: float, unit: str, wanted: str) -> Row:
-    """A row without a peer; the figure is the median in `unit`, seconds times `factor`."""
-    low, middle, high = np.percentile(times, [25, 50, 75]).tolist()
-    return Row(what, middle, None, middle * factor, (low * factor, high * factor), unit, wanted)
 
 
 def inputs(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -200,34 +138,15 @@ def start_up() -> Row:
     return alone("qcompile --help", times, 1.0, "s", "< 0.3")
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--json", action="store_true", help="print one JSON document")
-    as_json = parser.parse_args().json
-    rows = [
+def rows() -> list[Row]:
+    return [
         *bind(),
         *sample(),
         episodes("ibm_lima", 8192, "readout"),
         episodes("ideal", None, "none"),
         start_up(),
     ]
-    if as_json:
-        print(json.dumps([asdict(row) for row in rows], indent=1))  # noqa: T201
-        return
-    print_table(
-        ["what; the peer", "qcompile, s", "peer, s", "figure", "wanted"],
-        [
-            [
-                row.what,
-                f"{row.qcompile_s:.3g}",
-                "" if row.peer_s is None else f"{row.peer_s:.3g}",
-                f"{row.figure:.4g} {row.unit} ({row.quartiles[0]:.4g} to {row.quartiles[1]:.4g})",
-                row.wanted,
-            ]
-            for row in rows
-        ],
-    )
 
 
 if __name__ == "__main__":
-    main()
+    show(rows, "Compiling and running beside the peers.")

@@ -143,6 +143,12 @@ def _read_pt(path: Path) -> dict[str, Any]:
         raise _UnreadableError(
             f"{path} holds a {type(values).__name__}.", "A policy file is a dict."
         )
+    if values.get("format") == "qcompile-checkpoint-1":
+        raise _UnreadableError(
+            f"{path} is the checkpoint of a training, found where a policy file is needed.",
+            "A training of model svqc or surrogate makes one: "
+            f"qcompile train ENVIRONMENT --resume {path} --out POLICY.pt",
+        )
     return values
 
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import io
 import json
-import pickle
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import torch
 
-from qcompile.errors import TrainingError
+from qcompile.errors import QcompileError, TrainingError
 from qcompile.output import write_file
 from qcompile.rl.ppo import Trainer
 from qcompile.rl.settings import plain, restored
@@ -59,10 +59,11 @@ def load_checkpoint(path: Path) -> tuple[Trainer, list[str]]:
         settings = restored(json.loads(saved["settings"]))
         trainer = Trainer(saved["environment"], settings, saved["seed"])
         trainer.restore({**saved["tensors"], **json.loads(saved["plain"])})
-    except (KeyError, TypeError, ValueError, RuntimeError, AttributeError) as error:
-        if isinstance(error, TrainingError):
-            raise
-        raise TrainingError(f"Checkpoint {path} is damaged.", f"{error}".splitlines()[0]) from error
+    except QcompileError:
+        raise
+    except Exception as error:  # wrong values lead torch and the environments into any error
+        why = f"{type(error).__name__}: {error}".splitlines()[0]
+        raise TrainingError(f"Checkpoint {path} is damaged.", why) from error
     now = versions()
     differ = [
         f"{name} {made} then, {now.get(name, 'none')} now"
@@ -74,15 +75,17 @@ def load_checkpoint(path: Path) -> tuple[Trainer, list[str]]:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        saved = torch.load(path, map_location="cpu", weights_only=True)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # torch warns of odd pickle protocols
+            saved = torch.load(path, map_location="cpu", weights_only=True)
     except FileNotFoundError as error:
         raise TrainingError(
             f"There is no checkpoint {path}.", "A training writes one with --checkpoint FILE."
         ) from error
-    except (OSError, RuntimeError, EOFError, ValueError, KeyError, pickle.UnpicklingError) as error:
+    except Exception as error:  # wrong bytes lead torch's reader into errors of any type
         raise TrainingError(
             f"{path} is no checkpoint: it cannot be read as tensors and plain values.",
-            f"{error}".splitlines()[0] if f"{error}" else type(error).__name__,
+            "Name a file that `qcompile train --checkpoint` wrote, and wrote to its end.",
         ) from error
     found = saved.get("format") if isinstance(saved, dict) else type(saved).__name__
     if found != FORMAT:

@@ -113,7 +113,7 @@ class Trainer:
         torch.set_num_threads(1)  # the tensors are small: threads cost more than they bring
         try:
             while self.progress < 1.0:
-                rollout = self._collector.collect(self._act, self._grown(self.settings.horizon))
+                rollout = self._collector.collect(self._act, self.settings.horizon)
                 for episode in rollout.finished:
                     on_episode(episode, self.progress)
                 if not self._pause.holds(rollout.finished, self.actor):
@@ -148,12 +148,6 @@ class Trainer:
     def parameter_count(self) -> int:
         """The numbers of the actor that are trained, copies of output reuse folded."""
         return parameter_count(self.actor)
-
-    def _grown(self, size: int | None) -> int | None:
-        """A horizon or a minibatch as large as it is by now."""
-        if size is None:
-            return None
-        return round(size * (1 + (self.settings.growth - 1) * self.progress))
 
     def _act(self, observations: NDArray[np.float32]) -> NDArray[np.intp]:
         with torch.no_grad():
@@ -235,7 +229,7 @@ class Trainer:
 
     def _minibatches(self, columns: list[torch.Tensor]) -> list[tuple[torch.Tensor, ...]]:
         """The columns in one piece, or shuffled and cut."""
-        size = self._grown(self.settings.minibatch)
+        size = self.settings.minibatch
         if size is None:
             return [tuple(columns)]
         order = torch.randperm(len(columns[0]), generator=self._generator)

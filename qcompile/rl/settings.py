@@ -81,8 +81,6 @@ class Settings:
     """Environments that step together."""
     horizon: Count | None = None
     """Steps of each environment between updates; None is one whole episode of one environment."""
-    growth: Annotated[float, Field(ge=1, allow_inf_nan=False)] = 1.0
-    """Horizon and minibatch grow linearly, to so many times themselves by the end of the run."""
     steps: Count | None = None
     """Stop after this many environment steps."""
     episodes: Count | None = None

@@ -60,7 +60,7 @@ def test_copies_of_an_output_lie_side_by_side(name: str) -> None:
     model = make(settings)
     perturb(model)
     n, policy = len(model.program), model.policy("p", "e", {})
-    weights = model.weights.detach().double().numpy()
+    weights = model.head.weights.detach().double().numpy()
     for circuit in range(n):
         copies = sum(weights[:, copy * n + circuit] for copy in range(settings.reuse))
         np.testing.assert_allclose(policy.weights[:, circuit], copies, rtol=1e-12)
@@ -136,7 +136,7 @@ def test_reuse_multiplies_the_step_of_the_folded_weights(reuse: int) -> None:
     once, often = make(BASE), make(replace(BASE, reuse=reuse))
     with torch.no_grad():
         often.theta.copy_(once.theta)
-        often.weights.copy_(once.weights.repeat(1, reuse) / reuse)
+        often.head.weights.copy_(once.head.weights.repeat(1, reuse) / reuse)
     observations = torch.randn(16, 4, generator=torch.Generator().manual_seed(4))
     torch.testing.assert_close(once(observations), often(observations), rtol=1e-4, atol=1e-5)
     moved = []
@@ -152,19 +152,19 @@ def test_reuse_multiplies_the_step_of_the_folded_weights(reuse: int) -> None:
 
 def test_the_same_generator_makes_the_same_model() -> None:
     first, again, other = (make(VARIANTS["scaled"], seed=s) for s in (5, 5, 6))
-    assert torch.equal(first.weights, again.weights)
+    assert torch.equal(first.head.weights, again.head.weights)
     assert torch.equal(first.theta, again.theta)
-    assert not torch.equal(first.weights, other.weights)
+    assert not torch.equal(first.head.weights, other.head.weights)
 
 
 def test_first_numbers_lie_in_their_ranges() -> None:
     """Glorot's limit is sqrt(6 / (inputs + outputs)); theta is uniform in a width about 0."""
     model = make(replace(BASE, reuse=16, theta_spread_rad=0.5), outputs=2)
     limit = np.sqrt(6 / (64 + 2))
-    size = model.weights.abs().max().item()
+    size = model.head.weights.abs().max().item()
     assert 0.9 * limit < size <= limit
     assert model.theta.abs().max().item() <= 0.25
     assert not make(replace(BASE, theta_spread_rad=0.0)).theta.any()
-    narrow = make(replace(BASE, reuse=100, weight_spread=0.01)).weights
+    narrow = make(replace(BASE, reuse=100, weight_spread=0.01)).head.weights
     # the deviation of 1200 normal draws has a relative error of 1/sqrt(2400): 2 %
     assert narrow.std().item() == pytest.approx(0.01, rel=0.1)

@@ -1,0 +1,94 @@
+"""The files and the closing words of `qcompile train`."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from qcompile.report.watch import Watch
+    from qcompile.rl.ppo import Trainer, TrainingResult
+
+
+def check_outputs(
+    trainer: Trainer, out: Path, checkpoint: Path | None, log: Path | None, resume: Path | None
+) -> None:
+    """Raise, before any training, where a file cannot be written or would replace another.
+
+    Raises:
+        click.BadParameter: a wrong suffix, or two options that name one file.
+        OutputError: a file that cannot be written.
+    """
+    from qcompile.output import check_writable
+    from qcompile.policy.files import SUFFIXES
+
+    is_network = trainer.policy() is None
+    if out.suffix not in SUFFIXES:
+        raise click.BadParameter(f"{out} must end with .pt or .json.", param_hint="'--out'")
+    if is_network and out.suffix != ".pt":
+        raise click.BadParameter(
+            f"{out} must end with .pt: model {trainer.settings.model!r} is no one-qubit circuits "
+            "and is kept as its checkpoint.",
+            param_hint="'--out'",
+        )
+    named = {"--out": out, "--resume": resume, "--checkpoint": checkpoint, "--log": log}
+    allowed = [{"--resume", "--checkpoint"}]
+    if is_network:
+        allowed += [{"--out", "--resume"}, {"--out", "--checkpoint"}]
+    taken: dict[Path, str] = {}
+    for option, path in named.items():
+        if path is None:
+            continue
+        other = taken.setdefault(path.resolve(), option)
+        if other != option and {other, option} not in allowed:
+            raise click.BadParameter(f"{path} is the file of {other}.", param_hint=f"'{option}'")
+    for path in (log, checkpoint, out):
+        if path is not None:
+            check_writable(path)
+
+
+def write_out(out: Path, watch: Watch, result: TrainingResult, trainer: Trainer) -> int:
+    """Write the policy, or the network's checkpoint; the number of its parameters."""
+    from qcompile.policy import save_policy
+
+    if result.policy is None:
+        watch.save(out)
+        return trainer.parameter_count
+    save_policy(replace(result.policy, name=out.stem), out)
+    return result.policy.parameter_count
+
+
+def closing_words(out: Path, watch: Watch, result: TrainingResult, parameters: int) -> str:
+    """What was trained, how it did, and where it is."""
+    words = [f"{len(result.episodes)} episodes, {result.steps} steps"]
+    averages = watch.averages
+    if averages.last is None:
+        words.append("no episode finished")
+    else:
+        words.append(f"last 20: {averages.last:.1f}")
+    if averages.best is not None:
+        words.append(f"best 20: {averages.best:.1f}")
+    if watch.evaluations:
+        words.append(f"evaluation: {watch.evaluations[-1].mean_reward:.1f}")
+    told = f"{', '.join(words)}; {parameters} parameters in {out}"
+    if result.policy is None:
+        told += (
+            f"\n{out} is the checkpoint of a network: `qcompile train --resume` reads it, "
+            "but it is no one-qubit circuits and does not run on a device."
+        )
+    return told
+
+
+def way_on(
+    environment: str, out: Path, checkpoint: Path | None, result: TrainingResult
+) -> list[str]:
+    """After Ctrl-C: what was kept, and the command that goes on, if there is one."""
+    what = "network" if result.policy is None else "policy"
+    hints = [f"The {what} as it was by then is in {out}."]
+    kept = out if result.policy is None and checkpoint is None else checkpoint
+    if kept is not None:
+        hints.append(f"Go on with: qcompile train {environment} --resume {kept} --out {out}")
+    return hints

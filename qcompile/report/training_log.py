@@ -1,0 +1,129 @@
+"""What a training leaves as it goes: averages, the rows of a CSV file, scalars for TensorBoard."""
+
+from __future__ import annotations
+
+import csv
+from collections import deque
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Self
+
+from qcompile.errors import MissingExtraError, OutputError
+from qcompile.output import check_writable
+
+if TYPE_CHECKING:
+    from qcompile.rl.ppo import Update
+    from qcompile.rl.rollout import FinishedEpisode
+
+_EPISODES = 20
+_FLUSH_SECONDS = 5
+
+
+class Averages:
+    """Average rewards: `last`, of the last 20 episodes (fewer before the 20th), and `best`, the
+    highest of 20 in a row (None before the 20th)."""
+
+    def __init__(self, rewards: Iterable[float] = ()):
+        self._rewards: deque[float] = deque(maxlen=_EPISODES)
+        self.last: float | None = None
+        self.best: float | None = None
+        for reward in rewards:
+            self.add(reward)
+
+    def add(self, reward: float) -> None:
+        """Count one more episode."""
+        self._rewards.append(reward)
+        self.last = sum(self._rewards) / len(self._rewards)
+        if len(self._rewards) == _EPISODES:
+            self.best = self.last if self.best is None else max(self.best, self.last)
+
+
+class EpisodeLog:
+    """A CSV file with a row for each finished episode, in the file as soon as it is added.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+
+    def __init__(self, path: Path, episodes: Iterable[FinishedEpisode] = ()):
+        self._path, self._count = path, 0
+        with self._explained():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._file = path.open("w", encoding="utf-8", newline="", buffering=1)
+        self._writer = csv.writer(self._file, lineterminator="\n")
+        with self._explained():
+            self._writer.writerow(["episode", "steps", "reward"])
+        self.add_missing(episodes)
+
+    def add_missing(self, episodes: Iterable[FinishedEpisode]) -> None:
+        """Write those that have no row yet."""
+        with self._explained():
+            for episode in episodes:
+                if episode.episode > self._count:
+                    self._writer.writerow([episode.episode, episode.steps, episode.reward])
+                    self._count = episode.episode
+
+    @contextmanager
+    def _explained(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise OutputError(
+                f"Cannot write {self._path}.",
+                f"{error.strerror or error}.",
+                "Choose another path, or train without --log.",
+            ) from error
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
+    ) -> None:
+        self._file.close()
+
+
+class Scalars:
+    """Scalars for TensorBoard in `folder`, over the environment steps.
+
+    `steps` is where a training goes on: TensorBoard drops what an earlier run wrote beyond.
+
+    Raises:
+        MissingExtraError: tensorboard is not installed.
+        OutputError: the folder cannot be written.
+    """
+
+    def __init__(self, folder: Path, steps: int = 0):
+        try:
+            from torch.utils.tensorboard import SummaryWriter
+        except ImportError as error:
+            raise MissingExtraError("--tensorboard", "tensorboard") from error
+        check_writable(folder / "events")
+        purge = steps + 1 if steps else None
+        make: Any = SummaryWriter
+        self._writer = make(str(folder), purge_step=purge, flush_secs=_FLUSH_SECONDS)
+
+    def episode(self, episode: FinishedEpisode, average: float | None) -> None:
+        """Add the reward of an episode, and the average of the last 20 by then."""
+        self._writer.add_scalar("rollout/episode_reward", episode.reward, episode.steps)
+        if average is not None:
+            self._writer.add_scalar("rollout/average_20", average, episode.steps)
+
+    def update(self, update: Update) -> None:
+        """Add how an update went."""
+        for name in ("actor_loss", "critic_loss", "entropy", "divergence", "clipped"):
+            self._writer.add_scalar(f"update/{name}", getattr(update, name), update.steps)
+
+    def evaluation(self, mean_reward: float, steps: int) -> None:
+        """Add the mean reward of an evaluation."""
+        self._writer.add_scalar("evaluation/mean_reward", mean_reward, steps)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
+    ) -> None:
+        self._writer.close()

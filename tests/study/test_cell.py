@@ -1,0 +1,168 @@
+"""One training of a study: its averages, that it repeats, and the file it is kept in."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from qcompile.errors import OutputError
+from qcompile.rl.ppo import Trainer
+from qcompile.rl.score import score
+from qcompile.study.cell import CellResult, first_at, read_cell, run_cell, write_cell
+from qcompile.study.rows import Cell, Row
+
+ShortRow = Callable[..., Row]
+
+
+def test_an_average_is_over_20_episodes_or_what_there_is(summary: Any) -> None:
+    """Rewards 1, 2, ... 30: after n <= 20 the mean is (n + 1) / 2, then it is n - 9.5."""
+    (result,) = summary(range(1, 31)).results
+    expected = [(n + 1) / 2 for n in range(1, 21)] + [n - 9.5 for n in range(21, 31)]
+    assert result.averages.tolist() == expected
+    assert result.full_averages.tolist() == [n - 9.5 for n in range(20, 31)]
+    assert result.best_average == 20.5
+
+
+def test_the_first_episode_at_the_target_is_the_20th_at_least(summary: Any) -> None:
+    early, late, never = summary([100.0] * 25, [0.0] * 20 + [20.0] * 20, [9.9] * 40).results
+    assert early.first_at(10.0) == 20, "not the first, which is above the target too"
+    assert late.first_at(10.0) == 30, "10 of the last 20 pay 20"
+    assert late.first_at(10.5) == 31
+    assert late.first_at(20.0) == 40
+    assert never.first_at(10.0) is None
+
+
+def test_a_training_shorter_than_20_episodes_has_one_average(summary: Any) -> None:
+    (result,) = summary([30.0, 0.0, 0.0]).results
+    assert result.averages.tolist() == [30.0, 15.0, 10.0]
+    assert result.best_average == 10.0
+    assert result.first_at(10.0) == 3
+    assert result.first_at(10.1) is None
+    assert first_at(np.array([7.0]), 7.0) == 1
+
+
+def test_the_best_average_is_no_early_one(summary: Any) -> None:
+    """A first episode of 100 is an average of 100 over one episode, and 5 over 20."""
+    (result,) = summary([100.0] + [0.0] * 30).results
+    assert result.best_average == 5.0
+
+
+def test_a_cell_repeats(short_row: ShortRow) -> None:
+    first, again = (run_cell(Cell(short_row(), 1), 2) for _ in range(2))
+    other = run_cell(Cell(short_row(), 2), 2)
+    assert first.model_dump(exclude={"wall_seconds"}) == again.model_dump(exclude={"wall_seconds"})
+    assert first.rewards != other.rewards
+
+
+@pytest.mark.parametrize("name", ["cartpole-svqc-paper", "cartpole-fcn-large-paper"])
+def test_a_cell_is_a_training_and_its_score(short_row: ShortRow, name: str) -> None:
+    row = short_row(name)
+    result = run_cell(Cell(row, 4), 3)
+    trainer = Trainer("CartPole-v1", row.settings, 4)
+    trained = trainer.train()
+    assert result.rewards == [episode.reward for episode in trained.episodes]
+    assert result.steps == np.cumsum(result.rewards).tolist(), "CartPole pays 1 a step"
+    assert len(result.rewards) == 3
+    assert result.evaluation == score(trainer, 3, 10_000).tolist()
+    assert (result.row, result.seed, result.environment) == (name, 4, "CartPole-v1")
+    assert result.settings["episodes"] == 3
+    assert result.wall_seconds > 0
+
+
+# The paper's circuits: theta and weights (4 circuits of reuse 16 folded, 2 actions), and biases;
+# its network: 4 -> 16 -> 32 -> 64 -> 32 -> 2, fully connected.
+FCN = (4 + 1) * 16 + (16 + 1) * 32 + (32 + 1) * 64 + (64 + 1) * 32 + (32 + 1) * 2
+
+
+def test_a_cell_counts_parameters(short_row: ShortRow) -> None:
+    assert run_cell(Cell(short_row("cartpole-fcn-large-paper"), 0), 1).parameters == FCN
+    svqc = run_cell(Cell(short_row(), 0), 1)
+    policy = Trainer("CartPole-v1", short_row().settings, 0).policy()
+    assert policy is not None
+    assert svqc.parameters == policy.theta.size + policy.weights.size + policy.bias.size
+
+
+def test_an_interrupted_training_is_no_result(
+    short_row: ShortRow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Trainer, "_update", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        run_cell(Cell(short_row(), 0), 1)
+
+
+# The file of a cell.
+
+
+@pytest.fixture
+def kept(short_row: ShortRow, tmp_path: Path) -> tuple[Cell, CellResult]:
+    """A cell, and its result in a file in tmp_path / "cells"."""
+    cell = Cell(short_row(), 3)
+    result = run_cell(cell, 2)
+    write_cell(result, tmp_path / "cells")
+    return cell, result
+
+
+def test_a_result_is_read_back(kept: tuple[Cell, CellResult], tmp_path: Path) -> None:
+    cell, result = kept
+    assert [path.name for path in (tmp_path / "cells").iterdir()] == [
+        "cartpole-svqc-paper-seed3.json"
+    ]
+    assert read_cell(cell, tmp_path / "cells") == result
+    assert read_cell(cell, tmp_path / "cells", 2) == result
+    values = json.loads((tmp_path / "cells" / f"{cell.name}.json").read_text())
+    assert (values["format"], values["seed"]) == ("qcompile-study-1", 3)
+    assert values["rewards"] == result.rewards
+
+
+def test_a_result_is_that_of_its_cell_alone(
+    kept: tuple[Cell, CellResult], tmp_path: Path, short_row: ShortRow
+) -> None:
+    cell, _ = kept
+    folder = tmp_path / "cells"
+    file = folder / f"{cell.name}.json"
+    assert read_cell(cell, folder, 3) is None, "other number of evaluation episodes"
+    assert read_cell(cell, tmp_path) is None, "no such file"
+    assert read_cell(Cell(short_row(episodes=4), 3), folder) is None, "other settings"
+    assert read_cell(Cell(short_row(clip=0.2), 3), folder) is None, "other settings"
+    assert read_cell(Cell(replace(cell.row, environment="CartPole-v0"), 3), folder) is None
+    (folder / f"{cell.row.name}-seed5.json").write_bytes(file.read_bytes())
+    assert read_cell(Cell(cell.row, 5), folder) is None, "the file of another seed"
+
+
+@pytest.mark.parametrize(
+    "damage",
+    {
+        "empty": lambda text: "",
+        "cut": lambda text: text[:-20],
+        "no JSON": lambda text: "\0" * 100,
+        "a list": lambda text: "[]",
+        "other format": lambda text: text.replace("qcompile-study-1", "qcompile-study-2"),
+        "unknown value": lambda text: text.replace('"seed"', '"more": 1, "seed"', 1),
+        "no rewards": lambda text: text.replace('"rewards"', '"reward"'),
+    }.items(),
+    ids=lambda item: item[0],
+)
+def test_a_damaged_file_is_no_result(
+    kept: tuple[Cell, CellResult], tmp_path: Path, damage: tuple[str, Callable[[str], str]]
+) -> None:
+    cell, _ = kept
+    file = tmp_path / "cells" / f"{cell.name}.json"
+    changed = damage[1](file.read_text())
+    assert changed != file.read_text()
+    file.write_text(changed)
+    assert read_cell(cell, tmp_path / "cells") is None
+
+
+def test_a_result_that_cannot_be_written(kept: tuple[Cell, CellResult], tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(OutputError, match="file is no folder"):
+        write_cell(kept[1], tmp_path / "file")
