@@ -167,7 +167,7 @@ def command(
     if trainer.progress >= 1.0:
         click.echo(f"The training of {resume} was finished; only its outputs are made.", err=True)
     with ExitStack() as stack:
-        show = stack.enter_context(progress_bar(f"{environment}, {settings.model}", 1.0))
+        show = stack.enter_context(progress_bar(environment, 1.0))
         watch = Watch(trainer, show, checkpoint, evaluate_every, evaluate_episodes)
         if tensorboard is not None:
             watch.scalars = stack.enter_context(Scalars(tensorboard, trainer.steps))

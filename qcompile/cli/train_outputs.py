@@ -25,10 +25,10 @@ def check_outputs(
     from qcompile.output import check_writable
     from qcompile.policy.files import SUFFIXES
 
-    is_network = trainer.policy() is None
+    has_policy = trainer.policy() is not None
     if out.suffix not in SUFFIXES:
         raise click.BadParameter(f"{out} must end with .pt or .json.", param_hint="'--out'")
-    if is_network and out.suffix != ".pt":
+    if not has_policy and out.suffix != ".pt":
         raise click.BadParameter(
             f"{out} must end with .pt: model {trainer.settings.model!r} is no one-qubit circuits "
             "and is kept as its checkpoint.",
@@ -36,7 +36,7 @@ def check_outputs(
         )
     named = {"--out": out, "--resume": resume, "--checkpoint": checkpoint, "--log": log}
     allowed = [{"--resume", "--checkpoint"}]
-    if is_network:
+    if not has_policy:
         allowed += [{"--out", "--resume"}, {"--out", "--checkpoint"}]
     taken: dict[Path, str] = {}
     for option, path in named.items():
@@ -51,7 +51,7 @@ def check_outputs(
 
 
 def write_out(out: Path, watch: Watch, result: TrainingResult, trainer: Trainer) -> int:
-    """Write the policy, or the network's checkpoint; the number of its parameters."""
+    """Write the policy, or the checkpoint of a model that has none; how many parameters it has."""
     from qcompile.policy import save_policy
 
     if result.policy is None:
@@ -76,8 +76,8 @@ def closing_words(out: Path, watch: Watch, result: TrainingResult, parameters: i
     told = f"{', '.join(words)}; {parameters} parameters in {out}"
     if result.policy is None:
         told += (
-            f"\n{out} is the checkpoint of a network: `qcompile train --resume` reads it, "
-            "but it is no one-qubit circuits and does not run on a device."
+            f"\n{out} is a checkpoint: `qcompile train --resume` reads it, but this model is no "
+            "one-qubit circuits and does not run on a device."
         )
     return told
 
@@ -86,7 +86,7 @@ def way_on(
     environment: str, out: Path, checkpoint: Path | None, result: TrainingResult
 ) -> list[str]:
     """After Ctrl-C: what was kept, and the command that goes on, if there is one."""
-    what = "network" if result.policy is None else "policy"
+    what = "model" if result.policy is None else "policy"
     hints = [f"The {what} as it was by then is in {out}."]
     kept = out if result.policy is None and checkpoint is None else checkpoint
     if kept is not None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections import deque
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -51,19 +50,24 @@ class EpisodeLog:
         self._path, self._count = path, 0
         with self._explained():
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._file = path.open("w", encoding="utf-8", newline="", buffering=1)
-        self._writer = csv.writer(self._file, lineterminator="\n")
-        with self._explained():
-            self._writer.writerow(["episode", "steps", "reward"])
-        self.add_missing(episodes)
+            self._file = path.open("wb", buffering=0)
+        try:
+            self._write("episode,steps,reward")
+            self.add_missing(episodes)
+        except BaseException:
+            self._file.close()
+            raise
 
     def add_missing(self, episodes: Iterable[FinishedEpisode]) -> None:
         """Write those that have no row yet."""
+        for episode in episodes:
+            if episode.episode > self._count:
+                self._write(f"{episode.episode},{episode.steps},{episode.reward}")
+                self._count = episode.episode
+
+    def _write(self, row: str) -> None:
         with self._explained():
-            for episode in episodes:
-                if episode.episode > self._count:
-                    self._writer.writerow([episode.episode, episode.steps, episode.reward])
-                    self._count = episode.episode
+            self._file.write(f"{row}\n".encode())
 
     @contextmanager
     def _explained(self) -> Iterator[None]:
@@ -73,7 +77,7 @@ class EpisodeLog:
             raise OutputError(
                 f"Cannot write {self._path}.",
                 f"{error.strerror or error}.",
-                "Choose another path, or train without --log.",
+                "Choose another path.",
             ) from error
 
     def __enter__(self) -> Self:

@@ -76,9 +76,9 @@ class Watch:
         self._note(episode)
         words = [f"episode {episode.episode}, last 20: {self.averages.last:.1f}"]
         if self.averages.best is not None:
-            words.append(f"best: {self.averages.best:.1f}")
+            words.append(f"best {self.averages.best:.1f}")
         if self.evaluations:
-            words.append(f"evaluation: {self.evaluations[-1].mean_reward:.1f}")
+            words.append(f"test {self.evaluations[-1].mean_reward:.1f}")
         self._show(progress, ", ".join(words))
 
     def _note(self, episode: FinishedEpisode) -> None:

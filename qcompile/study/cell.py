@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from qcompile.errors import TrainingError
 from qcompile.output import write_file
-from qcompile.rl.settings import plain
+from qcompile.rl.settings import plain, restored
 from qcompile.study.rows import Cell
 
 EVALUATION_EPISODES = 100
@@ -121,9 +122,10 @@ def read_cell(cell: Cell, folder: Path, evaluation: int | None = None) -> CellRe
     """The result of the cell, if `folder` has it with the cell's settings."""
     try:
         result = CellResult.model_validate_json((folder / f"{cell.name}.json").read_bytes())
-    except (OSError, ValidationError):
+        settings = restored(result.settings)
+    except (OSError, ValidationError, TrainingError):
         return None
-    wanted = (cell.row.environment, plain(cell.row.settings), cell.seed)
-    if (result.environment, result.settings, result.seed) != wanted:
+    wanted = (cell.row.environment, cell.row.settings, cell.seed)
+    if (result.environment, settings, result.seed) != wanted:
         return None
     return result if evaluation in (None, len(result.evaluation)) else None

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable
+from typing import Any
+
+import gymnasium
 import numpy as np
 import pytest
 
-from qcompile.errors import EnvironmentMismatchError
-from qcompile.rl.rollout import Collector, FinishedEpisode
+from qcompile.errors import EnvironmentMismatchError, TrainingError
+from qcompile.rl.rollout import Collector, FinishedEpisode, Rollout
 
 
 def collector(name: str, count: int) -> Collector:
@@ -100,3 +105,114 @@ def test_environments_start_from_different_seeds() -> None:
 def test_continuous_actions_are_refused() -> None:
     with pytest.raises(EnvironmentMismatchError, match="Pendulum-v1 acts in Box"):
         collector("Pendulum-v1", 1)
+
+
+def drawn(actions: int, count: int, seed: int) -> Callable[[Any], np.ndarray]:
+    rng = np.random.default_rng(seed)
+    return lambda seen: rng.integers(actions, size=count)
+
+
+def test_every_episode_has_a_seed_of_its_own() -> None:
+    """Each first observation is that of gymnasium's own reset with the seed noted for it."""
+    made = collector("CartPole-v1", 2)
+    act, seeds = drawn(2, 2, 0), set()
+    reference = gymnasium.make("CartPole-v1")
+    for _ in range(200):
+        walks = made.state()["walks"]
+        seen = made.collect(act, 1).observations[0]
+        for i, (seed, actions) in enumerate(walks):
+            if not actions:
+                assert seed not in seeds
+                seeds.add(seed)
+                np.testing.assert_array_equal(seen[i], reference.reset(seed=seed)[0])
+    # those that live on began too, and are not among the finished
+    assert len(made.history) > 10
+    assert len(made.history) <= len(seeds) <= len(made.history) + 2
+    made.close()
+    reference.close()
+
+
+COLUMNS = ("observations", "actions", "rewards", "next_observations", "terminated", "truncated")
+
+
+def assert_same(first: Rollout, second: Rollout) -> None:
+    for name in COLUMNS:
+        np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
+    assert first.finished == second.finished
+
+
+@pytest.mark.parametrize(
+    ("name", "count", "actions", "before"),
+    [("CartPole-v1", 3, 2, 67), ("LunarLander-v3", 2, 4, 190), ("Acrobot-v1", 1, 3, 30)],
+)
+def test_a_restored_collector_goes_on_as_if_undisturbed(
+    name: str, count: int, actions: int, before: int
+) -> None:
+    """In the middle of episodes, after others; the state passes through a file of plain values."""
+    undisturbed = collector(name, count)
+    undisturbed.collect(drawn(actions, count, 1), before)
+    state = json.loads(json.dumps(undisturbed.state()))
+    assert all(taken for _, taken in state["walks"]), "an episode has just begun"
+    assert state["episodes"] or name == "Acrobot-v1"
+    other = Collector(name, count, np.random.SeedSequence(99))
+    other.collect(drawn(actions, count, 5), 10)
+    other.restore(state)
+    assert (other.steps, other.history) == (undisturbed.steps, undisturbed.history)
+    assert other.state() == undisturbed.state()
+    for horizon in (40, 160):
+        rollouts = [
+            made.collect(drawn(actions, count, horizon), horizon) for made in (undisturbed, other)
+        ]
+        assert_same(*rollouts)
+    assert other.state() == undisturbed.state()
+    undisturbed.close()
+    other.close()
+
+
+def test_a_state_does_not_change_while_the_collector_goes_on() -> None:
+    made = collector("CartPole-v1", 2)
+    made.collect(drawn(2, 2, 1), 20)
+    state = made.state()
+    before = json.dumps(state)
+    made.collect(drawn(2, 2, 2), 50)
+    assert json.dumps(state) == before
+    made.close()
+
+
+def test_a_state_that_is_not_come_to_is_refused() -> None:
+    """A wrong observation, another seed, another action, one action less: each tells."""
+    made = collector("CartPole-v1", 2)
+    made.collect(drawn(2, 2, 1), 15)
+    good = json.dumps(made.state())
+    made.restore(json.loads(good))
+
+    def refuses(change: Callable[[dict[str, Any]], None]) -> None:
+        state = json.loads(good)
+        change(state)
+        with pytest.raises(TrainingError, match="do not come to where the checkpoint left them"):
+            made.restore(state)
+
+    def nudge(state: dict[str, Any]) -> None:
+        state["observations"][1][2] += 1e-6
+
+    def other_seed(state: dict[str, Any]) -> None:
+        state["walks"][0][0] += 1
+
+    def other_action(state: dict[str, Any]) -> None:
+        state["walks"][1][1][-1] ^= 1
+
+    def one_less(state: dict[str, Any]) -> None:
+        state["walks"][1][1].pop()
+
+    for change in (nudge, other_seed, other_action, one_less):
+        refuses(change)
+    made.close()
+
+
+def test_an_environment_that_its_seed_does_not_repeat_is_refused() -> None:
+    """The clock counts its own episodes: played again it is not where it was."""
+    made = collector("Clock-v0", 1)
+    made.collect(lambda seen: np.array([0]), 4)
+    with pytest.raises(TrainingError, match="do not come to where the checkpoint left them"):
+        made.restore(made.state())
+    made.close()

@@ -1,0 +1,125 @@
+"""Episodes side by side, and what a device shows of a program."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+
+from qcompile.device import load_device
+from qcompile.errors import CalibrationError, CountsError
+from qcompile.policy.layouts import parallel
+from qcompile.rl.environments import make_environments
+from qcompile.rl.lockstep import Episode, lockstep
+from qcompile.rl.measurement import Measurement
+
+
+def alone(seed: int) -> tuple[list[np.ndarray], float]:
+    """CartPole pushed left and right in turns: what is seen before each step, and the reward."""
+    environment = gymnasium.make("CartPole-v1")
+    seen, total, done, observations = environment.reset(seed=seed)[0], 0.0, False, []
+    while not done:
+        observations.append(seen)
+        seen, reward, terminated, truncated, _ = environment.step(len(observations) % 2)
+        total, done = total + float(reward), terminated or truncated
+    environment.close()
+    return observations, total
+
+
+def test_every_step_serves_all_that_live_in_the_order_of_their_seeds() -> None:
+    """Against each episode played alone: rows, counts and the order in which they finish."""
+    count, first = 7, 50
+    expected = [alone(first + i) for i in range(count)]
+    lengths = [len(observations) for observations, _ in expected]
+    assert len(set(lengths)) > 2
+    given: list[np.ndarray] = []
+    living: list[int] = []
+    finished: list[Episode] = []
+
+    def act(observations: np.ndarray) -> np.ndarray:
+        assert observations.dtype == np.float64
+        given.append(observations.copy())
+        return np.full(len(observations), len(given) % 2)
+
+    environments = make_environments("CartPole-v1", count)
+    lockstep(act, environments, first, on_step=living.append, on_episode=finished.append)
+    for environment in environments:
+        environment.close()
+    assert living == [sum(n > step for n in lengths) for step in range(max(lengths))]
+    for step, rows in enumerate(given):
+        alive = [seen[step] for seen, _ in expected if len(seen) > step]
+        np.testing.assert_array_equal(rows, np.stack(alive))
+    order = sorted(range(count), key=lambda i: (lengths[i], i))
+    assert finished == [Episode(first + i, expected[i][1], lengths[i]) for i in order]
+
+
+def test_a_step_is_counted_before_it_is_taken() -> None:
+    """What is interrupted in a step has been counted: its circuits were run."""
+    events: list[str] = []
+
+    def act(observations: np.ndarray) -> np.ndarray:
+        events.append("act")
+        return np.zeros(len(observations), dtype=int)
+
+    lockstep(
+        act,
+        make_environments("Clock-v0", 2),
+        0,
+        on_step=lambda living: events.append(f"{living} live"),
+        on_episode=lambda episode: events.append(f"{episode.seed} ends"),
+    )
+    assert events == ["act", "2 live"] * 3 + ["0 ends", "1 ends"]
+
+
+PROGRAM, _ = parallel(3, 1)
+X = np.random.default_rng(0).uniform(-1.5, 1.5, (40, 3))
+THETA = np.array([0.3, -1.2, 2.0])
+TRUE = -np.sin(X) * np.cos(THETA) - np.cos(X) ** 2 * np.sin(THETA)
+
+
+def measured(device: str = "ideal", **settings: Any) -> np.ndarray:
+    return Measurement(PROGRAM, load_device(device), **{"shots": None, **settings})(X, THETA)
+
+
+@pytest.mark.parametrize("level", [0, 1, 2])
+def test_an_exact_measurement_is_the_closed_form(level: int) -> None:
+    np.testing.assert_allclose(measured(level=level), TRUE, atol=1e-12)
+
+
+def test_shots_scatter_as_a_binomial_law() -> None:
+    """120 numbers; the mean of squared deviations in units of (1 - z^2) / n is 1 +- 0.13."""
+    shots = 400
+    z = measured(shots=shots, seed=1)
+    np.testing.assert_allclose(z * shots / 2, np.round(z * shots / 2), atol=1e-9)
+    pulls = (z - TRUE) / np.sqrt((1 - TRUE**2) / shots)
+    assert abs(pulls.mean()) < 5 / np.sqrt(120)
+    assert (pulls**2).mean() == pytest.approx(1.0, abs=5 * np.sqrt(2 / 120))
+
+
+def test_a_measurement_repeats_with_its_seed() -> None:
+    settings: dict[str, Any] = {"device": "fake_lima", "shots": 64, "mitigation": "readout"}
+    first, again, other = (measured(**settings, seed=s) for s in (1, 1, 2))
+    np.testing.assert_array_equal(first, again)
+    assert (first != other).any()
+
+
+def test_one_measurement_serves_any_theta() -> None:
+    """Compiled once: theta is given with each call."""
+    measure = Measurement(PROGRAM, load_device("ideal"), shots=None)
+    for theta in (np.zeros(3), THETA, -THETA):
+        expected = -np.sin(X) * np.cos(theta) - np.cos(X) ** 2 * np.sin(theta)
+        np.testing.assert_allclose(measure(X, theta), expected, atol=1e-12)
+
+
+def test_readout_mitigation_undoes_what_the_readout_does() -> None:
+    raw, mitigated = (measured("fake_lima", mitigation=m) - TRUE for m in ("none", "readout"))
+    assert np.abs(mitigated).max() < 0.01 < np.abs(raw).max()
+
+
+def test_a_wrong_measurement_is_refused() -> None:
+    with pytest.raises(CountsError):
+        measured(shots=0)
+    with pytest.raises(CalibrationError, match="Unknown mitigation 'magic'"):
+        measured(mitigation="magic")
