@@ -74,19 +74,11 @@ class Trainer:
         groups = [{"params": [flat.parameter]} for flat in self._learned]
         self._optimiser = torch.optim.Adam(groups, eps=1e-5, fused=True)
         self._scale = ReturnScale(settings.environments, settings.gamma)
-        self._pause = Pause(self.stage.pause_at)
+        self._pause = Pause(settings.pause_at)
         self._noise: ActingNoise | None = None
         if isinstance(self.actor, SVQC) and (settings.backend, settings.shots) != ("ideal", None):
             self._noise = ActingNoise(self.actor, settings, seeds[3])
         self.last_update: Update | None = None
-
-    @property
-    def stage(self) -> Settings:
-        """The settings that hold now: the opening's, or those after it."""
-        opening = self.settings.opening
-        if opening is not None and len(self.history) < (opening.episodes or 0):
-            return opening
-        return self.settings
 
     @property
     def steps(self) -> int:
@@ -121,30 +113,22 @@ class Trainer:
         torch.set_num_threads(1)  # the tensors are small: threads cost more than they bring
         try:
             while self.progress < 1.0:
-                stage = self.stage
-                rollout = self._collector.collect(self._act, stage.horizon, stage.environments)
+                rollout = self._collector.collect(self._act, self.settings.horizon)
                 for episode in rollout.finished:
                     on_episode(episode, self.progress)
                 if not self._pause.holds(rollout.finished, self.actor):
-                    self._update(rollout, stage)
+                    self._update(rollout)
                 elif self._noise is not None:
                     self._noise.taken()
-                if self.stage is not stage:
-                    self._keep_best()
-                    self._pause = Pause(self.stage.pause_at)
                 on_update()
         except KeyboardInterrupt:
             interrupted = True
         finally:
             torch.set_num_threads(threads)
             self._collector.close()
-        self._keep_best()
-        return TrainingResult(self.actor, self.policy(), self.history, self.steps, interrupted)
-
-    def _keep_best(self) -> None:
-        """Where Algorithm 2 saved a policy, that is the one."""
         if self._pause.best is not None:
             self.actor.load_state_dict(self._pause.best)
+        return TrainingResult(self.actor, self.policy(), self.history, self.steps, interrupted)
 
     def policy(self) -> Policy | None:
         """The policy as it is, if it can be deployed."""
@@ -171,12 +155,13 @@ class Trainer:
             logits = (self.actor if self._noise is None else self._noise.act)(seen).numpy()
         return np.asarray((logits + self._rng.gumbel(size=logits.shape)).argmax(axis=1))
 
-    def _update(self, rollout: Rollout, settings: Settings) -> None:
+    def _update(self, rollout: Rollout) -> None:
+        settings = self.settings
         left = 1.0 - self.progress if settings.anneal else 1.0
         rates = (settings.actor_lr, settings.critic_lr)
         for group, rate in zip(self._optimiser.param_groups, rates, strict=True):
             group["lr"] = rate * max(left, _LEAST_RATE)
-        advantages, targets = self._judge(rollout, settings)
+        advantages, targets = self._judge(rollout)
         columns = [
             torch.from_numpy(rollout.observations).flatten(0, 1),
             torch.from_numpy(rollout.actions).flatten(),
@@ -189,7 +174,7 @@ class Trainer:
             outputs = self._outputs(columns[0], *columns[4:])
             columns.insert(1, cross_entropy(outputs, columns[1], reduction="none"))
         for _ in range(settings.epochs):
-            for batch in self._minibatches(columns, settings.minibatch):
+            for batch in self._minibatches(columns):
                 observations, before, actions, advantage, target, *residual = batch
                 outputs = self._outputs(observations, *residual)
                 # The cross entropy with the action taken is minus its log-probability.
@@ -200,7 +185,7 @@ class Trainer:
                 if settings.entropy:
                     loss = loss - settings.entropy * left * _entropy(outputs)
                 critic_loss = mse_loss(self._critic(observations)[:, 0], target)
-                self._descend(loss, critic_loss, settings.gradient_norm)
+                self._descend(loss, critic_loss)
         with torch.no_grad():
             self.last_update = Update(
                 self.steps,
@@ -221,9 +206,9 @@ class Trainer:
         assert self._noise is not None
         return self._noise.outputs(observations, residual)
 
-    def _judge(self, rollout: Rollout, settings: Settings) -> tuple[torch.Tensor, torch.Tensor]:
+    def _judge(self, rollout: Rollout) -> tuple[torch.Tensor, torch.Tensor]:
         """Normalised advantages and value targets, both (steps * environments,)."""
-        rewards = rollout.rewards
+        settings, rewards = self.settings, rollout.rewards
         if settings.scale_rewards:
             rewards = rewards / self._scale.update(rewards, rollout.done)
         with torch.no_grad():
@@ -242,26 +227,23 @@ class Trainer:
         flat = torch.from_numpy(advantages).float().flatten()
         return (flat - flat.mean()) / (flat.std(correction=0) + 1e-8), targets
 
-    def _minibatches(
-        self, columns: list[torch.Tensor], size: int | None
-    ) -> list[tuple[torch.Tensor, ...]]:
-        """The columns in one piece, or shuffled and cut into pieces of `size` steps."""
+    def _minibatches(self, columns: list[torch.Tensor]) -> list[tuple[torch.Tensor, ...]]:
+        """The columns in one piece, or shuffled and cut."""
+        size = self.settings.minibatch
         if size is None:
             return [tuple(columns)]
         order = torch.randperm(len(columns[0]), generator=self._generator)
         cut = [column.index_select(0, order).split(size) for column in columns]  # type: ignore[no-untyped-call]
         return list(zip(*cut, strict=True))
 
-    def _descend(
-        self, actor_loss: torch.Tensor, critic_loss: torch.Tensor, most: float | None
-    ) -> None:
+    def _descend(self, actor_loss: torch.Tensor, critic_loss: torch.Tensor) -> None:
         """One step down both losses, which share no parameter."""
         for flat in self._learned:
             flat.zero_gradient()
         (actor_loss + critic_loss).backward()  # type: ignore[no-untyped-call]
-        if most is not None:
+        if self.settings.gradient_norm is not None:
             for flat in self._learned:
-                flat.clip_gradient(most)
+                flat.clip_gradient(self.settings.gradient_norm)
         self._optimiser.step()
 
     def state(self) -> dict[str, Any]:
@@ -286,11 +268,10 @@ class Trainer:
         self._generator.set_state(state["generator"])
         self._rng.bit_generator.state = state["rng"]
         self._scale.restore(state["return_scale"])
+        self._pause.restore(state["pause"])
         if self._noise is not None:
             self._noise.restore(state["noise"])
         self._collector.restore(state["collector"])
-        self._pause = Pause(self.stage.pause_at)
-        self._pause.restore(state["pause"])
 
 
 def _entropy(outputs: torch.Tensor) -> torch.Tensor:

@@ -97,7 +97,14 @@ _TUNED_FAMILY: Family = {
         gradient_norm=0.5,
         scale_rewards=True,
     ),
-    "LunarLander": replace(_TUNED, gamma=0.999),
+    "LunarLander": replace(
+        _TUNED,
+        scales=(0.7, 2.0, 8.0),
+        environments=32,
+        horizon=256,
+        gamma=0.999,
+        minibatch=1024,
+    ),
 }
 _FCN_TUNED = Settings(
     model="fcn",
@@ -154,7 +161,7 @@ _FCN_FAMILY: Family = {
         gradient_norm=0.5,
         scale_rewards=True,
     ),
-    "LunarLander": replace(_FCN_TUNED, gamma=0.999),
+    "LunarLander": replace(_FCN_TUNED, environments=32, horizon=256, gamma=0.999, minibatch=1024),
 }
 
 

@@ -83,28 +83,23 @@ class Collector:
         return int(self._rng.integers(2**31))
 
     def collect(
-        self,
-        act: Callable[[NDArray[np.float32]], IntArray],
-        horizon: int | None,
-        count: int | None = None,
+        self, act: Callable[[NDArray[np.float32]], IntArray], horizon: int | None
     ) -> Rollout:
-        """`horizon` steps of the first `count` environments, or of all.
+        """`horizon` steps of every environment, or without a horizon one whole episode of each.
 
-        Without a horizon it is until an episode ends. `act` maps observations (n, features) to
-        actions (n,).
+        `act` maps observations (n, features) to actions (n,).
         """
         columns: tuple[list[NDArray[Any]], ...] = ([], [], [], [], [], [])
         before = len(self.history)
-        walks = self._walks[:count]
-        count = len(walks)
+        count = len(self._walks)
         while len(columns[0]) != horizon:
-            observations = self._observations[:count].copy()
-            actions = act(observations)
-            following = np.empty_like(observations)
+            actions = act(self._observations)
+            following = np.empty_like(self._observations)
+            after = np.empty_like(self._observations)
             rewards, flags = np.empty(count), np.zeros((2, count), dtype=bool)
-            for i, (walk, action) in enumerate(zip(walks, actions.tolist(), strict=True)):
+            for i, (walk, action) in enumerate(zip(self._walks, actions.tolist(), strict=True)):
                 seen, reward, terminated, truncated, _ = walk.environment.step(action)
-                following[i] = self._observations[i] = seen
+                following[i] = after[i] = seen
                 rewards[i] = reward
                 walk.reward += float(reward)
                 walk.actions.append(action)
@@ -112,10 +107,11 @@ class Collector:
                     flags[:, i] = terminated, truncated
                     number, steps = len(self.history) + 1, self.steps + i + 1
                     self.history.append(FinishedEpisode(number, steps, walk.reward))
-                    self._observations[i] = walk.begin(self._seed())
-            row = (observations, actions, rewards, following, *flags)
+                    after[i] = walk.begin(self._seed())
+            row = (self._observations, actions, rewards, following, *flags)
             for column, values in zip(columns, row, strict=True):
                 column.append(values)
+            self._observations = after
             self.steps += count
             if horizon is None and len(self.history) > before:
                 break

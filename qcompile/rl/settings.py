@@ -23,10 +23,6 @@ NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Scale = Positive | Annotated[tuple[Positive, ...], Field(min_length=1)]
 
 _ENCODED = ("svqc", "mvqc", "surrogate")
-_MODEL = (
-    *("model", "layout", "scales", "trainable_scale", "reuse", "theta_spread_rad", "hidden"),
-    *("activation", "weight_spread", "backend", "shots", "mitigation"),
-)
 _OF_MODELS: dict[str, tuple[str, ...]] = {
     "layout": ("svqc",),
     "reuse": ("svqc", "mvqc", "surrogate"),
@@ -120,10 +116,6 @@ class Settings:
     """Algorithm 2: episodes with at least this reward update nothing; the longest such row saves
     the policy; updates resume when the running average falls below."""
 
-    opening: Settings | None = None
-    """How the first episodes are learned, so many as it says, before these settings take over;
-    its model is the same."""
-
     def check(self) -> Settings:
         """These settings, where they fit each other."""
         if self.horizon is None and self.environments != 1:
@@ -133,8 +125,6 @@ class Settings:
             )
         if self.steps is None and self.episodes is None:
             raise TrainingError("The training has no end.", "Set steps, episodes or both.")
-        if self.opening is not None:
-            self._check_opening(self.opening.check())
         for name, models in _OF_MODELS.items():
             if self.model not in models and getattr(self, name) != _DEFAULTS[name]:
                 raise TrainingError(
@@ -142,22 +132,6 @@ class Settings:
                     f"It is a setting of {' and '.join(models)}.",
                 )
         return self
-
-    def _check_opening(self, opening: Settings) -> None:
-        if opening.opening is not None or opening.episodes is None:
-            raise TrainingError("The opening needs a number of episodes, and none before it.")
-        if opening.environments > self.environments:
-            raise TrainingError(
-                f"The opening steps {opening.environments} environments, there are "
-                f"{self.environments}."
-            )
-        for name in _MODEL:
-            ours, its = getattr(self, name), getattr(opening, name)
-            if ours != its:
-                raise TrainingError(
-                    f"The opening has {name} = {its!r}, the settings after it {ours!r}.",
-                    "Both train the same model.",
-                )
 
     def changed(self, **values: Any) -> Settings:
         """A copy with these values, checked."""

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 import torch
+from scipy.special import softmax
 
 from qcompile.errors import EnvironmentMismatchError, TrainingError
 from qcompile.policy import Policy
+from qcompile.rl.models import make_model
 from qcompile.rl.pause import Pause
-from qcompile.rl.ppo import Trainer, TrainingResult
+from qcompile.rl.ppo import Trainer, TrainingResult, Update
 from qcompile.rl.presets import settings_for
 from qcompile.rl.rollout import FinishedEpisode
 from qcompile.rl.settings import Settings
@@ -28,6 +31,7 @@ QUICK = Settings(
     minibatch=64,
     clip=0.2,
 )
+OPENING = Settings(episodes=8, theta_spread_rad=1.0, weight_spread=0.01)
 
 
 def outputs(policy: Policy, observations: np.ndarray) -> np.ndarray:
@@ -138,7 +142,7 @@ def test_an_update_is_the_paper_s_objective(monkeypatch: pytest.MonkeyPatch) -> 
     move = torch.tensor([0.5, -0.4, 0.1])
     losses: tuple[list[float], list[float]] = ([], [])
 
-    def descend(actor_loss: torch.Tensor, critic_loss: torch.Tensor) -> None:
+    def descend(actor_loss: torch.Tensor, critic_loss: torch.Tensor, most: object) -> None:
         losses[0].append(actor_loss.item())
         losses[1].append(critic_loss.item())
         with torch.no_grad():
@@ -148,7 +152,7 @@ def test_an_update_is_the_paper_s_objective(monkeypatch: pytest.MonkeyPatch) -> 
     chosen = iter([0, 2, 1])
     rollout = trainer._collector.collect(lambda seen: np.array([next(chosen)]), None)
     actor, critic = (m.policy("p", "e", {}) for m in (trainer.actor, trainer._critic))
-    trainer._update(rollout)
+    trainer._update(rollout, settings)
 
     observations = np.array([[1.0, 0.0], [1.0, 1.0], [1.0, 2.0]])
     third = 10 + 3 + 0.5
@@ -176,6 +180,180 @@ def test_an_update_is_the_paper_s_objective(monkeypatch: pytest.MonkeyPatch) -> 
     assert (np.abs(ratio - 1) > 0.1).any(), "nothing is clipped"
 
 
+def test_an_update_says_how_it_went(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The record is that of the last minibatch, here of known ratios, worked in numpy."""
+    settings = Settings(episodes=9, epochs=2, gamma=0.9, clip=0.1, entropy=0.3)
+    trainer = Trainer("Clock-v0", settings, 0)
+    assert trainer.last_update is None
+    move = torch.tensor([0.5, -0.4, 0.02])
+
+    def descend(actor_loss: torch.Tensor, critic_loss: torch.Tensor, most: object) -> None:
+        with torch.no_grad():
+            trainer.actor.head.bias += move
+
+    monkeypatch.setattr(trainer, "_descend", descend)
+    chosen = iter([0, 2, 1])
+    rollout = trainer._collector.collect(lambda seen: np.array([next(chosen)]), None)
+    actor, critic = (m.policy("p", "e", {}) for m in (trainer.actor, trainer._critic))
+    trainer._update(rollout, settings)
+
+    observations = np.array([[1.0, 0.0], [1.0, 1.0], [1.0, 2.0]])
+    third = 10 + 3 + 0.5
+    second = 10 + 2 + 1.0 + 0.9 * third
+    raw = np.array([10 + 1 + 0.0 + 0.9 * second, second, third]) - outputs(critic, observations).T
+    advantages = ((raw - raw.mean()) / raw.std())[0]
+    logits = outputs(actor, observations)
+    before, after = (softmax(logits + shift, axis=1) for shift in (0.0, move.numpy()))
+    ratio = (after / before)[np.arange(3), [0, 2, 1]]
+    outside = np.abs(ratio - 1) > 0.1
+    assert outside.any()
+    assert not outside.all()
+    gain = np.minimum(ratio * advantages, np.clip(ratio, 0.9, 1.1) * advantages).mean()
+    update = trainer.last_update
+    assert update is not None
+    assert (update.steps, update.episodes) == (3, 1)
+    assert update.actor_loss == pytest.approx(-gain, abs=1e-5), "without the entropy bonus"
+    assert update.critic_loss == pytest.approx((raw**2).mean(), rel=1e-5)
+    assert update.entropy == pytest.approx(-(after * np.log(after)).sum(axis=1).mean(), rel=1e-5)
+    assert update.divergence == pytest.approx((ratio - 1 - np.log(ratio)).mean(), rel=1e-4)
+    assert update.clipped == pytest.approx(outside.mean())
+
+
+def test_an_update_that_moves_nothing_has_no_divergence() -> None:
+    """One epoch of one batch: the record is of ratios of 1, before the only step."""
+    trainer = Trainer("Clock-v0", Settings(episodes=2, epochs=1), 0)
+    seen: list[Update | None] = []
+    trainer.train(on_update=lambda: seen.append(trainer.last_update))
+    assert [(u.steps, u.episodes) for u in seen if u] == [(3, 1), (6, 2)]
+    assert all((u.divergence, u.clipped) == (0.0, 0.0) for u in seen if u)
+
+
+def test_step_sizes_fall_to_two_percent_where_annealed() -> None:
+    """Ten updates: after the k-th episode (10 - k) / 10 of the run is left, 2 % at the end."""
+    for anneal in (True, False):
+        settings = Settings(episodes=10, anneal=anneal, actor_lr=0.003, critic_lr=0.05)
+        trainer = Trainer("Match-v0", settings, 0)
+        groups, rates = trainer._optimiser.param_groups, np.zeros((0, 2))
+
+        def note(groups: Any = groups) -> None:
+            nonlocal rates
+            rates = np.vstack([rates, [group["lr"] for group in groups]])
+
+        trainer.train(on_update=note)
+        left = [max(1 - k / 10, 0.02) if anneal else 1.0 for k in range(1, 11)]
+        np.testing.assert_allclose(rates, np.outer(left, [0.003, 0.05]), rtol=1e-9)
+
+
+@pytest.mark.parametrize("model", ["svqc", "mvqc", "surrogate", "fcn", "cnn"])
+def test_a_step_is_torch_s_own_adam_on_each_parameter(model: str) -> None:
+    """Flat and fused against Adam and clip_grad_norm_, parameter by parameter, in two models."""
+    encoded = model in ("svqc", "mvqc", "surrogate")
+    scales: dict[str, Any] = {"trainable_scale": True, "scales": (1.0, 2.0)} if encoded else {}
+    settings = Settings(steps=64).changed(model=model, **scales)
+    trainer = Trainer("CartPole-v1", settings, 0)
+    for group, rate in zip(trainer._optimiser.param_groups, (0.01, 0.03), strict=True):
+        group["lr"] = rate
+    ours = (trainer.actor, trainer._critic)
+    theirs = [make_model(settings, 4, n, torch.Generator()) for n in (2, 1)]
+    for mine, other in zip(ours, theirs, strict=True):
+        other.load_state_dict(mine.state_dict())
+    adam = torch.optim.Adam(
+        [
+            {"params": list(module.parameters()), "lr": rate}
+            for module, rate in zip(theirs, (0.01, 0.03), strict=True)
+        ],
+        eps=1e-5,
+    )
+    first = [p.detach().clone() for p in theirs[0].parameters()]
+    generator = torch.Generator().manual_seed(0)
+    for _ in range(5):
+        seen = torch.randn(16, 4, generator=generator)
+        losses = [[m(seen).square().mean() for m in pair] for pair in (ours, theirs)]
+        trainer._descend(*losses[0], 0.05)
+        adam.zero_grad()
+        sum(losses[1]).backward()  # type: ignore[union-attr]
+        for module in theirs:
+            torch.nn.utils.clip_grad_norm_(module.parameters(), 0.05)
+        adam.step()
+    for mine, other in zip(ours, theirs, strict=True):
+        for p, q in zip(mine.parameters(), other.parameters(), strict=True):
+            torch.testing.assert_close(p, q, rtol=1e-4, atol=1e-6)
+    assert all((p - q).abs().max() > 1e-3 for p, q in zip(first, ours[0].parameters(), strict=True))
+
+
+def staged(**opening: Any) -> Trainer:
+    """Ten episodes of an opening of one environment, then four environments, 500 steps in all."""
+    first = {"episodes": 10, "actor_lr": 0.002, "critic_lr": 0.003, **opening}
+    settings = QUICK.changed(steps=500, horizon=10, opening=replace(OPENING, **first))
+    return Trainer("Match-v0", settings, 0)
+
+
+def test_the_opening_is_learned_by_its_own_settings() -> None:
+    """Ten episodes of 20 steps one by one, then 4 x 10 steps: 200, 240, ... 520 steps."""
+    trainer = staged()
+    noted: list[tuple[int, float]] = []
+    rates = trainer._optimiser.param_groups
+    result = trainer.train(on_update=lambda: noted.append((trainer.steps, rates[0]["lr"])))
+    assert [steps for steps, _ in noted] == [*range(20, 201, 20), *range(240, 521, 40)]
+    assert [rate for _, rate in noted] == [0.002] * 10 + [0.05] * 8
+    # one environment goes on, the other three begin: at 280 the first episodes of all end
+    assert [e.steps for e in result.episodes[:10]] == [*range(20, 201, 20)]
+    assert [e.steps for e in result.episodes[10:14]] == [277, 278, 279, 280]
+
+
+def test_an_opening_without_end_is_a_training_of_its_own() -> None:
+    """As long as it lasts, nothing of the settings after it counts."""
+    led = replace(OPENING, gamma=0.1, clip=0.9, opening=OPENING)
+    runs = [Trainer("Match-v0", settings, 0).train() for settings in (OPENING, led)]
+    assert numbers(runs[0]) == numbers(runs[1])
+
+
+def test_a_pause_of_the_opening_ends_with_it() -> None:
+    """A threshold of 0 holds every update of the opening, and none after it."""
+    trainer = staged(pause_at=0.0)
+    before = [t.clone() for t in trainer.actor.state_dict().values()]
+    moved: list[bool] = []
+
+    def note() -> None:
+        now = trainer.actor.state_dict().values()
+        moved.append(any((a != b).any() for a, b in zip(before, now, strict=True)))
+
+    trainer.train(on_update=note)
+    assert moved == [False] * 10 + [True] * 8
+
+
+@pytest.mark.xfail(
+    strict=True,
+    raises=ValueError,
+    reason="ReturnScale is made for all environments; the opening steps fewer",
+)
+def test_an_opening_may_scale_its_rewards() -> None:
+    assert staged(scale_rewards=True).train().steps == 520
+
+
+def test_input_scales_that_are_not_trained_stay() -> None:
+    settings = QUICK.changed(steps=512, scales=(0.7, 2.0))
+    trained = Trainer("Match-v0", settings, 0).train()
+    np.testing.assert_allclose(trained.policy.encoder.scale, [0.7, 2.0], rtol=1e-6)
+    moved = Trainer("Match-v0", settings.changed(trainable_scale=True), 0).train()
+    assert (np.abs(moved.policy.encoder.scale - [0.7, 2.0]) > 1e-3).all()
+
+
+@pytest.mark.parametrize("model", ["svqc", "mvqc", "surrogate", "fcn", "cnn"])
+def test_every_model_learns_a_trivial_task(model: str) -> None:
+    """As above, by playing: only circuits of one qubit can be deployed."""
+    changes: dict[str, Any] = {} if model in ("svqc", "mvqc") else {"theta_spread_rad": 0.0}
+    changes |= {"hidden": (8,)} if model in ("fcn", "cnn") else {}
+    result = Trainer("Match-v0", QUICK.changed(model=model, **changes, actor_lr=0.03), 0).train()
+    rewards = [episode.reward for episode in result.episodes]
+    assert np.mean(rewards[:10]) < 15
+    assert np.mean(rewards[-10:]) > 18
+    assert (result.policy is None) == (model not in ("svqc", "surrogate"))
+    if result.policy is not None:
+        logits = outputs(result.policy, np.array([[-1.0], [1.0]]))
+        assert logits.argmax(axis=1).tolist() == [0, 1]
+
+
 @pytest.mark.parametrize("bootstrap", [True, False])
 def test_a_time_limit_is_bootstrapped_where_asked(bootstrap: bool) -> None:
     """The second episode of the clock is truncated: the value of its last state counts, or 0."""
@@ -183,7 +361,7 @@ def test_a_time_limit_is_bootstrapped_where_asked(bootstrap: bool) -> None:
     trainer = Trainer("Clock-v0", settings, 0)
     for _ in range(2):
         rollout = trainer._collector.collect(lambda seen: np.array([0]), None)
-    _, targets = trainer._judge(rollout)
+    _, targets = trainer._judge(rollout, settings)
     critic = trainer._critic.policy("p", "e", {})
     behind = outputs(critic, np.array([[2.0, 3.0]]))[0, 0] if bootstrap else 0.0
     third = 23 + 0.9 * behind

@@ -41,7 +41,7 @@ def summary() -> Callable[..., RowSummary]:
 
     def make(
         *rewards: Sequence[float],
-        claim: Claim = Claim("-"),
+        claim: Claim | None = None,
         evaluation: Sequence[Sequence[float]] | None = None,
         **changes: Any,
     ) -> RowSummary:
@@ -54,7 +54,7 @@ def summary() -> Callable[..., RowSummary]:
             "settings": Settings(episodes=1),
             "seeds": len(rewards),
             "target": 10.0,
-            "claim": claim,
+            "claim": claim or Claim("-"),
         }
         row = Row(**values | changes)
         results = tuple(
