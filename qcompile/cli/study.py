@@ -72,7 +72,7 @@ def command(
     listing: bool,
     as_json: bool,
 ) -> None:
-    """Train every model of the paper with several seeds and write it up.
+    """Train every model of the paper with several seeds and write up all that the folder holds.
 
     Writes results.csv, curves.csv, a picture for each figure and reproduction.md. Ctrl-C keeps
     every finished training; the same command goes on from there.
@@ -86,15 +86,17 @@ def command(
     from qcompile.study.rows import cells
     from qcompile.study.study import cells_folder, missing_cells, summaries, write_up
 
-    rows = rows_of(figures)
+    known = rows_of(())
+    if episodes is not None:
+        known = [shortened(row, episodes) for row in known]
+    names = {row.name for row in rows_of(figures)}
+    rows = [row for row in known if row.name in names]
     if only:
         rows = [row for row in rows if row.name.startswith(only)]
         if not rows:
             raise StudyError(
                 f"No row's name begins with {' or '.join(only)}.", "--list shows their names."
             )
-    if episodes is not None:
-        rows = [shortened(row, episodes) for row in rows]
     page = page or out / "reproduction.md"
     check_writable(page)
     check_writable(cells_folder(out) / "cell.json")
@@ -130,7 +132,7 @@ def command(
                 f"Interrupted: {left} of {count} trainings are left.",
                 f"What is finished is in {out}; the same command goes on from there.",
             ) from None
-    found = summaries(rows, out, seeds)
+    found = summaries(known, out)  # what was trained before is written up as well
     paths = write_up(found, out, page)
     if as_json:
         echo_json(

@@ -7,20 +7,35 @@ import json
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import torch
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from qcompile.errors import QcompileError, TrainingError
 from qcompile.output import write_file
 from qcompile.rl.ppo import Trainer
 from qcompile.rl.settings import plain, restored
 from qcompile.rl.versions import versions
+from qcompile.validation import Line, explain
 
 FORMAT = "qcompile-checkpoint-1"
 
-_PARTS = {"format", "environment", "settings", "seed", "versions", "tensors", "plain"}
 _TENSORS = ("actor", "critic", "optimiser", "generator", "pause")
+
+
+class _Saved(BaseModel):
+    """What a checkpoint file holds: `settings` and `plain` are JSON."""
+
+    model_config = ConfigDict(strict=True)
+
+    format: str
+    environment: Line
+    settings: str
+    seed: Annotated[int, Field(ge=0)]
+    versions: dict[str, str]
+    tensors: dict[str, Any]
+    plain: str
 
 
 def save_checkpoint(trainer: Trainer, path: Path, state: Mapping[str, Any] | None = None) -> None:
@@ -53,12 +68,12 @@ def load_checkpoint(path: Path) -> tuple[Trainer, list[str]]:
 
     Raises:
         TrainingError: the file is no checkpoint of this version, or its training cannot go on.
+        EnvironmentMismatchError: its environment is not known here.
     """
     saved = _read(path)
     try:
-        settings = restored(json.loads(saved["settings"]))
-        trainer = Trainer(saved["environment"], settings, saved["seed"])
-        trainer.restore({**saved["tensors"], **json.loads(saved["plain"])})
+        trainer = Trainer(saved.environment, restored(json.loads(saved.settings)), saved.seed)
+        trainer.restore({**saved.tensors, **json.loads(saved.plain)})
     except QcompileError:
         raise
     except Exception as error:  # wrong values lead torch and the environments into any error
@@ -67,13 +82,13 @@ def load_checkpoint(path: Path) -> tuple[Trainer, list[str]]:
     now = versions()
     differ = [
         f"{name} {made} then, {now.get(name, 'none')} now"
-        for name, made in saved["versions"].items()
+        for name, made in saved.versions.items()
         if made != now.get(name)
     ]
     return trainer, differ
 
 
-def _read(path: Path) -> dict[str, Any]:
+def _read(path: Path) -> _Saved:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # torch warns of odd pickle protocols
@@ -93,7 +108,10 @@ def _read(path: Path) -> dict[str, Any]:
             f"{path} is no checkpoint that this version reads: its format is {found!r}.",
             f"Needed: {FORMAT!r}, as `qcompile train --checkpoint` writes it.",
         )
-    missing = sorted(_PARTS - set(saved))
+    missing = sorted(set(_Saved.model_fields) - set(saved))
     if missing:
         raise TrainingError(f"Checkpoint {path} is damaged.", f"Missing: {', '.join(missing)}.")
-    return dict(saved)
+    try:
+        return _Saved.model_validate(saved)
+    except ValidationError as error:
+        raise TrainingError(f"Checkpoint {path} is damaged.", *explain(error)) from error

@@ -136,9 +136,9 @@ class Collector:
             TrainingError: an environment does not come to where it was.
         """
         self._rng.bit_generator.state = state["rng"]
-        self.steps = state["steps"]
+        self.steps = int(state["steps"])
         self.history = [
-            FinishedEpisode(number, steps, reward)
+            FinishedEpisode(number, int(steps), float(reward))
             for number, (steps, reward) in enumerate(state["episodes"], 1)
         ]
         for i, (walk, (seed, actions)) in enumerate(zip(self._walks, state["walks"], strict=True)):

@@ -47,7 +47,7 @@ class CellResult(BaseModel):
     versions: dict[str, str]
     parameters: int
     steps: list[Steps]
-    rewards: list[float]
+    rewards: Annotated[list[float], Field(min_length=1)]
     evaluation: list[float]
     wall_seconds: float
 

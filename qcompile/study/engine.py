@@ -7,6 +7,7 @@ worker is lost its cells run again.
 
 from __future__ import annotations
 
+import asyncio
 import os
 import socket
 from collections.abc import Callable, Iterator, Sequence
@@ -50,20 +51,18 @@ def run_cells(
         MissingExtraError: the engine's package is not installed.
     """
     waiting = {cell.name: cell for cell in cells}
+    if not waiting:
+        return
     losses = 0
     with _engine(engine, address, workers) as jobs:
+        found = _outcomes(list(waiting.values()), engine, jobs, evaluation)
         while waiting:
-            before = len(waiting)
             try:
-                for name, outcome in _outcomes(list(waiting.values()), engine, jobs, evaluation):
-                    if isinstance(outcome, str):
-                        raise StudyError(f"{name} failed: {outcome}")
-                    del waiting[name]
-                    on_result(outcome)
+                name, outcome = next(found)
             except QcompileError:
                 raise
             except Exception as error:  # whatever the engine raises where a worker is gone
-                losses = 1 if len(waiting) < before else losses + 1
+                losses += 1
                 words = f"{type(error).__name__}: {error}".splitlines()[0][:200]
                 if losses == _MOST_LOSSES:
                     raise StudyError(
@@ -72,6 +71,14 @@ def run_cells(
                         "What is finished is kept: the same command goes on from there.",
                     ) from error
                 on_loss(f"workers were lost ({words}); {len(waiting)} trainings run again")
+                found = _outcomes(list(waiting.values()), engine, jobs, evaluation)
+                continue
+            if isinstance(outcome, str):
+                raise StudyError(f"{name} failed: {outcome}")
+            losses = 0
+            del waiting[name]
+            on_result(outcome)
+        next(found, None)  # so that joblib tidies up
 
 
 def _outcomes(
@@ -136,12 +143,28 @@ def _dask(address: str | None, workers: int | None) -> Iterator[None]:
             yield
         return
     _check_reachable("Dask scheduler", address, "tcp://HOST:8786")
+    try:
+        asyncio.run(_greet(address))
+    except (OSError, ValueError, TimeoutError) as error:
+        raise StudyError(
+            f"There is no Dask scheduler at {address!r}: what is there does not answer as one."
+        ) from error
     with Client(address, timeout=_CONNECT_SECONDS) as client:
         if not client.scheduler_info()["workers"]:
             raise StudyError(
                 f"The Dask scheduler at {address} has no workers.", "Start some: dask worker."
             )
         yield
+
+
+async def _greet(address: str) -> None:
+    """Shake hands and leave: the client would wait for ever for a server of another kind."""
+    from distributed import Security
+    from distributed.comm import connect
+
+    options = Security().get_connection_args("client")
+    greeting = connect(address, timeout=_CONNECT_SECONDS, **options)
+    await (await asyncio.wait_for(greeting, _CONNECT_SECONDS)).close()
 
 
 @contextmanager

@@ -18,7 +18,7 @@ _HEAD = """\
 
 Written by `qcompile study paper` from the trainings in {folder}; nothing on this page is typed by
 hand. Every row is trained with several seeds, its settings come from the preset named (`paper` is
-arXiv 2203.14348 as it stands, `tuned` is ours; [Training](training.md) says what they are), and the
+arXiv 2203.14348 as it stands, `tuned` is ours; docs/training.md says what they are), and the
 final model plays {evaluation} fresh episodes, actions sampled, that no training saw.
 
 How to read the tables:

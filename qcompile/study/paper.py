@@ -170,4 +170,5 @@ def rows_of(figures: tuple[str, ...]) -> list[Row]:
 
 def shortened(row: Row, episodes: int) -> Row:
     """The row with at most so many episodes, for a first look."""
-    return replace(row, settings=row.settings.changed(episodes=episodes))
+    fewest = min(episodes, row.settings.episodes or episodes)
+    return replace(row, settings=row.settings.changed(episodes=fewest))

@@ -111,7 +111,7 @@ def test_an_update_starts_from_what_the_actions_were_drawn_from(
 
     monkeypatch.setattr(trainer._noise, "outputs", again)
     rollout = trainer._collector.collect(trainer._act, 32)
-    trainer._update(rollout, trainer.settings)
+    trainer._update(rollout)
     drawn_from = torch.log_softmax(torch.cat(chosen), dim=1)
     assert drawn_from.shape == (32 * 4, 2)
     for found in computed:

@@ -57,18 +57,7 @@ PAIRS = {
 
 
 @pytest.mark.parametrize("layers", [1, 3])
-@pytest.mark.parametrize(
-    "features",
-    [
-        pytest.param(
-            n,
-            marks=pytest.mark.xfail(
-                n == 1, strict=True, reason="mvqc.py: one qubit gets a Z where no pair has a CZ"
-            ),
-        )
-        for n in PAIRS
-    ],
-)
+@pytest.mark.parametrize("features", PAIRS)
 def test_expectations_are_those_of_qiskit(features: int, layers: int) -> None:
     """Single precision over some tens of gates: errors stay near 1e-6."""
     rng = np.random.default_rng(10 * features + layers)

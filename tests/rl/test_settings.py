@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -129,34 +128,6 @@ def test_settings_that_contradict_each_other_are_refused() -> None:
 def test_a_setting_of_another_model_is_refused(model: str, name: str, value: Any) -> None:
     message = refused(model=model, **{name: value})
     assert message.startswith(f"Model '{model}' has no '{name}', found {value!r}.\n  It is a ")
-
-
-@pytest.mark.parametrize(
-    ("opening", "message"),
-    [
-        ({"episodes": None, "steps": 5}, "The opening needs a number of episodes"),
-        ({"opening": Settings(episodes=1)}, "The opening needs a number of episodes, and none"),
-        ({"environments": 3, "horizon": 8}, "The opening steps 3 environments, there are 2."),
-        ({"environments": 2}, "2 environments without a horizon"),
-        ({"reuse": 2}, "The opening has reuse = 2, the settings after it 1."),
-        ({"model": "mvqc"}, "The opening has model = 'mvqc', the settings after it 'svqc'."),
-        ({"shots": 100}, "The opening has shots = 100, the settings after it None."),
-    ],
-)
-def test_an_opening_that_does_not_lead_to_the_rest_is_refused(
-    opening: dict[str, Any], message: str
-) -> None:
-    first = replace(Settings(episodes=3), **opening)
-    assert message in refused(environments=2, opening=first)
-    assert message in refused(environments=2, opening=plain(first)), "as plain values"
-
-
-def test_an_opening_comes_back_from_plain_values() -> None:
-    settings = BASE.changed(reuse=2, opening=Settings(episodes=3, reuse=2, gamma=0.5))
-    again = restored(json.loads(json.dumps(plain(settings))))
-    assert again == settings
-    assert again.opening == Settings(episodes=3, reuse=2, gamma=0.5)
-    assert settings.changed(gamma=0.4).opening == settings.opening
 
 
 @pytest.mark.parametrize("model", MODELS)

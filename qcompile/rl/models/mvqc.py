@@ -37,7 +37,8 @@ class MVQC(torch.nn.Module):
         self.theta = first_theta(settings, (self._layers + 1, features, 2), generator)
         self.head = ReusedLinear(features, outputs, settings, generator)
         bits = torch.arange(2**features)[:, None] >> torch.arange(features - 1, -1, -1) & 1
-        ring = (bits * bits.roll(-1, dims=1)).sum(dim=1) if features > 2 else bits.prod(dim=1)
+        pairs = bits * bits.roll(-1, dims=1)
+        ring = pairs[:, : features if features > 2 else features - 1].sum(dim=1)
         self._left = features // 2
         self._entangle: torch.Tensor
         self._signs: torch.Tensor
