@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from qcompile.cli.options import echo_json, json_option
+
+if TYPE_CHECKING:
+    from qcompile.study.engine import Engine
+    from qcompile.study.rows import Cell, Row
+    from qcompile.study.summary import RowSummary
 
 
 @click.command("study")
@@ -66,7 +73,7 @@ def command(
     evaluation: int,
     out: Path,
     page: Path | None,
-    engine: str,
+    engine: Engine,
     address: str | None,
     workers: int | None,
     listing: bool,
@@ -80,23 +87,29 @@ def command(
     from qcompile.errors import StudyError
     from qcompile.output import check_writable
     from qcompile.report.progress import progress_bar
-    from qcompile.study.cell import CellResult, write_cell
+    from qcompile.study.cell import EVALUATION_EPISODES, CellResult, write_cell
     from qcompile.study.engine import run_cells
     from qcompile.study.paper import rows_of, shortened
     from qcompile.study.rows import cells
-    from qcompile.study.study import cells_folder, missing_cells, summaries, write_up
+    from qcompile.study.study import (
+        cells_folder,
+        check_replaces_nothing,
+        missing_cells,
+        summaries,
+        write_up,
+    )
 
     known = rows_of(())
     if episodes is not None:
         known = [shortened(row, episodes) for row in known]
     names = {row.name for row in rows_of(figures)}
-    rows = [row for row in known if row.name in names]
-    if only:
-        rows = [row for row in rows if row.name.startswith(only)]
-        if not rows:
-            raise StudyError(
-                f"No row's name begins with {' or '.join(only)}.", "--list shows their names."
-            )
+    rows = [row for row in known if row.name in names and row.name.startswith(only or "")]
+    if not rows:
+        raise StudyError(
+            f"No row's name begins with {' or '.join(only)}.", "--list shows their names."
+        )
+    if page is not None and page.suffix != ".md":
+        raise click.BadParameter(f"{page} must end with .md.", param_hint="'--page'")
     page = page or out / "reproduction.md"
     check_writable(page)
     check_writable(cells_folder(out) / "cell.json")
@@ -105,6 +118,8 @@ def command(
     if listing:
         _list(rows, missing, seeds, as_json)
         return
+    if episodes is not None or evaluation != EVALUATION_EPISODES:
+        check_replaces_nothing(missing, out)
     done = 0
     with progress_bar(f"study {name}", count) as show:
         show(count - len(missing), f"{count - len(missing)} of {count} trainings are there")
@@ -120,7 +135,7 @@ def command(
             run_cells(
                 missing,
                 keep,
-                engine=engine,  # type: ignore[arg-type]
+                engine=engine,
                 address=address,
                 workers=workers,
                 evaluation=evaluation,
@@ -148,16 +163,15 @@ def command(
     click.echo(f"{done} trainings done, {count - done} were there; written up in {page}")
 
 
-def _list(rows: list, missing: list, seeds: int | None, as_json: bool) -> None:  # type: ignore[type-arg]
+def _list(rows: Sequence[Row], missing: Sequence[Cell], seeds: int | None, as_json: bool) -> None:
     from qcompile.report.tables import print_table
 
-    left = {row.name: sum(cell.row is row for cell in missing) for row in rows}
     values = [
         {
             "row": row.name,
             "environment": row.environment,
             "seeds": row.seeds if seeds is None else seeds,
-            "left": left[row.name],
+            "left": sum(cell.row is row for cell in missing),
         }
         for row in rows
     ]
@@ -167,8 +181,9 @@ def _list(rows: list, missing: list, seeds: int | None, as_json: bool) -> None: 
         print_table(["row", "environment", "seeds", "left"], [list(v.values()) for v in values])
 
 
-def _show(found: list) -> None:  # type: ignore[type-arg]
+def _show(found: Sequence[RowSummary]) -> None:
     from qcompile.report.tables import print_table
+    from qcompile.study.summary import spread
 
     print_table(
         [
@@ -187,8 +202,8 @@ def _show(found: list) -> None:  # type: ignore[type-arg]
                 summary.parameters,
                 summary.row.target,
                 summary.mean_first or "never",
-                f"{summary.final.mean():.1f} ± {summary.final.std():.1f}",
-                f"{summary.evaluation.mean():.1f} ± {summary.evaluation.std():.1f}",
+                spread(summary.final),
+                spread(summary.evaluation),
             ]
             for summary in found
         ],

@@ -10,12 +10,7 @@ import click
 
 from qcompile.cli.options import Shots, echo_json, json_option
 from qcompile.cli.train_outputs import check_outputs, closing_words, way_on, write_out
-from qcompile.cli.train_settings import (
-    NOISY_SHOTS,
-    chosen_settings,
-    given,
-    resumed,
-)
+from qcompile.cli.train_settings import NOISY_SHOTS, chosen_settings, given, resumed
 from qcompile.limits import MAX_EPISODES
 
 _FILE = click.Path(dir_okay=False, path_type=Path)
@@ -163,7 +158,7 @@ def command(
     else:
         trainer = resumed(ctx, resume)
     settings, checkpoint = trainer.settings, checkpoint or resume
-    check_outputs(trainer, out, checkpoint, log, resume)
+    check_outputs(trainer, out, checkpoint, log, resume, tensorboard)
     if trainer.progress >= 1.0:
         click.echo(f"The training of {resume} was finished; only its outputs are made.", err=True)
     with ExitStack() as stack:

@@ -14,12 +14,18 @@ if TYPE_CHECKING:
 
 
 def check_outputs(
-    trainer: Trainer, out: Path, checkpoint: Path | None, log: Path | None, resume: Path | None
+    trainer: Trainer,
+    out: Path,
+    checkpoint: Path | None,
+    log: Path | None,
+    resume: Path | None,
+    tensorboard: Path | None,
 ) -> None:
     """Raise, before any training, where a file cannot be written or would replace another.
 
     Raises:
-        click.BadParameter: a wrong suffix, or two options that name one file.
+        click.BadParameter: a wrong suffix, a name that no policy can have, or options whose files
+            are the same or lie in each other.
         OutputError: a file that cannot be written.
     """
     from qcompile.output import check_writable
@@ -34,7 +40,18 @@ def check_outputs(
             "and is kept as its checkpoint.",
             param_hint="'--out'",
         )
-    named = {"--out": out, "--resume": resume, "--checkpoint": checkpoint, "--log": log}
+    if not out.stem.isprintable():
+        raise click.BadParameter(
+            f"{str(out)!a} must have a name of printable characters: it names the policy.",
+            param_hint="'--out'",
+        )
+    named = {
+        "--out": out,
+        "--resume": resume,
+        "--checkpoint": checkpoint,
+        "--log": log,
+        "--tensorboard": tensorboard,
+    }
     allowed = [{"--resume", "--checkpoint"}]
     if not has_policy:
         allowed += [{"--out", "--resume"}, {"--out", "--checkpoint"}]
@@ -45,6 +62,12 @@ def check_outputs(
         other = taken.setdefault(path.resolve(), option)
         if other != option and {other, option} not in allowed:
             raise click.BadParameter(f"{path} is the file of {other}.", param_hint=f"'{option}'")
+    for inner, option in taken.items():
+        for outer in inner.parents:
+            if outer in taken and taken[outer] != "--tensorboard" and not outer.is_dir():
+                raise click.BadParameter(
+                    f"{inner} lies in the file of {taken[outer]}.", param_hint=f"'{option}'"
+                )
     for path in (log, checkpoint, out):
         if path is not None:
             check_writable(path)
@@ -88,7 +111,7 @@ def way_on(
     """After Ctrl-C: what was kept, and the command that goes on, if there is one."""
     what = "model" if result.policy is None else "policy"
     hints = [f"The {what} as it was by then is in {out}."]
-    kept = out if result.policy is None and checkpoint is None else checkpoint
+    kept = checkpoint or (out if result.policy is None else None)
     if kept is not None:
         hints.append(f"Go on with: qcompile train {environment} --resume {kept} --out {out}")
     return hints

@@ -54,9 +54,7 @@ def chosen_settings(ctx: click.Context) -> Settings:
     settings = settings_for(
         options["preset"], options["environment"], options["model"], options["layout"]
     )
-    changed = assigned(ctx)
-    if options["reuse"] is not None:
-        changed["reuse"] = options["reuse"]
+    changed = _assigned(ctx)
     if options["episodes"] is not None or options["steps"] is not None:
         changed = {"episodes": options["episodes"], "steps": options["steps"]} | changed
     if given(ctx, "backend"):
@@ -64,13 +62,13 @@ def chosen_settings(ctx: click.Context) -> Settings:
         changed["backend"] = options["backend"] if noisy else IDEAL_NAME
         if noisy:
             changed = {"shots": NOISY_SHOTS, "mitigation": "readout"} | changed
-    for name in ("shots", "mitigation"):
+    for name in ("reuse", "shots", "mitigation"):
         if given(ctx, name):
             changed[name] = options[name]
     return settings.changed(**changed)
 
 
-def assigned(ctx: click.Context) -> dict[str, Any]:
+def _assigned(ctx: click.Context) -> dict[str, Any]:
     """What --set assigns: values for `Settings.changed`, which checks them.
 
     Raises:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
 
@@ -161,18 +162,13 @@ class Trainer:
         rates = (settings.actor_lr, settings.critic_lr)
         for group, rate in zip(self._optimiser.param_groups, rates, strict=True):
             group["lr"] = rate * max(left, _LEAST_RATE)
-        advantages, targets = self._judge(rollout)
-        columns = [
-            torch.from_numpy(rollout.observations).flatten(0, 1),
-            torch.from_numpy(rollout.actions).flatten(),
-            advantages,
-            targets,
-        ]
-        if self._noise is not None:
-            columns.append(self._noise.taken())
+        observations = torch.from_numpy(rollout.observations).flatten(0, 1)
+        actions = torch.from_numpy(rollout.actions).flatten()
+        residual = [] if self._noise is None else [self._noise.taken()]
         with torch.no_grad():
-            outputs = self._outputs(columns[0], *columns[4:])
-            columns.insert(1, cross_entropy(outputs, columns[1], reduction="none"))
+            outputs = self._outputs(observations, *residual)
+            before = cross_entropy(outputs, actions, reduction="none")
+        columns = [observations, before, actions, *self._judge(rollout), *residual]
         for _ in range(settings.epochs):
             for batch in self._minibatches(columns):
                 observations, before, actions, advantage, target, *residual = batch
@@ -197,14 +193,10 @@ class Trainer:
                 (ratio != clipped).float().mean().item(),
             )
 
-    def _outputs(
-        self, observations: torch.Tensor, residual: torch.Tensor | None = None
-    ) -> torch.Tensor:
-        if residual is None:
-            outputs: torch.Tensor = self.actor(observations)
-            return outputs
-        assert self._noise is not None
-        return self._noise.outputs(observations, residual)
+    def _outputs(self, observations: torch.Tensor, *residual: torch.Tensor) -> torch.Tensor:
+        model = self.actor if self._noise is None else self._noise.outputs
+        outputs: torch.Tensor = model(observations, *residual)
+        return outputs
 
     def _judge(self, rollout: Rollout) -> tuple[torch.Tensor, torch.Tensor]:
         """Normalised advantages and value targets, both (steps * environments,)."""
@@ -249,9 +241,9 @@ class Trainer:
     def state(self) -> dict[str, Any]:
         """All that `restore` needs to go on bit for bit, tensors and plain values."""
         return {
-            "actor": _copied(self.actor.state_dict()),
-            "critic": _copied(self._critic.state_dict()),
-            "optimiser": _copied(self._optimiser.state_dict()),
+            "actor": deepcopy(self.actor.state_dict()),
+            "critic": deepcopy(self._critic.state_dict()),
+            "optimiser": deepcopy(self._optimiser.state_dict()),
             "generator": self._generator.get_state(),
             "rng": self._rng.bit_generator.state,
             "collector": self._collector.state(),
@@ -278,12 +270,3 @@ def _entropy(outputs: torch.Tensor) -> torch.Tensor:
     """The mean entropy in nats of the softmax of outputs (B, actions)."""
     log_all = torch.log_softmax(outputs, dim=1)
     return -(log_all.exp() * log_all).sum(dim=1).mean()
-
-
-def _copied(state: Any) -> Any:
-    """A copy of nested dicts and lists whose tensors the training no longer changes."""
-    if isinstance(state, torch.Tensor):
-        return state.detach().clone()
-    if isinstance(state, dict):
-        return {key: _copied(value) for key, value in state.items()}
-    return [_copied(value) for value in state] if isinstance(state, list) else state

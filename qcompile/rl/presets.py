@@ -61,10 +61,12 @@ _TUNED_FAMILY: Family = {
         scales=((1.0, 2.0, 10.0, 3.0),),
         trainable_scale=True,
         reuse=16,
-        episodes=250,
+        weight_spread=0.01,
+        episodes=400,
         actor_lr=0.002,
         critic_lr=0.02,
         anneal=True,
+        gae_lambda=0.99,
     ),
     "CartPole single": replace(
         _TUNED,

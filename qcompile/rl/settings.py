@@ -16,10 +16,11 @@ from qcompile.validation import explain
 Model = Literal["svqc", "mvqc", "fcn", "cnn", "surrogate"]
 MODELS: tuple[Model, ...] = ("svqc", "mvqc", "fcn", "cnn", "surrogate")
 
-Count = Annotated[int, Field(ge=1)]
+Count = Annotated[int, Field(ge=1, le=1_000_000_000)]
+Size = Annotated[int, Field(ge=1, le=10_000)]
 Fraction = Annotated[float, Field(ge=0, le=1)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, le=1e6, allow_inf_nan=False)]
 Scale = Positive | Annotated[tuple[Positive, ...], Field(min_length=1)]
 
 _ENCODED = ("svqc", "mvqc", "surrogate")
@@ -57,11 +58,11 @@ class Settings:
     are as many copies as scales."""
     trainable_scale: bool = False
     """Whether input scales are trained along."""
-    reuse: Count = 1
+    reuse: Size = 1
     """Copies of each output before the linear layer."""
     theta_spread_rad: NotNegative = 0.0
     """theta starts uniform in an interval of this width around 0."""
-    hidden: tuple[Count, ...] = (64, 64)
+    hidden: tuple[Size, ...] = (64, 64)
     """Sizes of the hidden layers of an fcn, channels of those of a cnn."""
     activation: Literal["relu", "tanh"] = "relu"
     """Between the layers of an fcn or a cnn."""
@@ -77,9 +78,9 @@ class Settings:
     """What is done about readout errors."""
 
     # The experience
-    environments: Count = 1
+    environments: Size = 1
     """Environments that step together."""
-    horizon: Count | None = None
+    horizon: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
     """Steps of each environment between updates; None is one whole episode of one environment."""
     steps: Count | None = None
     """Stop after this many environment steps."""
@@ -98,7 +99,7 @@ class Settings:
     """Discount."""
     gae_lambda: Fraction = 1.0
     """Generalised advantage estimation; 1 is the discounted return less the value."""
-    epochs: Count = 4
+    epochs: Size = 4
     """Passes over each rollout."""
     minibatch: Count | None = None
     """Steps in one gradient; None is the whole rollout."""
@@ -140,10 +141,7 @@ class Settings:
             raise TrainingError(
                 f"Unknown setting {unknown[0]!r}.", nearest(unknown[0], SETTING_NAMES)
             )
-        try:
-            return _ADAPTER.validate_python(plain(self) | values).check()
-        except ValidationError as error:
-            raise TrainingError("Settings that do not hold:", *explain(error)) from error
+        return restored(plain(self) | values)
 
 
 _DEFAULTS: Mapping[str, Any] = {field.name: field.default for field in fields(Settings)}

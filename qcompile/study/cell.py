@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from qcompile.errors import TrainingError
 from qcompile.output import write_file
@@ -20,11 +20,10 @@ EVALUATION_EPISODES = 100
 EVALUATION_SEED = 10_000
 """The final model plays episodes reset with these seeds, which no training sees by name."""
 
-Steps = Annotated[int, Field(ge=1)]
-
-
 AVERAGED = 20
 """Episodes of an average, as in the paper's learning curves."""
+
+Steps = Annotated[int, Field(ge=1)]
 
 
 def first_at(averages: NDArray[np.float64], target: float) -> int | None:
@@ -37,7 +36,7 @@ def first_at(averages: NDArray[np.float64], target: float) -> int | None:
 class CellResult(BaseModel):
     """What one training gave; `steps` and `rewards` have an entry for each episode."""
 
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
     format: Literal["qcompile-study-1"] = "qcompile-study-1"
     row: str
@@ -50,6 +49,12 @@ class CellResult(BaseModel):
     rewards: Annotated[list[float], Field(min_length=1)]
     evaluation: list[float]
     wall_seconds: float
+
+    @model_validator(mode="after")
+    def _same_length(self) -> CellResult:
+        if len(self.steps) != len(self.rewards):
+            raise ValueError(f"{len(self.steps)} steps for {len(self.rewards)} rewards")
+        return self
 
     @property
     def averages(self) -> NDArray[np.float64]:

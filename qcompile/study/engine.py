@@ -86,7 +86,7 @@ def _outcomes(
 ) -> Iterator[tuple[str, CellResult | str]]:
     tasks = [joblib.delayed(_outcome)(cell, evaluation) for cell in cells]
     # One cell a task: the next one goes to whoever is free.
-    options: dict[str, Any] = {"n_jobs": jobs, "batch_size": 1, "pre_dispatch": "all"}
+    options: dict[str, Any] = {"n_jobs": jobs, "batch_size": 1, "pre_dispatch": "2*n_jobs"}
     with joblib.parallel_config(backend=_BACKENDS[engine]):
         if engine != "ray":
             yield from joblib.Parallel(return_as="generator_unordered", **options)(tasks)

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
 from qcompile.study.paper import FIGURES, shown_in
-from qcompile.study.summary import RowSummary
+from qcompile.study.summary import RowSummary, spread
 
 _HOLDS = 1.2
 """A claim of the paper holds where ours takes at most so many times its episodes."""
@@ -95,15 +92,11 @@ def _cells(summary: RowSummary) -> tuple[str, ...]:
         row.claim.words,
         _episode(summary.mean_first),
         _seeds(summary),
-        _spread(summary.best),
-        _spread(summary.final),
-        f"{_spread(evaluation)}, lowest {evaluation.min():.1f}",
+        spread(summary.best),
+        spread(summary.final),
+        f"{spread(evaluation)}, lowest {evaluation.min():.1f}",
         verdict(summary),
     )
-
-
-def _spread(values: NDArray[np.float64]) -> str:
-    return f"{values.mean():.1f} ± {values.std():.1f}"
 
 
 def _episode(first: int | None) -> str:

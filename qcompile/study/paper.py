@@ -127,7 +127,7 @@ def rows() -> list[Row]:
             Claim("average about 220 at 1,000, best of 10", 1000),
             seeds=10,
         ),
-        _row("lunarlander", "SVQC", "tuned", "svqc", seeds=10),
+        _row("lunarlander", "SVQC", "tuned", "svqc"),
         _row(
             "lunarlander",
             "SVQC, serial",
@@ -136,7 +136,6 @@ def rows() -> list[Row]:
             layout="serial",
             variant="serial",
         ),
-        _row("lunarlander", "surrogate", "tuned", "surrogate"),
         _row(
             "lunarlander",
             "FCN, large",

@@ -51,6 +51,5 @@ def cells(rows: Sequence[Row], seeds: int | None = None) -> list[Cell]:
     made = [
         Cell(row, seed) for row in rows for seed in range(row.seeds if seeds is None else seeds)
     ]
-    slow = ("LunarLander", "Acrobot", "CartPole")
-    order = {name: i for i, name in enumerate(slow)}
+    order = {"LunarLander": 0, "Acrobot": 1, "CartPole": 2}
     return sorted(made, key=lambda cell: order.get(cell.row.environment.rsplit("-v", 1)[0], 0))

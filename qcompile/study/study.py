@@ -9,7 +9,7 @@ from pathlib import Path
 from qcompile.errors import StudyError
 from qcompile.output import write_file
 from qcompile.report.curves import Curve, draw_curves
-from qcompile.study.cell import CellResult, read_cell
+from qcompile.study.cell import read_cell
 from qcompile.study.page import page
 from qcompile.study.paper import FIGURES, shown_in
 from qcompile.study.rows import Cell, Row, cells
@@ -31,11 +31,27 @@ def missing_cells(
     return [cell for cell in cells(rows, seeds) if read_cell(cell, kept, evaluation) is None]
 
 
-def summaries(rows: Sequence[Row], folder: Path, seeds: int | None = None) -> list[RowSummary]:
-    """The rows of which the folder holds trainings, with all of these."""
+def check_replaces_nothing(missing: Sequence[Cell], folder: Path) -> None:
+    """Refuse a first look where a training with other settings has been kept.
+
+    Raises:
+        StudyError: a file of a missing cell is there.
+    """
+    there = [cell for cell in missing if (cells_folder(folder) / f"{cell.name}.json").exists()]
+    if there:
+        raise StudyError(
+            f"{folder} holds {len(there)} of these trainings with other settings.",
+            "Fewer episodes need a folder of their own: say --out look.",
+        )
+
+
+def summaries(rows: Sequence[Row], folder: Path) -> list[RowSummary]:
+    """The rows of which the folder holds trainings, with all of these, in the order of seeds."""
     found = []
     for row in rows:
-        results = [read_cell(cell, cells_folder(folder)) for cell in cells([row], seeds)]
+        files = cells_folder(folder).glob(f"{row.name}-seed*.json")
+        seeds = sorted(int(path.stem.rpartition("-seed")[2]) for path in files)
+        results = [read_cell(Cell(row, seed), cells_folder(folder)) for seed in seeds]
         kept = tuple(result for result in results if result is not None)
         if kept:
             found.append(RowSummary(row, kept))
@@ -85,7 +101,7 @@ def _curve(summary: RowSummary) -> Curve:
 
 
 def _versions(found: Sequence[RowSummary]) -> dict[str, str]:
-    results: list[CellResult] = [result for summary in found for result in summary.results]
+    results = [result for summary in found for result in summary.results]
     return {
         name: " and ".join(sorted({result.versions.get(name, "?") for result in results}))
         for name in results[0].versions

@@ -56,8 +56,7 @@ class RowSummary:
     @property
     def median_first(self) -> float | None:
         """The median seed's first episode at the target; None where half the seeds or more fail."""
-        found = sorted(np.inf if first is None else first for first in self.each_first)
-        median = float(np.median(found))
+        median = float(np.median([np.inf if f is None else f for f in self.each_first]))
         return median if np.isfinite(median) else None
 
     def values(self) -> dict[str, Any]:
@@ -90,6 +89,11 @@ class RowSummary:
     def evaluation(self) -> NDArray[np.float64]:
         """The mean reward of each seed's final model over fresh episodes, (seeds,)."""
         return np.array([np.mean(result.evaluation) for result in self.results])
+
+
+def spread(values: NDArray[np.float64]) -> str:
+    """Mean ± standard deviation over the seeds, in words; values (seeds,)."""
+    return f"{values.mean():.1f} ± {values.std():.1f}"
 
 
 def results_csv(summaries: Sequence[RowSummary]) -> str:

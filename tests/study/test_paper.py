@@ -32,7 +32,6 @@ def test_names_and_titles_are_unique() -> None:
 def test_the_lunarlander_circuits_have_ten_seeds() -> None:
     """The paper shows the best of 10."""
     assert BY_NAME["lunarlander-svqc-paper"].seeds == 10
-    assert BY_NAME["lunarlander-svqc-tuned"].seeds == 10
 
 
 def test_rows_are_the_presets_or_what_the_paper_says() -> None:
