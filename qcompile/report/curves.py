@@ -39,7 +39,7 @@ def draw_curves(
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(8.0, 4.8), layout="constrained")
+    figure = Figure(figsize=(8.0, 5.2), layout="constrained")
     axes = figure.add_subplot()
     groups = list(dict.fromkeys(curve.group for curve in curves))
     for curve in curves:
@@ -64,7 +64,7 @@ def draw_curves(
     axes.set_xlabel("episode")
     axes.set_ylabel("average reward of the last 20 episodes")
     axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(frameon=False, fontsize=8, ncols=2)
+    figure.legend(loc="outside lower center", frameon=False, fontsize=8, ncols=4)
     FigureCanvasAgg(figure)
     picture = BytesIO()
     figure.savefig(picture, format="png", dpi=120, metadata={"Software": None})
