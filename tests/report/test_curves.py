@@ -52,7 +52,7 @@ def target_row(picture: np.ndarray) -> int:
 def test_a_picture_of_several_curves(count: int) -> None:
     """Nine groups are more than there are colours."""
     picture = pixels([curve([i, i + 1.0, 9.0], f"group {i}") for i in range(count)])
-    assert picture.shape == (576, 960, 3)
+    assert picture.shape == (624, 960, 3)
     assert picture[0, 0].tolist() == [255, 255, 255]
 
 
