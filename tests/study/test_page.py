@@ -296,19 +296,13 @@ def test_a_folder_is_read_row_by_row(
 
 # What is committed.
 
-committed = pytest.mark.skipif(
-    not (DOCS / "study" / "cells").is_dir(), reason="no study is committed"
-)
 
-
-@committed
 def test_the_committed_trainings_are_those_of_todays_presets() -> None:
     assert [cell.name for cell in missing_cells(rows(), DOCS / "study", None, 100)] == []
     files = {path.name for path in (DOCS / "study" / "cells").iterdir()}
     assert files == {f"{row.name}-seed{i}.json" for row in rows() for i in range(row.seeds)}
 
 
-@committed
 def test_the_committed_page_is_what_they_give(tmp_path: Path) -> None:
     folder = tmp_path / "docs" / "study"
     shutil.copytree(DOCS / "study" / "cells", folder / "cells")
