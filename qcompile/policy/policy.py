@@ -143,13 +143,17 @@ class Policy:
         return np.asarray(odds / odds.sum(axis=1, keepdims=True))
 
     def sample(self, z: FloatArray, rng: np.random.Generator) -> IntArray:
-        """One action for each row of <Z> (B, circuits), drawn from its exact probabilities.
-
-        The largest of logits plus Gumbel noise is distributed as softmax says.
-        """
-        logits = self.logits(z)
-        return np.asarray((logits + rng.gumbel(size=logits.shape)).argmax(axis=1))
+        """One action for each row of <Z> (B, circuits), drawn from its exact probabilities."""
+        return draw_actions(self.logits(z), rng)
 
     def greedy(self, z: FloatArray) -> IntArray:
         """The most probable action for each row of <Z> (B, circuits)."""
         return np.asarray(self.logits(z).argmax(axis=1))
+
+
+def draw_actions(logits: FloatArray, rng: np.random.Generator) -> IntArray:
+    """One action for each row of logits (B, actions), distributed as their softmax.
+
+    The largest of logits plus Gumbel noise is distributed so.
+    """
+    return np.asarray((logits + rng.gumbel(size=logits.shape)).argmax(axis=1))

@@ -12,10 +12,10 @@ import torch
 from numpy.typing import NDArray
 from torch.nn.functional import cross_entropy, mse_loss
 
-from qcompile.policy import Policy
+from qcompile.policy import Policy, draw_actions
 from qcompile.rl.advantage import ReturnScale, generalised_advantage
 from qcompile.rl.flat import FlatParameters
-from qcompile.rl.models import SVQC, Surrogate, make_model, parameter_count
+from qcompile.rl.models import SVQC, Surrogate, make_critic, make_model, parameter_count
 from qcompile.rl.noise import ActingNoise
 from qcompile.rl.pause import Pause
 from qcompile.rl.rollout import Collector, FinishedEpisode, Rollout
@@ -57,7 +57,7 @@ class TrainingResult:
 
 
 class Trainer:
-    """Trains an actor and a critic, models of the same kind, in one environment.
+    """Trains an actor, the policy, and a critic, its judge, in one environment.
 
     The same environment, settings and seed give the same policy on the same machine and versions.
     """
@@ -70,7 +70,7 @@ class Trainer:
         self._generator = torch.Generator().manual_seed(int(seeds[2].generate_state(1)[0]))
         features, actions = self._collector.features, self._collector.actions
         self.actor = make_model(settings, features, actions, self._generator)
-        self._critic = make_model(settings, features, 1, self._generator)
+        self._critic = make_critic(settings, features, self._generator)
         self._learned = [FlatParameters(self.actor), FlatParameters(self._critic)]
         groups = [{"params": [flat.parameter]} for flat in self._learned]
         self._optimiser = torch.optim.Adam(groups, eps=1e-5, fused=True)
@@ -154,7 +154,7 @@ class Trainer:
         with torch.no_grad():
             seen = torch.from_numpy(observations)
             logits = (self.actor if self._noise is None else self._noise.act)(seen).numpy()
-        return np.asarray((logits + self._rng.gumbel(size=logits.shape)).argmax(axis=1))
+        return draw_actions(logits, self._rng)
 
     def _update(self, rollout: Rollout) -> None:
         settings = self.settings

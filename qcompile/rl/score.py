@@ -7,6 +7,7 @@ import torch
 from numpy.typing import NDArray
 
 from qcompile.device import load_device
+from qcompile.policy import draw_actions
 from qcompile.rl.environments import make_environments
 from qcompile.rl.evaluate import Deployment, play
 from qcompile.rl.lockstep import Act, Episode, lockstep
@@ -54,6 +55,6 @@ def _sampling(actor: torch.nn.Module, seed: int) -> Act:
     def act(observations: NDArray[np.float64]) -> NDArray[np.intp]:
         with torch.no_grad():
             logits = actor(torch.from_numpy(observations).float()).numpy()
-        return np.asarray((logits + rng.gumbel(size=logits.shape)).argmax(axis=1))
+        return draw_actions(logits, rng)
 
     return act

@@ -68,6 +68,9 @@ class Settings:
     """Between the layers of an fcn or a cnn."""
     weight_spread: Positive | None = None
     """Standard deviation of the first weights of the last layer; None is the model's usual law."""
+    critic_hidden: tuple[Size, ...] | None = None
+    """Sizes of the hidden layers of a fully connected critic, tanh between them; None is a critic
+    of the policy's own kind, as in the paper. The critic is not deployed."""
 
     # What circuits are played on
     backend: str = "ideal"

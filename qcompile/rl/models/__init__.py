@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import torch
 
 from qcompile.rl.models.head import ReusedLinear
@@ -11,7 +13,7 @@ from qcompile.rl.models.surrogate import Surrogate
 from qcompile.rl.models.svqc import SVQC
 from qcompile.rl.settings import Settings
 
-__all__ = ["MVQC", "SVQC", "Surrogate", "make_model", "parameter_count"]
+__all__ = ["MVQC", "SVQC", "Surrogate", "make_critic", "make_model", "parameter_count"]
 
 _MAKERS = {
     "svqc": SVQC,
@@ -31,6 +33,18 @@ def make_model(
         TrainingError: the model cannot have this shape.
     """
     return _MAKERS[settings.model](features, outputs, settings, generator)
+
+
+def make_critic(settings: Settings, features: int, generator: torch.Generator) -> torch.nn.Module:
+    """The model of the value, with one output: the policy's kind, or `critic_hidden`'s network.
+
+    Raises:
+        TrainingError: the model cannot have this shape.
+    """
+    if settings.critic_hidden is None:
+        return make_model(settings, features, 1, generator)
+    network = replace(settings, hidden=settings.critic_hidden, activation="tanh")
+    return fully_connected(features, 1, network, generator)
 
 
 def parameter_count(model: torch.nn.Module) -> int:
