@@ -21,7 +21,8 @@ final model plays {evaluation} fresh episodes, actions sampled, that no training
 How to read the tables:
 
 - **parameters**: the numbers that are trained in the policy as built, copies of output reuse
-  folded; the critic has as many again, less what its single output spares.
+  folded. The critic, which is not deployed, is not counted: it has as many again, less what its
+  single output spares, or is a network where docs/training.md says so.
 - **paper**: what the paper says, in episodes, where nothing else is said.
 - **mean of seeds at target**: the first episode after which the average of the last 20 rewards,
   averaged over all seeds, is at the target. **seeds at target**: how many seeds reach it by
