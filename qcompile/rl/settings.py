@@ -70,7 +70,8 @@ class Settings:
     """Standard deviation of the first weights of the last layer; None is the model's usual law."""
     critic_hidden: tuple[Size, ...] | None = None
     """Sizes of the hidden layers of a fully connected critic, tanh between them; None is a critic
-    of the policy's own kind, as in the paper. The critic is not deployed."""
+    of the policy's own kind, as in the paper. The critic is not deployed; a network's last layer
+    starts near 0."""
 
     # What circuits are played on
     backend: str = "ideal"

@@ -137,15 +137,6 @@ def rows() -> list[Row]:
             seeds=10,
         ),
         _row("lunarlander", "SVQC", "tuned", "svqc", seeds=10),
-        _row(
-            "lunarlander",
-            "SVQC, critic of circuits",
-            "tuned",
-            "svqc",
-            variant="critic",
-            critic_hidden=None,
-            critic_lr=0.01,
-        ),
         _row("lunarlander", "surrogate", "tuned", "surrogate"),
         _row(
             "lunarlander",

@@ -23,6 +23,8 @@ _MAKERS = {
     "cnn": convolutional,
 }
 
+_FIRST_VALUE_SPREAD = 0.01
+
 
 def make_model(
     settings: Settings, features: int, outputs: int, generator: torch.Generator
@@ -38,12 +40,19 @@ def make_model(
 def make_critic(settings: Settings, features: int, generator: torch.Generator) -> torch.nn.Module:
     """The model of the value, with one output: the policy's kind, or `critic_hidden`'s network.
 
+    The network's last layer is drawn small, so that its first values are near 0.
+
     Raises:
         TrainingError: the model cannot have this shape.
     """
     if settings.critic_hidden is None:
         return make_model(settings, features, 1, generator)
-    network = replace(settings, hidden=settings.critic_hidden, activation="tanh")
+    network = replace(
+        settings,
+        hidden=settings.critic_hidden,
+        activation="tanh",
+        weight_spread=_FIRST_VALUE_SPREAD,
+    )
     return fully_connected(features, 1, network, generator)
 
 
