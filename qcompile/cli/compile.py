@@ -32,7 +32,7 @@ def command(
 ) -> None:
     """Compile an OpenQASM 2 or 3 program without entangling gates.
 
-    On a device OpenQASM 3 names its physical qubits, those with the best readout first; a program
+    On a device OpenQASM 3 names its physical qubits, those with the least error first; a program
     that names physical qubits keeps them.
     """
     from qcompile.device import load_device

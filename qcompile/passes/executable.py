@@ -135,6 +135,14 @@ class Executable:
     def round_count(self) -> int:
         return int(self.rounds.max(initial=-1)) + 1
 
+    @property
+    def copies_that_fit(self) -> int:
+        """How many such programs fit side by side in one round, 1 at least.
+
+        It is 1 on the ideal device too, where side by side saves nothing.
+        """
+        return max(len(self.device.usable) // max(len(self.native), 1), 1)
+
     def gate_counts(self) -> list[Counter[str]]:
         """Native gates of each circuit by name."""
         return [Counter(gate.name for gate in c.gates) for c in self.native.circuits]

@@ -58,7 +58,7 @@ def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
         yield (
             "mean reward",
             f"[bold]{summary['mean_reward']:.1f}[/] ± {summary['std_reward']:.1f} over "
-            f"{_plural(len(rewards), 'episode')}{interval}",
+            f"{plural(len(rewards), 'episode')}{interval}",
         )
         yield "each episode", f"{_bars(rewards)}  {min(rewards):.0f} to {max(rewards):.0f}"
     if summary["solved"] is not None:
@@ -72,7 +72,7 @@ def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
     yield (
         "each step",
         f"{summary['circuits_per_step']} circuits of at most {gates or 'no gate'}, "
-        f"{_plural(summary['rounds_per_step'], 'round')}",
+        f"{plural(summary['rounds_per_step'], 'round')}",
     )
     yield "played", f"{summary['env_steps']} steps in {summary['wall_seconds']:.1f} s"
     if summary["qpu_seconds_estimate"] is not None and summary["kind"] != "ideal":
@@ -84,10 +84,11 @@ def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
 
 
 def _shots(shots: int | str) -> str:
-    return f"{shots} expectations" if isinstance(shots, str) else _plural(shots, "shot")
+    return f"{shots} expectations" if isinstance(shots, str) else plural(shots, "shot")
 
 
-def _plural(count: int, word: str) -> str:
+def plural(count: int, word: str) -> str:
+    """1 round, 2 rounds."""
     return f"{count} {word}" if count == 1 else f"{count} {word}s"
 
 

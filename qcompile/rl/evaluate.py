@@ -37,10 +37,12 @@ class Deployment:
     """A policy compiled for a device: from observations to actions.
 
     `shots` None takes expectations without shot noise. Shot noise, calibration and the sampling
-    of actions draw from generators derived from `seed`, so a deployment repeats exactly.
+    of actions draw from generators derived from `seed`, so a deployment repeats exactly. With
+    `copies` so many episodes share an execution, their circuits side by side on the device.
 
     Raises:
         CalibrationError: `mitigation` is not one of MITIGATIONS, or a qubit cannot be calibrated.
+        CircuitError: copies are out of range.
         CountsError: shots out of range.
     """
 
@@ -54,8 +56,9 @@ class Deployment:
         mitigation: str = "none",
         greedy: bool = False,
         seed: int = 0,
+        copies: int = 1,
     ):
-        self.policy, self.device, self.shots = policy, device, shots
+        self.policy, self.device, self.shots, self.copies = policy, device, shots, copies
         self.level, self.mitigation, self.greedy, self.seed = level, mitigation, greedy, seed
         noise_seed, action_seed = np.random.SeedSequence(seed).spawn(2)
         self._rng = np.random.default_rng(action_seed)
@@ -66,6 +69,8 @@ class Deployment:
             level=level,
             mitigation=mitigation,
             seed=noise_seed,
+            importance=policy.importance,
+            copies=copies,
         )
         self.executor, self.executable = self._measure.executor, self._measure.executable
 
@@ -84,7 +89,8 @@ class RunResult:
     """What a run found; `episodes` are those that finished.
 
     `threshold` is the mean reward at which the environment counts as solved, if it has one;
-    `steps` counts the steps of the lockstep, `env_steps` those of every environment.
+    `steps` counts the steps of the lockstep, `env_steps` those of every environment, `programs`
+    the programs bound for them: one for as many episodes as the deployment has copies.
     """
 
     deployment: Deployment
@@ -93,6 +99,7 @@ class RunResult:
     jobs: int = 0
     steps: int = 0
     env_steps: int = 0
+    programs: int = 0
     wall_seconds: float = 0.0
     interrupted: bool = False
 
@@ -100,11 +107,13 @@ class RunResult:
         """Count a step of `living` episodes: one job, or more where a job cannot hold it."""
         self.steps += 1
         self.env_steps += living
-        executions = living * self._executions_per_step
+        programs = -(-living // self.deployment.copies)
+        self.programs += programs
+        executions = programs * self._executions_per_program
         self.jobs += max(1, -(-executions // MAX_EXECUTIONS_PER_JOB))
 
     @property
-    def _executions_per_step(self) -> int:
+    def _executions_per_program(self) -> int:
         return self.deployment.executable.round_count * (self.deployment.shots or 0)
 
     @property
@@ -117,7 +126,7 @@ class RunResult:
         if self.deployment.shots is None:
             return 0
         calibration = 2 * CALIBRATION_SHOTS if self.deployment.mitigation == "readout" else 0
-        return self.env_steps * self._executions_per_step + calibration
+        return self.programs * self._executions_per_program + calibration
 
     def summary(self) -> dict[str, Any]:
         """The plain values of `qcompile run --json`."""
@@ -151,7 +160,7 @@ class RunResult:
                 gate: max((count[gate] for count in counts), default=0)
                 for gate in ("sx", "rz", "x", "rx")
             },
-            "circuits_per_step": len(made.executable.native),
+            "circuits_per_step": len(policy.program),
             "rounds_per_step": made.executable.round_count,
             "executions": self.executions,
             "qpu_seconds_estimate": (

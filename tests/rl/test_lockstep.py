@@ -118,6 +118,22 @@ def test_readout_mitigation_undoes_what_the_readout_does() -> None:
     assert np.abs(mitigated).max() < 0.01 < np.abs(raw).max()
 
 
+@pytest.mark.parametrize("rows", [0, 1, 5, 6])
+@pytest.mark.parametrize("copies", [1, 2, 3, 40])
+def test_copies_measure_the_same_rows(copies: int, rows: int) -> None:
+    measure = Measurement(PROGRAM, load_device("ideal"), shots=None, copies=copies)
+    z = measure(X[:rows], THETA)
+    assert z.shape == (rows, 3)
+    np.testing.assert_allclose(z, TRUE[:rows], atol=1e-12)
+
+
+def test_copies_are_mitigated_on_their_own_qubits() -> None:
+    settings: dict[str, Any] = {"device": "fake_toronto", "copies": 8, "shots": 100_000}
+    raw, mitigated = (measured(**settings, mitigation=m) - TRUE for m in ("none", "readout"))
+    assert np.abs(mitigated).mean() < 0.01 < np.abs(raw).mean()
+    assert measured(**settings).shape == TRUE.shape
+
+
 def test_a_wrong_measurement_is_refused() -> None:
     with pytest.raises(CountsError):
         measured(shots=0)
