@@ -27,6 +27,7 @@ ORDER = (
     {"jobs", "rl"},
     {"report"},
     {"study"},
+    {"evaluation"},
     {"cli"},
     {"__main__"},
 )

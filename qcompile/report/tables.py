@@ -18,10 +18,25 @@ _LEAST_FOR_INTERVAL = 5
 _BARS = "▁▂▃▄▅▆▇█"
 
 
-def print_table(columns: Sequence[str], rows: Iterable[Sequence[object]], title: str = "") -> None:
-    """Print a table on standard output; columns whose cells are numbers are set to the right."""
+def print_table(
+    columns: Sequence[str],
+    rows: Iterable[Sequence[object]],
+    title: str = "",
+    *,
+    tight: bool = False,
+) -> None:
+    """Print a table on standard output; columns whose cells are numbers are set to the right.
+
+    A `tight` one has less room between its columns.
+    """
     rows = [list(row) for row in rows]
-    table = Table(title=escape(title) or None, box=box.SIMPLE_HEAD, title_justify="left")
+    table = Table(
+        title=escape(title) or None,
+        box=box.SIMPLE_HEAD,
+        title_justify="left",
+        collapse_padding=tight,
+        pad_edge=not tight,
+    )
     for index, column in enumerate(columns):
         numeric = bool(rows) and all(isinstance(row[index], int | float) for row in rows)
         table.add_column(escape(column), justify="right" if numeric else "left", overflow="fold")
