@@ -84,6 +84,7 @@ class Device(_Record):
     basis_gates: tuple[GateName, ...]
     notes: tuple[Line, ...] = ()
     qubits: tuple[Qubit, ...] = ()
+    left_out: tuple[int, ...] = ()
 
     @model_validator(mode="after")
     def _check(self) -> Device:
