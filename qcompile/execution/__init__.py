@@ -10,12 +10,14 @@ from qcompile.execution.executor import (
 from qcompile.execution.offline import OfflineExecutor
 from qcompile.execution.open import open_executor
 from qcompile.execution.primitive import PrimitiveExecutor
+from qcompile.execution.twin import TwinExecutor
 
 __all__ = [
     "Executor",
     "Kind",
     "OfflineExecutor",
     "PrimitiveExecutor",
+    "TwinExecutor",
     "check_shots",
     "expectation_from_ones",
     "open_executor",

@@ -15,14 +15,17 @@ from qcompile.passes import Executable
 FloatArray = NDArray[np.float64]
 CountArray = NDArray[np.int64]
 
-Kind = Literal["ideal", "noise-model"]
+Kind = Literal["ideal", "noise-model", "measured-response"]
 
 
 class Executor(Protocol):
     """Runs executables; `kind` says what the results are worth."""
 
-    device: Device
-    kind: Kind
+    @property
+    def device(self) -> Device: ...
+
+    @property
+    def kind(self) -> Kind: ...
 
     def run(
         self, executable: Executable, x: FloatArray, theta: FloatArray, shots: int

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from qcompile.calibration import Calibration
 from qcompile.device import Device
 from qcompile.errors import CountsError
-from qcompile.execution import qpu_seconds
+from qcompile.execution import open_executor, qpu_seconds
 from qcompile.limits import MAX_EPISODES, MAX_EXECUTIONS_PER_JOB
-from qcompile.mitigation import CALIBRATION_SHOTS
 from qcompile.policy import Policy
 from qcompile.rl.environments import (
     Environment,
@@ -49,30 +49,36 @@ class Deployment:
     def __init__(
         self,
         policy: Policy,
-        device: Device,
+        backend: str | Device,
         *,
         shots: int | None = None,
         level: int = 2,
         mitigation: str = "none",
+        calibration: Calibration | None = None,
+        predistort: bool = False,
         greedy: bool = False,
         seed: int = 0,
         copies: int = 1,
     ):
-        self.policy, self.device, self.shots, self.copies = policy, device, shots, copies
+        self.policy, self.shots, self.copies = policy, shots, copies
+        self.predistort = predistort
         self.level, self.mitigation, self.greedy, self.seed = level, mitigation, greedy, seed
         noise_seed, action_seed = np.random.SeedSequence(seed).spawn(2)
         self._rng = np.random.default_rng(action_seed)
         self._measure = Measurement(
             policy.trained_program,
-            device,
+            open_executor(backend, noise_seed),
             shots=shots,
             level=level,
             mitigation=mitigation,
-            seed=noise_seed,
+            calibration=calibration,
+            predistort=predistort,
             importance=policy.importance,
             copies=copies,
         )
+        self.calibration_executions = self._measure.calibration_executions
         self.executor, self.executable = self._measure.executor, self._measure.executable
+        self.device = self.executor.device
 
     def expectation(self, observations: FloatArray) -> FloatArray:
         """<Z> of every circuit as measured and mitigated, (B, circuits)."""
@@ -125,7 +131,7 @@ class RunResult:
         """Circuits after packing times shots, those of the calibration included."""
         if self.deployment.shots is None:
             return 0
-        calibration = 2 * CALIBRATION_SHOTS if self.deployment.mitigation == "readout" else 0
+        calibration = self.deployment.calibration_executions
         return self.programs * self._executions_per_program + calibration
 
     def summary(self) -> dict[str, Any]:
@@ -140,7 +146,7 @@ class RunResult:
             and len(rewards) >= _LEAST_FOR_SOLVED
             and not self.interrupted  # the shortest episodes end first: their mean is biased
         )
-        jobs = self.jobs + (made.mitigation == "readout")
+        jobs = self.jobs + (made.calibration_executions > 0)
         return {
             "policy": policy.name,
             "environment": policy.environment,
@@ -148,6 +154,7 @@ class RunResult:
             "kind": made.executor.kind,
             "shots": "exact" if made.shots is None else made.shots,
             "mitigation": made.mitigation,
+            "predistort": made.predistort,
             "level": made.level,
             "greedy": made.greedy,
             "seed": made.seed,
