@@ -19,6 +19,7 @@ LEAST_CONTRAST = 0.8
 REFERENCE_SHOTS = 1024
 """The shots for which the error of a qubit is stated, and by which qubits are ranked."""
 _FORMAT = "qcompile-device-1"
+_CALIBRATION = b'"qcompile-calibration-'
 
 Probability = Annotated[float, Field(ge=0, le=1)]
 GateName = Annotated[str, Field(pattern=r"^\w+$", max_length=40)]
@@ -218,7 +219,8 @@ def device_names() -> list[str]:
 def _claims(name: str) -> bool:
     """Whether the file of that name says that it is a device: others may share the folder."""
     path = find("hardware", name, [".json"]) if name != IDEAL_NAME else None
-    return path is not None and _FORMAT.encode() in path.read_bytes()
+    text = b"" if path is None else path.read_bytes()
+    return _FORMAT.encode() in text and _CALIBRATION not in text  # calibrations hold their device
 
 
 def load_device(name: str | Path) -> Device:
@@ -246,7 +248,13 @@ def load_device(name: str | Path) -> Device:
 
 def _read(path: Path) -> Device:
     try:
-        device = Device.model_validate_json(path.read_bytes(), strict=True)
+        text = path.read_bytes()
+        if _CALIBRATION in text[:200]:
+            raise DeviceError(
+                f"{path} is a calibration, no device file.",
+                "It is a --backend of `run`, `calibrate`, `show`, `export` and `compile`.",
+            )
+        device = Device.model_validate_json(text, strict=True)
     except (OSError, ValidationError) as error:
         raise DeviceError(f"{path} is no device file.", *explain(error)) from error
     if device.is_ideal:

@@ -37,14 +37,14 @@ def command(
         _check_surrogate(ctx, subject)
         _show_surrogate(subject, as_json)
         return
-    from qcompile.device import load_device
+    from qcompile.execution import open_device
     from qcompile.passes import LEVELS, compile
     from qcompile.policy import load_policy
     from qcompile.report.placement import print_placement
     from qcompile.report.tables import print_table
     from qcompile.report.wires import executable_values, wire
 
-    device = load_device(backend)
+    device = open_device(backend)
     if Path(subject).suffix == ".qasm":
         from qcompile.jobs.program_file import compile_source
         from qcompile.qasm.read import read_file

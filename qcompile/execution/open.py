@@ -39,3 +39,8 @@ def open_executor(
     if is_calibration(Path(backend)):
         return TwinExecutor(load_calibration(Path(backend)), seed)
     return OfflineExecutor(load_device(backend), seed)
+
+
+def open_device(backend: str) -> Device:
+    """The device of a backend that `open_executor` opens; raises what that raises."""
+    return open_executor(backend).device

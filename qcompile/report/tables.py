@@ -13,6 +13,7 @@ from rich.table import Table
 _KINDS = {
     "ideal": "ideal simulation",
     "noise-model": "noise model",
+    "measured-response": "twin of its calibration",
 }
 _LEAST_FOR_INTERVAL = 5
 _BARS = "▁▂▃▄▅▆▇█"
@@ -78,10 +79,11 @@ def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
         yield "each episode", f"{_bars(rewards)}  {min(rewards):.0f} to {max(rewards):.0f}"
     if summary["solved"] is not None:
         yield "solved", "yes" if summary["solved"] else "no"
-    yield (
-        "settings",
-        f"{_shots(summary['shots'])}, level {summary['level']}, mitigation {summary['mitigation']}",
-    )
+    words = f"{_shots(summary['shots'])}, level {summary['level']}, "
+    words += "bent angles" if summary["predistort"] else f"mitigation {summary['mitigation']}"
+    yield "settings", words + (f" by {escape(file)}" if (file := summary["calibration"]) else "")
+    if summary["copies"] > 1:
+        yield "side by side", plural(summary["copies"], "episode")
     yield "actions", f"{'greedy' if summary['greedy'] else 'sampled'}, seed {summary['seed']}"
     gates = " + ".join(f"{n} {gate}" for gate, n in summary["gates_per_circuit"].items() if n)
     yield (

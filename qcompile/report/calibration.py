@@ -1,0 +1,319 @@
+"""What a calibration says: as plain values, as a table, as a picture."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from io import BytesIO
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qcompile.calibration import Calibration, ReadoutCounts, ResponseCounts
+from qcompile.report.tables import plural, print_table
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+FloatArray = NDArray[np.float64]
+
+MISFIT_LEVEL = 0.001
+"""A fit that is right is flagged this often."""
+_MOST_COLUMNS = 8
+_BLUE, _ORANGE, _GREY = "#0072B2", "#D55E00", "0.55"  # Okabe and Ito's
+
+
+def calibration_values(calibration: Calibration) -> dict[str, Any]:
+    """The plain values of `qcompile calibrate --json`, without the counts."""
+    counts = calibration.readout_counts or calibration.response_counts
+    shots = None if counts is None else counts.shots
+    rows: list[dict[str, Any]] = [{"qubit": qubit} for qubit in calibration.qubits]
+    readout, response = calibration.readout, calibration.response
+    if readout is not None:
+        names = ("p10", "p10_error", "p01", "p01_error")
+        _add(rows, {name: getattr(readout, name) for name in names})
+        _add(rows, _fit("readout", readout.chi_square, readout.degrees_of_freedom, shots))
+    if response is not None:
+        _add(rows, _response(calibration))
+        _add(rows, _fit("response", response.chi_square, response.degrees_of_freedom, shots))
+    return {
+        "backend": calibration.backend,
+        "kind": calibration.kind,
+        "created": calibration.created.isoformat(),
+        "shots": shots or "exact",
+        "executions": calibration.executions,
+        "qubits": rows,
+    }
+
+
+def _add(rows: list[dict[str, Any]], columns: dict[str, Sequence[Any]]) -> None:
+    for name, column in columns.items():
+        for row, value in zip(rows, column, strict=True):
+            row[name] = value
+
+
+def _fit(part: str, chi_square: Sequence[float], degrees: int, shots: int | None) -> dict[str, Any]:
+    """Chi-square, degrees of freedom and p-value of a fit; None where there is no scatter."""
+    count = len(chi_square)
+    if shots is None or not degrees:
+        return {f"{part}_{name}": [None] * count for name in ("chi_square", "degrees", "p_value")}
+    from scipy.stats import chi2
+
+    return {
+        f"{part}_chi_square": chi_square,
+        f"{part}_degrees": [degrees] * count,
+        f"{part}_p_value": chi2.sf(chi_square, degrees).tolist(),
+    }
+
+
+def _response(calibration: Calibration) -> dict[str, list[float]]:
+    """Offset, contrast and tilt of every qubit in the ideal polar angle, with standard errors."""
+    assert calibration.response is not None
+    sign = 1.0 if "rx" in calibration.device.basis_gates else -1.0
+    b, c, s = np.array(calibration.response.curves).T
+    covariance = np.array(calibration.response.covariance)
+    contrast, tilt = np.hypot(c, s), np.arctan2(sign * s, sign * c)
+    along = np.stack([c, s], axis=1) / contrast[:, None]
+    across = np.stack([-s, c], axis=1) / contrast[:, None] ** 2
+    inner = covariance[:, 1:, 1:]
+    return {
+        "offset": b.tolist(),
+        "offset_error": np.sqrt(covariance[:, 0, 0]).tolist(),
+        "contrast": contrast.tolist(),
+        "contrast_error": np.sqrt(np.einsum("qi,qij,qj->q", along, inner, along)).tolist(),
+        "tilt_rad": tilt.tolist(),
+        "tilt_error_rad": np.sqrt(np.einsum("qi,qij,qj->q", across, inner, across)).tolist(),
+    }
+
+
+def misfits(values: dict[str, Any]) -> Iterator[str]:
+    """A sentence for each fit whose p-value lies below MISFIT_LEVEL."""
+    words = {
+        "readout": "its readout depends on what the other qubits hold, or drifted meanwhile",
+        "response": "its response is no curve b + c cos(a) + s sin(a), or drifted meanwhile",
+    }
+    for row in values["qubits"]:
+        for part, why in words.items():
+            p_value = row.get(f"{part}_p_value")
+            if p_value is not None and p_value < MISFIT_LEVEL:
+                found, degrees = row[f"{part}_chi_square"], row[f"{part}_degrees"]
+                yield (
+                    f"qubit {row['qubit']}: {why} "
+                    f"(chi-square {found:.1f} for {degrees}, p-value {p_value:.0e})"
+                )
+
+
+def print_calibration(values: dict[str, Any]) -> None:
+    """Print the table of `calibration_values`, and in words which fits are bad."""
+    first = values["qubits"][0]
+    columns = ["qubit"]
+    if "p10" in first:
+        columns += ["p10 %", "p01 %"]
+    if "offset" in first:
+        columns += ["offset", "contrast", "tilt mrad"]
+    columns += [f"{part} fit" for part in ("readout", "response") if f"{part}_degrees" in first]
+    print_table(
+        columns,
+        [list(_cells(row)) for row in values["qubits"]],
+        f"{values['backend']}: "
+        + (
+            "exact probabilities"
+            if values["shots"] == "exact"
+            else f"{plural(values['shots'], 'shot')} of each circuit, "
+            f"{values['executions']:,} executions"
+        ),
+        tight=True,
+    )
+    for line in misfits(values):
+        print(line)
+
+
+def _cells(row: dict[str, Any]) -> Iterator[object]:
+    yield row["qubit"]
+    for name in ("p10", "p01"):
+        if name in row:
+            yield f"{100 * row[name]:.2f} ± {100 * row[f'{name}_error']:.2f}"
+    if "offset" in row:
+        yield f"{row['offset']:+.4f}"
+        yield f"{row['contrast']:.4f}"
+        yield f"{1e3 * row['tilt_rad']:+.0f} ± {1e3 * row['tilt_error_rad']:.0f}"
+    for part in ("readout", "response"):
+        if f"{part}_degrees" in row:
+            degrees, p_value = row[f"{part}_degrees"], row[f"{part}_p_value"]
+            flag = " bad" if p_value is not None and p_value < MISFIT_LEVEL else ""
+            yield f"{row[f'{part}_chi_square']:.1f} / {degrees}{flag}" if degrees else "-"
+
+
+def draw_calibration(calibration: Calibration) -> bytes:
+    """Response curves, residuals and readout errors of every qubit, as the bytes of a PNG file."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    values = calibration_values(calibration)
+    count = len(calibration.qubits)
+    columns = min(count, _MOST_COLUMNS)
+    rows = math.ceil(count / columns) if calibration.response is not None else 0
+    residuals = list(_residuals(calibration))
+    below = bool(residuals) + (calibration.readout is not None)
+    width = min(max(7.5, 1.7 * columns), 13.0)
+    high, low = 1.65 * rows + 0.5 * bool(rows), 2.1 * below + 0.3 * bool(below)
+    figure = Figure(figsize=(width, high + low + 0.5), layout="constrained")
+    heights = [part for part in (high, low) if part]
+    parts = iter(figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0])
+    shots = values["shots"]
+    detail = "exact" if shots == "exact" else f"{shots} shots of each circuit"
+    figure.suptitle(
+        f"{calibration.backend}, {calibration.created:%Y-%m-%d %H:%M} UTC, {detail}",
+        x=0.01,
+        ha="left",
+        fontsize=11,
+    )
+    if calibration.response is not None:
+        part = next(parts)
+        panels = part.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
+        for index, axes in enumerate(panels.flat):
+            if index < count:
+                _draw_curve(axes, calibration, index, values["qubits"][index])
+            else:
+                axes.set_axis_off()
+            if index < count <= index + columns:  # nothing below it
+                axes.tick_params(labelbottom=True)
+        part.supxlabel("angle of rz" if _turn_of_pi(calibration) else "angle of rx", fontsize=9)
+        part.supylabel("measured <Z>", fontsize=9)
+        part.legend(
+            *panels[0, 0].get_legend_handles_labels(),
+            loc="outside upper right",
+            frameon=False,
+            fontsize=8,
+            ncols=3,
+        )
+    if below:
+        part = next(parts)
+        made = iter(part.subplots(below, 1, squeeze=False, sharex=True)[:, 0])
+        if residuals:
+            _draw_residuals(next(made), residuals, values)
+        if calibration.readout is not None:
+            _draw_readout(next(made), values)
+        bad = {row["qubit"] for row in values["qubits"] if _is_bad(row)}
+        last = part.axes[-1]
+        last.set_xticks(range(count), [str(q) for q in calibration.qubits], fontsize=8)
+        last.set_xlim(-0.6, count - 0.4)
+        last.set_xlabel("qubit" + ("; orange: a fit is bad" if bad else ""), fontsize=9)
+        for label, qubit in zip(last.get_xticklabels(), calibration.qubits, strict=True):
+            if qubit in bad:
+                label.set(color=_ORANGE, fontweight="bold")
+    FigureCanvasAgg(figure)
+    picture = BytesIO()
+    figure.savefig(picture, format="png", dpi=120, metadata={"Software": None})
+    return picture.getvalue()
+
+
+def _turn_of_pi(calibration: Calibration) -> bool:
+    return "rx" not in calibration.device.basis_gates
+
+
+def _is_bad(row: dict[str, Any]) -> bool:
+    found = [row.get(f"{part}_p_value") for part in ("readout", "response")]
+    return any(p is not None and p < MISFIT_LEVEL for p in found)
+
+
+def _curve(calibration: Calibration, index: int, angles: FloatArray) -> FloatArray:
+    assert calibration.response is not None
+    b, c, s = calibration.response.curves[index]
+    return np.asarray(b + c * np.cos(angles) + s * np.sin(angles))
+
+
+def _draw_curve(axes: Axes, calibration: Calibration, index: int, row: dict[str, Any]) -> None:
+    turn = np.linspace(0, 2 * np.pi, 121)
+    ideal = np.cos(turn - np.pi * _turn_of_pi(calibration))
+    axes.plot(turn, ideal, color="0.7", linewidth=1.0, linestyle=(0, (3, 2)), label="ideal")
+    axes.plot(turn, _curve(calibration, index, turn), color=_BLUE, linewidth=1.4, label="fitted")
+    counts = calibration.response_counts
+    if counts is not None:
+        ones = np.array(counts.ones)[:, index] / (counts.shots or 1)
+        at = np.mod(counts.angles_rad, 2 * np.pi)
+        axes.plot(
+            at, 1 - 2 * ones, "o", color=_ORANGE, markersize=3.5, mec="white", mew=0.4,
+            label="measured",
+        )  # fmt: skip
+    axes.set_title(f"qubit {row['qubit']}", loc="left", fontsize=8, pad=3)
+    axes.set_title(f"{row['contrast']:.3f}", loc="right", fontsize=8, pad=3, color=_BLUE)
+    axes.set_xticks([0, np.pi, 2 * np.pi], ["0", "π", "2π"], fontsize=7)
+    axes.set_yticks([-1, 0, 1], ["−1", "0", "1"], fontsize=7)
+    axes.set_ylim(-1.12, 1.12)
+    axes.axhline(0, color="0.9", linewidth=0.8, zorder=0)
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def _residuals(calibration: Calibration) -> Iterator[tuple[str, FloatArray]]:
+    """(circuits, qubits) for response and readout: measured less fitted, in standard errors."""
+    for part, counts in (
+        ("response", calibration.response_counts),
+        ("readout", calibration.readout_counts),
+    ):
+        if counts is None or counts.shots is None:
+            continue
+        frequency = np.array(counts.ones) / counts.shots
+        p = (frequency * counts.shots + 0.5) / (counts.shots + 1)
+        spread = np.sqrt(p * (1 - p) / counts.shots)
+        yield part, (frequency - _fitted(calibration, counts)) / spread
+
+
+def _fitted(calibration: Calibration, counts: ReadoutCounts | ResponseCounts) -> FloatArray:
+    """What the fits say of the frequencies of ones, (circuits, qubits)."""
+    if isinstance(counts, ResponseCounts):
+        angles = np.array(counts.angles_rad)
+        curves = [_curve(calibration, index, angles) for index in range(len(calibration.qubits))]
+        return (1 - np.array(curves).T) / 2
+    assert calibration.readout is not None
+    p10, p01 = np.array(calibration.readout.p10), np.array(calibration.readout.p01)
+    return np.where(np.array(counts.prepared) == 1, 1 - p01, p10)
+
+
+def _draw_residuals(
+    axes: Axes, residuals: Sequence[tuple[str, FloatArray]], values: dict[str, Any]
+) -> None:
+    axes.axhspan(-2, 2, color="0.94", lw=0, zorder=0)
+    axes.axhline(0, color=_GREY, linewidth=0.8, zorder=1)
+    sides = (0.0,) if len(residuals) == 1 else (-0.2, 0.2)
+    for (part, found), side in zip(residuals, sides, strict=True):
+        circuits, qubits = found.shape
+        spread = 0.26 * (np.arange(circuits) / max(circuits - 1, 1) - 0.5)
+        at = np.arange(qubits) + side + spread[:, None]
+        colour, marker = (_BLUE, "o") if part == "response" else (_ORANGE, "D")
+        axes.plot(at.ravel(), found.ravel(), marker, color=colour, ms=3, mew=0, label=part)
+    most = max(3.5, 1.1 * max(float(np.abs(found).max()) for _, found in residuals))
+    axes.set_ylim(-most, most)
+    axes.set_ylabel("residual /\nstandard error", fontsize=9)
+    _finish(axes)
+
+
+def _draw_readout(axes: Axes, values: dict[str, Any]) -> None:
+    at = np.arange(len(values["qubits"]))
+    names = {"p10": "p10 = P(1 | 0)", "p01": "p01 = P(0 | 1)"}
+    for (name, label), side, colour in zip(
+        names.items(), (-0.2, 0.2), (_BLUE, _ORANGE), strict=True
+    ):
+        heights = [100 * row[name] for row in values["qubits"]]
+        errors = [100 * row[f"{name}_error"] for row in values["qubits"]]
+        axes.bar(at + side, heights, 0.36, color=colour, label=label, alpha=0.85)
+        if any(errors):
+            axes.errorbar(
+                at + side, heights, errors, fmt="none", ecolor="0.2", capsize=2, elinewidth=0.9
+            )
+    axes.set_ylim(bottom=0)
+    axes.set_ylabel("readout\nerror, %", fontsize=9)
+    _finish(axes)
+
+
+def _finish(axes: Axes) -> None:
+    axes.tick_params(labelsize=8)
+    axes.tick_params(axis="x", length=0)
+    axes.grid(axis="y", color="0.92", linewidth=0.8)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(
+        loc="lower right", bbox_to_anchor=(1, 1), frameon=False, fontsize=8, ncols=2,
+        borderaxespad=0.1,
+    )  # fmt: skip
