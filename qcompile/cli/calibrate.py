@@ -113,6 +113,8 @@ def command(
         raise click.BadParameter(f"{plot} must end with .png.", param_hint="'--plot'")
     if check is not None and shots is None:
         raise click.UsageError("--check compares counts: --shots exact has none.")
+    import numpy as np
+
     from qcompile.calibration import load_calibration
     from qcompile.errors import CalibrationError
     from qcompile.execution import open_executor
@@ -122,6 +124,7 @@ def command(
     from qcompile.report.calibration import (
         calibration_values,
         draw_calibration,
+        misfits,
         print_calibration,
     )
     from qcompile.report.progress import progress_bar
@@ -131,20 +134,14 @@ def command(
     measured = _qubits(executor.device, qubits, policy, old)
     angles_rad = RESPONSE_ANGLES_RAD
     if old is not None:
-        _check_comparable(old, executor.device, measured)
-        if parts is None:
-            there = (old.readout_counts, old.response_counts)
-            parts = tuple(p for p, counts in zip(_PARTS, there, strict=True) if counts is not None)
+        parts = _comparable(old, executor.device, measured, parts)
         if old.response_counts is not None:
-            import numpy as np
-
             angles_rad = np.array(old.response_counts.angles_rad)
     if out is None and check is None:
         out = Path(f"{executor.device.name}-calibration.json")
     _check_out(out, force)
     if plot is not None:
         check_writable(plot)
-    import numpy as np
 
     try:
         with progress_bar(f"calibrate {executor.device.name}", 1) as show:
@@ -180,6 +177,8 @@ def command(
         echo_json(values)
     else:
         print_calibration(values)
+        for line in misfits(values):
+            click.echo(line)
         if old is not None:
             click.echo(_comparison(values))
         for what, path in (("calibration", out), ("picture", plot)):
@@ -219,8 +218,10 @@ def _qubits(
     return sorted(device.usable) if old is None else old.qubits
 
 
-def _check_comparable(old: Calibration, device: Device, qubits: Sequence[int]) -> None:
-    """Refuse, before anything is measured, what cannot be compared with `old`."""
+def _comparable(
+    old: Calibration, device: Device, qubits: Sequence[int], asked: tuple[Part, ...] | None
+) -> tuple[Part, ...]:
+    """The parts to measure; what cannot be compared with `old` is refused before it is measured."""
     import numpy as np
 
     from qcompile.errors import CalibrationError
@@ -231,9 +232,18 @@ def _check_comparable(old: Calibration, device: Device, qubits: Sequence[int]) -
             "Compare calibrations of one device.",
         )
     old.rows(np.array(qubits))
-    found = [counts for counts in (old.readout_counts, old.response_counts) if counts is not None]
-    if not found or any(counts.shots is None for counts in found):
-        raise CalibrationError("A calibration without shots has no scatter to compare.")
+    counts = zip(_PARTS, (old.readout_counts, old.response_counts), strict=True)
+    there = {part: found for part, found in counts if found is not None}
+    parts = asked or tuple(there)
+    for part in parts:
+        if part not in there:
+            raise CalibrationError(
+                f"The calibration has no counts of the {part}.",
+                f"It has: {', '.join(there) or 'none'}.",
+            )
+        if there[part].shots is None:
+            raise CalibrationError("A calibration without shots has no scatter to compare.")
+    return parts
 
 
 def _check_out(out: Path | None, force: bool) -> None:

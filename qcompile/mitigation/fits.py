@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
@@ -122,7 +123,9 @@ def _variance(frequency: FloatArray, shots: FloatArray | float) -> FloatArray:
 
 def _solve(cvxpy: Any, objective: Any, constraints: list[Any]) -> None:
     problem = cvxpy.Problem(cvxpy.Minimize(objective), constraints)
-    problem.solve(solver=cvxpy.CLARABEL, **_TOLERANCE)
+    with warnings.catch_warnings():  # a fit at its bounds may stop short of the tolerance
+        warnings.filterwarnings("ignore", "Solution may be inaccurate", UserWarning)
+        problem.solve(solver=cvxpy.CLARABEL, **_TOLERANCE)
     if problem.status not in ("optimal", "optimal_inaccurate"):
         raise CalibrationError(f"The fit ended with status {problem.status!r}.")
 

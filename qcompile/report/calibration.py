@@ -105,13 +105,13 @@ def misfits(values: dict[str, Any]) -> Iterator[str]:
 
 
 def print_calibration(values: dict[str, Any]) -> None:
-    """Print the table of `calibration_values`, and in words which fits are bad."""
+    """Print the table of `calibration_values`; a fit has its chi-square of its expectation."""
     first = values["qubits"][0]
     columns = ["qubit"]
     if "p10" in first:
         columns += ["p10 %", "p01 %"]
     if "offset" in first:
-        columns += ["offset", "contrast", "tilt mrad"]
+        columns += ["offset", "contrast", "tilt, mrad"]
     columns += [f"{part} fit" for part in ("readout", "response") if f"{part}_degrees" in first]
     print_table(
         columns,
@@ -125,24 +125,24 @@ def print_calibration(values: dict[str, Any]) -> None:
         ),
         tight=True,
     )
-    for line in misfits(values):
-        print(line)
 
 
 def _cells(row: dict[str, Any]) -> Iterator[object]:
     yield row["qubit"]
     for name in ("p10", "p01"):
         if name in row:
-            yield f"{100 * row[name]:.2f} ± {100 * row[f'{name}_error']:.2f}"
+            error = 100 * row[f"{name}_error"]
+            places = 2 if error < 1 else 1
+            yield f"{100 * row[name]:.{places}f}±{error:.{places}f}"
     if "offset" in row:
         yield f"{row['offset']:+.4f}"
         yield f"{row['contrast']:.4f}"
-        yield f"{1e3 * row['tilt_rad']:+.0f} ± {1e3 * row['tilt_error_rad']:.0f}"
+        yield f"{1e3 * row['tilt_rad']:+.0f}±{1e3 * row['tilt_error_rad']:.0f}"
     for part in ("readout", "response"):
         if f"{part}_degrees" in row:
             degrees, p_value = row[f"{part}_degrees"], row[f"{part}_p_value"]
             flag = " bad" if p_value is not None and p_value < MISFIT_LEVEL else ""
-            yield f"{row[f'{part}_chi_square']:.1f} / {degrees}{flag}" if degrees else "-"
+            yield f"{row[f'{part}_chi_square']:.0f} of {degrees}{flag}" if degrees else "-"
 
 
 def draw_calibration(calibration: Calibration) -> bytes:
@@ -152,8 +152,9 @@ def draw_calibration(calibration: Calibration) -> bytes:
 
     values = calibration_values(calibration)
     count = len(calibration.qubits)
-    columns = min(count, _MOST_COLUMNS)
-    rows = math.ceil(count / columns) if calibration.response is not None else 0
+    rows = math.ceil(count / _MOST_COLUMNS)
+    columns = math.ceil(count / rows)
+    rows *= calibration.response is not None
     residuals = list(_residuals(calibration))
     below = bool(residuals) + (calibration.readout is not None)
     width = min(max(7.5, 1.7 * columns), 13.0)
@@ -228,7 +229,13 @@ def _draw_curve(axes: Axes, calibration: Calibration, index: int, row: dict[str,
     turn = np.linspace(0, 2 * np.pi, 121)
     ideal = np.cos(turn - np.pi * _turn_of_pi(calibration))
     axes.plot(turn, ideal, color="0.7", linewidth=1.0, linestyle=(0, (3, 2)), label="ideal")
-    axes.plot(turn, _curve(calibration, index, turn), color=_BLUE, linewidth=1.4, label="fitted")
+    axes.plot(
+        turn,
+        _curve(calibration, index, turn),
+        color=_BLUE,
+        linewidth=1.4,
+        label="fitted, with its contrast",
+    )
     counts = calibration.response_counts
     if counts is not None:
         ones = np.array(counts.ones)[:, index] / (counts.shots or 1)
