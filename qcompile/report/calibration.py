@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
@@ -47,7 +47,7 @@ def calibration_values(calibration: Calibration) -> dict[str, Any]:
     }
 
 
-def _add(rows: list[dict[str, Any]], columns: dict[str, Sequence[Any]]) -> None:
+def _add(rows: list[dict[str, Any]], columns: Mapping[str, Sequence[Any]]) -> None:
     for name, column in columns.items():
         for row, value in zip(rows, column, strict=True):
             row[name] = value
