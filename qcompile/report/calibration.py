@@ -262,9 +262,9 @@ def _residuals(calibration: Calibration) -> Iterator[tuple[str, FloatArray]]:
         if counts is None or counts.shots is None:
             continue
         frequency = np.array(counts.ones) / counts.shots
-        p = (frequency * counts.shots + 0.5) / (counts.shots + 1)
-        spread = np.sqrt(p * (1 - p) / counts.shots)
-        yield part, (frequency - _fitted(calibration, counts)) / spread
+        fitted = _fitted(calibration, counts)
+        p = (fitted * counts.shots + 0.5) / (counts.shots + 1)
+        yield part, (frequency - fitted) / np.sqrt(p * (1 - p) / counts.shots)
 
 
 def _fitted(calibration: Calibration, counts: ReadoutCounts | ResponseCounts) -> FloatArray:
