@@ -121,12 +121,8 @@ def command(
     from qcompile.mitigation import calibrate, measure_drift
     from qcompile.mitigation.measure import RESPONSE_ANGLES_RAD
     from qcompile.output import check_writable, write_file
-    from qcompile.report.calibration import (
-        calibration_values,
-        draw_calibration,
-        misfits,
-        print_calibration,
-    )
+    from qcompile.report.calibration import draw_calibration
+    from qcompile.report.calibration_values import calibration_values, misfits, print_calibration
     from qcompile.report.progress import progress_bar
 
     old = None if check is None else load_calibration(check)

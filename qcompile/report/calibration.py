@@ -1,9 +1,9 @@
-"""What a calibration says: as plain values, as a table, as a picture."""
+"""Calibrations as pictures."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
@@ -11,138 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qcompile.calibration import Calibration, ReadoutCounts, ResponseCounts
-from qcompile.report.tables import plural, print_table
+from qcompile.report.calibration_values import calibration_values, is_misfit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 FloatArray = NDArray[np.float64]
 
-MISFIT_LEVEL = 0.001
-"""A fit that is right is flagged this often."""
 _MOST_COLUMNS = 8
 _BLUE, _ORANGE, _GREY = "#0072B2", "#D55E00", "0.55"  # Okabe and Ito's
-
-
-def calibration_values(calibration: Calibration) -> dict[str, Any]:
-    """The plain values of `qcompile calibrate --json`, without the counts."""
-    counts = calibration.readout_counts or calibration.response_counts
-    shots = None if counts is None else counts.shots
-    rows: list[dict[str, Any]] = [{"qubit": qubit} for qubit in calibration.qubits]
-    readout, response = calibration.readout, calibration.response
-    if readout is not None:
-        names = ("p10", "p10_error", "p01", "p01_error")
-        _add(rows, {name: getattr(readout, name) for name in names})
-        _add(rows, _fit("readout", readout.chi_square, readout.degrees_of_freedom, shots))
-    if response is not None:
-        _add(rows, _response(calibration))
-        _add(rows, _fit("response", response.chi_square, response.degrees_of_freedom, shots))
-    return {
-        "backend": calibration.backend,
-        "kind": calibration.kind,
-        "created": calibration.created.isoformat(),
-        "shots": shots or "exact",
-        "executions": calibration.executions,
-        "qubits": rows,
-    }
-
-
-def _add(rows: list[dict[str, Any]], columns: Mapping[str, Sequence[Any]]) -> None:
-    for name, column in columns.items():
-        for row, value in zip(rows, column, strict=True):
-            row[name] = value
-
-
-def _fit(part: str, chi_square: Sequence[float], degrees: int, shots: int | None) -> dict[str, Any]:
-    """Chi-square, degrees of freedom and p-value of a fit; None where there is no scatter."""
-    count = len(chi_square)
-    if shots is None or not degrees:
-        return {f"{part}_{name}": [None] * count for name in ("chi_square", "degrees", "p_value")}
-    from scipy.stats import chi2
-
-    return {
-        f"{part}_chi_square": chi_square,
-        f"{part}_degrees": [degrees] * count,
-        f"{part}_p_value": chi2.sf(chi_square, degrees).tolist(),
-    }
-
-
-def _response(calibration: Calibration) -> dict[str, list[float]]:
-    """Offset, contrast and tilt of every qubit in the ideal polar angle, with standard errors."""
-    assert calibration.response is not None
-    sign = 1.0 if "rx" in calibration.device.basis_gates else -1.0
-    b, c, s = np.array(calibration.response.curves).T
-    covariance = np.array(calibration.response.covariance)
-    contrast, tilt = np.hypot(c, s), np.arctan2(sign * s, sign * c)
-    along = np.stack([c, s], axis=1) / contrast[:, None]
-    across = np.stack([-s, c], axis=1) / contrast[:, None] ** 2
-    inner = covariance[:, 1:, 1:]
-    return {
-        "offset": b.tolist(),
-        "offset_error": np.sqrt(covariance[:, 0, 0]).tolist(),
-        "contrast": contrast.tolist(),
-        "contrast_error": np.sqrt(np.einsum("qi,qij,qj->q", along, inner, along)).tolist(),
-        "tilt_rad": tilt.tolist(),
-        "tilt_error_rad": np.sqrt(np.einsum("qi,qij,qj->q", across, inner, across)).tolist(),
-    }
-
-
-def misfits(values: dict[str, Any]) -> Iterator[str]:
-    """A sentence for each fit whose p-value lies below MISFIT_LEVEL."""
-    words = {
-        "readout": "its readout depends on what the other qubits hold, or drifted meanwhile",
-        "response": "its response is no curve b + c cos(a) + s sin(a), or drifted meanwhile",
-    }
-    for row in values["qubits"]:
-        for part, why in words.items():
-            p_value = row.get(f"{part}_p_value")
-            if p_value is not None and p_value < MISFIT_LEVEL:
-                found, degrees = row[f"{part}_chi_square"], row[f"{part}_degrees"]
-                yield (
-                    f"qubit {row['qubit']}: {why} "
-                    f"(chi-square {found:.1f} for {degrees}, p-value {p_value:.0e})"
-                )
-
-
-def print_calibration(values: dict[str, Any]) -> None:
-    """Print the table of `calibration_values`; a fit has its chi-square of its expectation."""
-    first = values["qubits"][0]
-    columns = ["qubit"]
-    if "p10" in first:
-        columns += ["p10 %", "p01 %"]
-    if "offset" in first:
-        columns += ["offset", "contrast", "tilt, mrad"]
-    columns += [f"{part} fit" for part in ("readout", "response") if f"{part}_degrees" in first]
-    print_table(
-        columns,
-        [list(_cells(row)) for row in values["qubits"]],
-        f"{values['backend']}: "
-        + (
-            "exact probabilities"
-            if values["shots"] == "exact"
-            else f"{plural(values['shots'], 'shot')} of each circuit, "
-            f"{values['executions']:,} executions"
-        ),
-        tight=True,
-    )
-
-
-def _cells(row: dict[str, Any]) -> Iterator[object]:
-    yield row["qubit"]
-    for name in ("p10", "p01"):
-        if name in row:
-            error = 100 * row[f"{name}_error"]
-            places = 2 if error < 1 else 1
-            yield f"{100 * row[name]:.{places}f}±{error:.{places}f}"
-    if "offset" in row:
-        yield f"{row['offset']:+.4f}"
-        yield f"{row['contrast']:.4f}"
-        yield f"{1e3 * row['tilt_rad']:+.0f}±{1e3 * row['tilt_error_rad']:.0f}"
-    for part in ("readout", "response"):
-        if f"{part}_degrees" in row:
-            degrees, p_value = row[f"{part}_degrees"], row[f"{part}_p_value"]
-            flag = " bad" if p_value is not None and p_value < MISFIT_LEVEL else ""
-            yield f"{row[f'{part}_chi_square']:.0f} of {degrees}{flag}" if degrees else "-"
 
 
 def draw_calibration(calibration: Calibration) -> bytes:
@@ -180,7 +57,7 @@ def draw_calibration(calibration: Calibration) -> bytes:
                 axes.set_axis_off()
             if index < count <= index + columns:  # nothing below it
                 axes.tick_params(labelbottom=True)
-        part.supxlabel("angle of rz" if _turn_of_pi(calibration) else "angle of rx", fontsize=9)
+        part.supxlabel("angle of rz" if _has_turn(calibration) else "angle of rx", fontsize=9)
         part.supylabel("measured <Z>", fontsize=9)
         part.legend(
             *panels[0, 0].get_legend_handles_labels(),
@@ -196,7 +73,7 @@ def draw_calibration(calibration: Calibration) -> bytes:
             _draw_residuals(next(made), residuals, values)
         if calibration.readout is not None:
             _draw_readout(next(made), values)
-        bad = {row["qubit"] for row in values["qubits"] if _is_bad(row)}
+        bad = {row["qubit"] for row in values["qubits"] if is_misfit(row)}
         last = part.axes[-1]
         last.set_xticks(range(count), [str(q) for q in calibration.qubits], fontsize=8)
         last.set_xlim(-0.6, count - 0.4)
@@ -210,13 +87,8 @@ def draw_calibration(calibration: Calibration) -> bytes:
     return picture.getvalue()
 
 
-def _turn_of_pi(calibration: Calibration) -> bool:
+def _has_turn(calibration: Calibration) -> bool:
     return "rx" not in calibration.device.basis_gates
-
-
-def _is_bad(row: dict[str, Any]) -> bool:
-    found = [row.get(f"{part}_p_value") for part in ("readout", "response")]
-    return any(p is not None and p < MISFIT_LEVEL for p in found)
 
 
 def _curve(calibration: Calibration, index: int, angles: FloatArray) -> FloatArray:
@@ -227,7 +99,7 @@ def _curve(calibration: Calibration, index: int, angles: FloatArray) -> FloatArr
 
 def _draw_curve(axes: Axes, calibration: Calibration, index: int, row: dict[str, Any]) -> None:
     turn = np.linspace(0, 2 * np.pi, 121)
-    ideal = np.cos(turn - np.pi * _turn_of_pi(calibration))
+    ideal = np.cos(turn - np.pi * _has_turn(calibration))
     axes.plot(turn, ideal, color="0.7", linewidth=1.0, linestyle=(0, (3, 2)), label="ideal")
     axes.plot(
         turn,
