@@ -57,7 +57,9 @@ def draw_calibration(calibration: Calibration) -> bytes:
                 axes.set_axis_off()
             if index < count <= index + columns:  # nothing below it
                 axes.tick_params(labelbottom=True)
-        part.supxlabel("angle of rz" if _has_turn(calibration) else "angle of rx", fontsize=9)
+        part.supxlabel(
+            "angle of rz between the sx" if _has_turn(calibration) else "angle of rx", fontsize=9
+        )
         part.supylabel("measured <Z>", fontsize=9)
         part.legend(
             *panels[0, 0].get_legend_handles_labels(),

@@ -89,6 +89,17 @@ def test_a_sine_without_shots_is_found_exactly(qcompile: Call) -> None:
     assert found["qubits"][0]["response_p_value"] is None
 
 
+@pytest.mark.parametrize(
+    "words",
+    [("--backend", "fake_toronto"), ("--qubits", "4", "--parts", "readout"), ("--qubits", "2")],
+    ids=["many", "readout alone", "one"],
+)
+def test_pictures_of_any_size_are_drawn(qcompile: Call, words: tuple[str, ...]) -> None:
+    answer = qcompile(*LIMA, "--shots", 200, "--plot", "a.png", *words)
+    assert (answer.code, answer.err) == (0, "")
+    assert Path("a.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+
+
 def test_a_seed_repeats_the_counts(qcompile: Call) -> None:
     files = [f"{name}.json" for name in "abc"]
     for file, seed in zip(files, (5, 5, 6), strict=True):
