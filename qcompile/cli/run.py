@@ -140,7 +140,7 @@ def command(
 
         result = play(deployment, episodes, on_episode=count, on_frame=film.add if film else None)
     file = None if calibration_file is None else str(calibration_file)
-    summary = result.summary() | {"calibration": file, "copies": copies}
+    summary = result.summary(file)
     if as_json:
         echo_json(summary)
     else:

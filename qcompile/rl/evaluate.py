@@ -134,8 +134,8 @@ class RunResult:
         calibration = self.deployment.calibration_executions
         return self.programs * self._executions_per_program + calibration
 
-    def summary(self) -> dict[str, Any]:
-        """The plain values of `qcompile run --json`."""
+    def summary(self, calibration: str | None = None) -> dict[str, Any]:
+        """The plain values of `qcompile run --json`; `calibration` names the file that was given."""
         made, rewards = self.deployment, self.rewards
         policy, counts = made.policy, made.executable.gate_counts()
         threshold = self.threshold
@@ -155,6 +155,8 @@ class RunResult:
             "shots": "exact" if made.shots is None else made.shots,
             "mitigation": made.mitigation,
             "predistort": made.predistort,
+            "calibration": calibration,
+            "copies": made.copies,
             "level": made.level,
             "greedy": made.greedy,
             "seed": made.seed,
