@@ -135,7 +135,7 @@ class RunResult:
         return self.programs * self._executions_per_program + calibration
 
     def summary(self, calibration: str | None = None) -> dict[str, Any]:
-        """The plain values of `qcompile run --json`; `calibration` names the file that was given."""
+        """The plain values of `qcompile run --json`; `calibration` is the name of its file."""
         made, rewards = self.deployment, self.rewards
         policy, counts = made.policy, made.executable.gate_counts()
         threshold = self.threshold
