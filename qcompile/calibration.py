@@ -88,9 +88,7 @@ class ReadoutFit(_Record):
     @model_validator(mode="after")
     def _check(self) -> ReadoutFit:
         if any(p10 + p01 >= 1 for p10, p01 in zip(self.p10, self.p01, strict=False)):
-            raise ValueError(
-                "p10 + p01 of a qubit is 1 or more, it tells nothing"
-            )
+            raise ValueError("p10 + p01 of a qubit is 1 or more, it tells nothing")
         return self
 
 

@@ -44,7 +44,7 @@ class TwinExecutor:
         left_out = set(range(len(calibration.device.qubits))) - set(calibration.qubits)
         left_out |= set(calibration.device.left_out)
         # Not `model_copy`: it would bring what is cached of the qubits that are usable.
-        fields = dict(calibration.device) | {"left_out": tuple(sorted(left_out))}
+        fields = calibration.device.model_dump() | {"left_out": tuple(sorted(left_out))}
         self.device = Device(**fields)
         self.rng = np.random.default_rng(seed)
 

@@ -24,7 +24,8 @@ class Mitigation:
 
     Arrays of (circuits,); w lies in [0, pi], the polar angle of the ideal Bloch vector. Readout
     errors alone have no tilt; where it is not 0, two w near a pole show the same <Z>, and the one
-    farther from that pole is taken. `covariance` (circuits, 3, 3) is that of offset, contrast, tilt.
+    farther from that pole is taken. `covariance` is that of (offset, contrast, tilt), (circuits, 3,
+    3).
     """
 
     offset: FloatArray

@@ -41,7 +41,7 @@ def test_the_json_document_holds_the_contract(qcompile: Call, policy: Call) -> N
     answer = qcompile("run", policy(), "--episodes", 3, "--seed", 5, "--shots", 100, "--json")
     assert (answer.code, answer.err) == (0, "")
     found = answer.json()
-    assert set(found) == DOCUMENTED | {"greedy", "interrupted"}
+    assert set(found) == DOCUMENTED | {"greedy", "interrupted", "predistort"}
     assert [episode["seed"] for episode in found["episodes"]] == [5, 6, 7]
     assert all(set(episode) == {"seed", "reward", "length"} for episode in found["episodes"])
     rewards = [episode["reward"] for episode in found["episodes"]]
@@ -84,10 +84,11 @@ def test_an_alias_names_the_device_and_its_cost_is_counted(qcompile: Call, polic
     found = answer.json()
     assert (found["backend"], found["kind"]) == ("ibm_lima", "noise-model")
     assert found["mitigation"] == "readout"
-    # 4 circuits fit side by side on 5 qubits; the calibration is one job of 2 x 8192 executions;
+    # 4 circuits fit side by side on 5 qubits; the calibration is one job of 6 x 8192 executions
+    # (all 0, all 1, and two patterns for each of the 2 bits of their numbers);
     # every step of the longest episode is one job. IBM: 2 s for each job, 0.35 ms for each.
     assert found["rounds_per_step"] == 1
-    assert found["executions"] == 8192 * found["env_steps"] + 2 * 8192
+    assert found["executions"] == 8192 * found["env_steps"] + 6 * 8192
     jobs = 1 + max(episode["length"] for episode in found["episodes"])
     expected = 2 * jobs + 0.00035 * found["executions"]
     assert found["qpu_seconds_estimate"] == pytest.approx(expected)
@@ -432,7 +433,7 @@ def test_an_interrupted_run_is_still_one_json_document(
     answer = qcompile("run", policy(), "--episodes", 50, "--json")
     assert answer.code == 1
     found = answer.json()
-    assert set(found) == DOCUMENTED | {"greedy", "interrupted"}
+    assert set(found) == DOCUMENTED | {"greedy", "interrupted", "predistort"}
     assert found["ci95"] is None  # the shortest episodes end first: no estimate
     assert found["solved"] is None
     assert (found["interrupted"], len(found["episodes"])) == (True, 3)
