@@ -26,6 +26,7 @@ _ROUNDING = 1e-6
 
 Count = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
+Triple = tuple[Finite, Finite, Finite]
 Shots = Annotated[int, Field(ge=1)]
 
 
@@ -98,8 +99,8 @@ class ResponseFit(_Record):
     `chi_square` says how well the curve fits, against `degrees_of_freedom` expected.
     """
 
-    curves: tuple[tuple[Finite, Finite, Finite], ...]
-    covariance: tuple[tuple[tuple[Finite, Finite, Finite], ...], ...]
+    curves: tuple[Triple, ...]
+    covariance: tuple[tuple[Triple, Triple, Triple], ...]
     chi_square: tuple[Count, ...]
     degrees_of_freedom: int
 

@@ -120,7 +120,10 @@ def test_angles_that_do_not_fix_a_curve_are_refused(angles: np.ndarray) -> None:
 
 
 def test_the_cone_holds_where_counts_would_leave_it() -> None:
-    """Counts no state gives: between the angles <Z> leaves [-1, 1]. Nelder-Mead minimises the same misfit per qubit."""
+    """Counts no state gives: between the angles <Z> leaves [-1, 1].
+
+    Nelder-Mead minimises the same misfit, qubit by qubit.
+    """
     z = np.stack([curve(0.0, -0.97, 0.35), curve(-0.02, -0.96, -0.36)], axis=1)
     ones = np.round((1 - z) / 2 * SHOTS)
     found = fit_response(ANGLES, ones, SHOTS, np.array([0, 1]))

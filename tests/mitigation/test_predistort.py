@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -39,16 +40,12 @@ def test_the_measured_expectation_is_the_ideal_one(
     ideal = np.cos(executable.bind(x, theta) - executable.angle_offset_rad)
     b, c, s = np.array(curves)[executable.qubits].T
     nearest = np.clip(ideal, b - np.hypot(c, s), b + np.hypot(c, s))
-    bent = bent.__class__(**{**vars_of(bent), "device": twin.device})
+    bent = replace(bent, device=twin.device)
     found = twin.expectation(bent, x, theta)
     np.testing.assert_allclose(found, nearest, rtol=0, atol=1e-9)
     assert (nearest != ideal).any()
     straight = twin.expectation(compile(program, twin.device), x, theta)
     assert np.abs(straight - ideal).max() > 0.1
-
-
-def vars_of(executable: object) -> dict[str, object]:
-    return {name: getattr(executable, name) for name in executable.__dataclass_fields__}  # type: ignore[attr-defined]
 
 
 def test_a_perfect_curve_leaves_the_angles(made: Callable[..., Calibration]) -> None:
@@ -88,6 +85,7 @@ def test_what_cannot_be_bent_is_refused(made: Callable[..., Calibration]) -> Non
     bent = predistorted(compile(program, calibration.device), calibration)
     with pytest.raises(CalibrationError, match="bent already"):
         predistorted(bent, calibration)
+    other = made(readout=([0.1] * 3, [0.1] * 3))
+    executable = compile(program, other.device)
     with pytest.raises(CalibrationError, match="no response curves"):
-        other = made(readout=([0.1] * 3, [0.1] * 3))
-        predistorted(compile(program, other.device), other)
+        predistorted(executable, other)
