@@ -110,11 +110,20 @@ def fit_response(
     residual = design @ fitted.T - z
     chi_square = (weights * residual**2).sum(axis=0) if shots else np.zeros(len(qubits))
     return ResponseFit(
-        curves=tuple(map(tuple, fitted.tolist())),
-        covariance=tuple(tuple(map(tuple, matrix)) for matrix in covariance.tolist()),
+        curves=_nested(fitted),
+        covariance=_nested(covariance),
         chi_square=tuple(chi_square.tolist()),
         degrees_of_freedom=len(angles_rad) - 3,
     )
+
+
+def _nested(array: FloatArray) -> Any:
+    """The numbers of an array in tuples of tuples."""
+    return _tuples(array.tolist())
+
+
+def _tuples(values: Any) -> Any:
+    return tuple(map(_tuples, values)) if isinstance(values, list) else values
 
 
 def _variance(frequency: FloatArray, shots: FloatArray | float) -> FloatArray:
