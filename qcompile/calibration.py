@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import os
 from datetime import datetime
 from functools import cached_property
 from pathlib import Path
@@ -20,9 +22,11 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
 FORMAT = "qcompile-calibration-1"
+_ROUNDING = 1e-6
 
 Count = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
+Triple = tuple[Finite, Finite, Finite]
 Shots = Annotated[int, Field(ge=1)]
 
 
@@ -40,6 +44,13 @@ class ReadoutCounts(_Record):
     ones: tuple[tuple[Count, ...], ...]
     shots: Shots | None
 
+    @model_validator(mode="after")
+    def _check(self) -> ReadoutCounts:
+        if [len(row) for row in self.prepared] != [len(row) for row in self.ones]:
+            raise ValueError("prepared and ones have not the same shape")
+        _check_ones(self.ones, self.shots)
+        return self
+
 
 class ResponseCounts(_Record):
     """Ones of each qubit after sx rz(a) sx (rx(a) where it is native), (angles, qubits).
@@ -50,6 +61,19 @@ class ResponseCounts(_Record):
     angles_rad: tuple[Finite, ...]
     ones: tuple[tuple[Count, ...], ...]
     shots: Shots | None
+
+    @model_validator(mode="after")
+    def _check(self) -> ResponseCounts:
+        if len(self.angles_rad) != len(self.ones):
+            raise ValueError("ones has not one row for each angle")
+        _check_ones(self.ones, self.shots)
+        return self
+
+
+def _check_ones(ones: tuple[tuple[float, ...], ...], shots: int | None) -> None:
+    most = max((max(row, default=0.0) for row in ones), default=0.0)
+    if most > (shots or 1 + _ROUNDING):
+        raise ValueError(f"{most:g} ones in {shots or 1} shots")
 
 
 class ReadoutFit(_Record):
@@ -62,6 +86,12 @@ class ReadoutFit(_Record):
     chi_square: tuple[Count, ...]
     degrees_of_freedom: int
 
+    @model_validator(mode="after")
+    def _check(self) -> ReadoutFit:
+        if any(p10 + p01 >= 1 for p10, p01 in zip(self.p10, self.p01, strict=False)):
+            raise ValueError("p10 + p01 of a qubit is 1 or more, it tells nothing")
+        return self
+
 
 class ResponseFit(_Record):
     """b, c, s of each qubit's measured <Z> = b + c cos(a) + s sin(a), with their covariance.
@@ -69,10 +99,17 @@ class ResponseFit(_Record):
     `chi_square` says how well the curve fits, against `degrees_of_freedom` expected.
     """
 
-    curves: tuple[tuple[Finite, Finite, Finite], ...]
-    covariance: tuple[tuple[tuple[Finite, Finite, Finite], ...], ...]
+    curves: tuple[Triple, ...]
+    covariance: tuple[tuple[Triple, Triple, Triple], ...]
     chi_square: tuple[Count, ...]
     degrees_of_freedom: int
+
+    @model_validator(mode="after")
+    def _check(self) -> ResponseFit:
+        for b, c, s in self.curves:
+            if not 0 < math.hypot(c, s) <= 1 - abs(b) + _ROUNDING:
+                raise ValueError(f"the curve {b:g}, {c:g}, {s:g} is flat or leaves [-1, 1]")
+        return self
 
 
 class Calibration(_Record):
@@ -106,6 +143,9 @@ class Calibration(_Record):
                 len(column) != count for column in vars(fit).values() if isinstance(column, tuple)
             ):
                 raise ValueError(f"a fit has not one entry for each of {count} qubits")
+        for counts in (self.readout_counts, self.response_counts):
+            if counts is not None and any(len(row) != count for row in counts.ones):
+                raise ValueError(f"a row of counts has not one entry for each of {count} qubits")
         return self
 
     @cached_property
@@ -157,4 +197,10 @@ def load_calibration(path: Path) -> Calibration:
 
 def is_calibration(path: Path) -> bool:
     """Whether a file says that it is one."""
-    return path.is_file() and f'"{FORMAT}"'.encode() in path.read_bytes()[:200]
+    if not os.path.isfile(path):  # unlike Path.is_file, False for a name too long to be one
+        return False
+    try:
+        with path.open("rb") as file:
+            return f'"{FORMAT}"'.encode() in file.read(200)
+    except OSError:
+        return False

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from qcompile.device import Device
 from qcompile.errors import CountsError, DeviceError, MissingExtraError
-from qcompile.execution.executor import CountArray, FloatArray, Kind, check_shots
+from qcompile.execution.executor import CountArray, FloatArray, Kind, check_device, check_shots
 from qcompile.ir import Circuit
 from qcompile.passes import Executable
 
@@ -116,12 +116,7 @@ class PrimitiveExecutor:
     def _rounds_of(self, executable: Executable) -> list[_Round]:
         rounds = self._rounds.get(executable)
         if rounds is None:
-            if executable.device is not self.device and executable.device != self.device:
-                raise DeviceError(
-                    f"The executable was compiled for {executable.device.name}, "
-                    f"this executor runs {self.device.name}.",
-                    "Compile the program for `executor.device`.",
-                )
+            check_device(executable, self.device)
             rounds = [_build_round(executable, index) for index in range(executable.round_count)]
             self._rounds[executable] = rounds
         return rounds

@@ -7,17 +7,26 @@ import math
 import numpy as np
 
 from qcompile.calibration import Calibration
+from qcompile.device import Device
 from qcompile.errors import CalibrationError
-from qcompile.execution.executor import CountArray, FloatArray, Kind, check_shots
+from qcompile.execution.executor import (
+    CountArray,
+    FloatArray,
+    IntArray,
+    Kind,
+    check_device,
+    check_shots,
+)
 from qcompile.passes import Executable
 
 
 class TwinExecutor:
     """Runs executables of level 2 on the response curves of a calibration.
 
-    The measured <Z> of sx rz(a) sx is b + c cos(a) + s sin(a); circuits without a rotation lie on
-    the same curve. A twin is no hardware: it has the noise that was measured, not what comes since.
-    The same seed and the same calls give the same counts.
+    The measured <Z> of sx rz(a) sx, or rx(a), is b + c cos(a) + s sin(a). The empty circuit and x
+    show what the readout was calibrated with; sx alone, and those two where no readout was
+    calibrated, are taken to lie on the curve. A twin is no hardware: it has the noise that was
+    measured, not what comes since. The same seed and the same calls give the same counts.
 
     Raises:
         CalibrationError: the calibration holds no response curves.
@@ -33,9 +42,10 @@ class TwinExecutor:
             )
         self.calibration, self._curves = calibration, np.array(calibration.response.curves)
         left_out = set(range(len(calibration.device.qubits))) - set(calibration.qubits)
-        self.device = calibration.device.model_copy(
-            update={"left_out": tuple(sorted(left_out | set(calibration.device.left_out)))}
-        )
+        left_out |= set(calibration.device.left_out)
+        # Not `model_copy`: it would bring what is cached of the qubits that are usable.
+        fields = calibration.device.model_dump() | {"left_out": tuple(sorted(left_out))}
+        self.device = Device(**fields)
         self.rng = np.random.default_rng(seed)
 
     def run(
@@ -46,6 +56,7 @@ class TwinExecutor:
         Raises:
             CalibrationError: another level than 2, or a qubit without a curve.
             CountsError: shots out of range.
+            DeviceError: the executable was compiled for another device.
         """
         check_shots(shots)
         p_one = (1.0 - self.expectation(executable, x, theta)) / 2.0
@@ -56,30 +67,34 @@ class TwinExecutor:
 
         Raises:
             CalibrationError: another level than 2, or a qubit without a curve.
+            DeviceError: the executable was compiled for another device.
         """
-        angles = self._angles(executable, x, theta)
-        b, c, s = self._curves[self.calibration.rows(executable.qubits)].T
-        return np.asarray(b + c * np.cos(angles) + s * np.sin(angles))
+        check_device(executable, self.device)
+        rows = self.calibration.rows(executable.qubits)
+        b, c, s = self._curves[rows].T
+        gates = [" ".join(gate.name for gate in made.gates) for made in executable.native.circuits]
+        fixed = np.array([_polar_of_fixed(names) for names in gates])
+        angles = executable.bind_slots(x, theta)[..., 0]
+        angles = np.where(np.isnan(fixed), angles, executable.angle_offset_rad + fixed)
+        z = b + c * np.cos(angles) + s * np.sin(angles)
+        return np.where(np.isnan(shown := self._shown(gates, rows)), z, shown)
 
-    def _angles(self, executable: Executable, x: FloatArray, theta: FloatArray) -> FloatArray:
-        """(B, circuits): the angle on the curve, where circuits without a rotation have theirs."""
-        angles, offset = executable.bind_slots(x, theta)[..., 0], executable.angle_offset_rad
-        at = [_polar_of_fixed(names, offset) for names in _gate_names(executable)]
-        fixed = np.array([math.nan if a is None else a for a in at])
-        return np.where(np.isnan(fixed), angles, fixed)
+    def _shown(self, gates: list[str], rows: IntArray) -> FloatArray:
+        """(circuits,): the <Z> of the circuits that the readout was calibrated with, else nan."""
+        shown = np.full(len(gates), math.nan)
+        fit = self.calibration.readout
+        if fit is not None:
+            of_zero, of_one = 1.0 - 2.0 * np.array(fit.p10)[rows], 2.0 * np.array(fit.p01)[rows] - 1
+            shown = np.where([names == "" for names in gates], of_zero, shown)
+            shown = np.where([names == "x" for names in gates], of_one, shown)
+        return np.asarray(shown)
 
 
-def _gate_names(executable: Executable) -> list[str]:
-    return [" ".join(gate.name for gate in c.gates) for c in executable.native.circuits]
-
-
-def _polar_of_fixed(gates: str, offset: float) -> float | None:
-    """The native angle that does what `gates` without a rotation do; None if they have one."""
-    polar = {"": 0.0, "sx": math.pi / 2, "x": math.pi}
-    if gates in ("sx rz sx", "rx"):
-        return None
+def _polar_of_fixed(gates: str) -> float:
+    """The polar angle that `gates` without a rotation make of |0>; nan if they have one."""
+    polar = {"": 0.0, "sx": math.pi / 2, "x": math.pi, "sx rz sx": math.nan, "rx": math.nan}
     if gates not in polar:
         raise CalibrationError(
             f"A measured response knows sx rz sx, found {gates!r}.", "Use level 2."
         )
-    return offset + polar[gates]
+    return polar[gates]

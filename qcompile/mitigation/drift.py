@@ -43,7 +43,8 @@ def measure_drift(old: Calibration, fresh: Calibration) -> Drift:
     each circuit.
 
     Raises:
-        CalibrationError: another device, no circuit in common, or calibrations without shots.
+        CalibrationError: another device, a qubit that `old` lacks, other angles, no circuit in
+            common, or calibrations without shots.
     """
     if old.backend != fresh.backend:
         raise CalibrationError(
@@ -51,17 +52,18 @@ def measure_drift(old: Calibration, fresh: Calibration) -> Drift:
             "Compare calibrations of one device.",
         )
     rows = old.rows(np.array(fresh.qubits))
+    responses = old.response_counts, fresh.response_counts
+    if None not in responses and responses[0].angles_rad != responses[1].angles_rad:  # type: ignore[union-attr]
+        raise CalibrationError(
+            "The calibrations were measured at different angles.",
+            "Measure the fresh counts at the angles of the calibration.",
+        )
     total, degrees = np.zeros(len(rows)), 0
     for before, after in zip(_frequencies(old), _frequencies(fresh), strict=True):
         if before is None or after is None:
             continue
         p_before, shots_before = before[0][:, rows], before[1]
         p_after, shots_after = after
-        if p_before.shape != p_after.shape:
-            raise CalibrationError(
-                "The calibrations were measured with different circuits.",
-                f"Found {len(p_before)} and {len(p_after)}; use as many angles, and all qubits.",
-            )
         pooled = (p_before * shots_before + p_after * shots_after + 0.5) / (
             shots_before + shots_after + 1
         )

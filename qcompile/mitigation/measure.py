@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from qcompile.calibration import Calibration, ReadoutCounts, ResponseCounts
 from qcompile.device import Device
+from qcompile.errors import CalibrationError
 from qcompile.execution.executor import Executor
 from qcompile.ir import Angle, Circuit, Gate, Program
 from qcompile.mitigation.fits import fit_readout, fit_response
@@ -40,14 +41,22 @@ def calibrate(
 
     Readout: every qubit is prepared in |0> and |1> in `patterns`; the noise of the gate that
     prepares |1> counts as readout error. Response: sx rz(a) sx (rx(a) where it is native) at
-    `angles_rad`. Without shots exact probabilities are fitted. `on_circuit`
-    gets how many circuits are done, of how many.
+    `angles_rad`. Without shots exact probabilities are fitted. `on_circuit` gets how many circuits
+    are done, of how many.
 
     Raises:
         CalibrationError: a qubit cannot be calibrated, or not with so few shots.
         CountsError: shots out of range.
     """
     qubits = np.unique(qubits)
+    known = len(executor.device.qubits)
+    if not qubits.size or (known and qubits[-1] >= known):
+        raise CalibrationError(
+            f"{executor.device.name} has no qubit {qubits[-1]}."
+            if qubits.size
+            else "There is no qubit to calibrate.",
+            f"Its qubits are 0 to {known - 1}." if known else "Name one at least.",
+        )
     prepared = patterns(len(qubits))
     of = len(prepared) * ("readout" in parts) + len(angles_rad) * ("response" in parts)
     readout_counts = response_counts = None

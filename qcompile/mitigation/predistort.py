@@ -43,6 +43,6 @@ def predistorted(executable: Executable, calibration: Calibration) -> Executable
     """
     if executable.bend is not None:
         raise CalibrationError("The executable is bent already.", "Start from the compiled one.")
-    response = response_mitigation(calibration, executable)
+    response = response_mitigation(calibration, executable, any_side=True)
     has_rotation = np.array([count["rz"] + count["rx"] for count in executable.gate_counts()]) > 0
     return replace(executable, bend=_Bend(response, executable.angle_offset_rad, has_rotation))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,9 @@ class Mitigation:
     """The measured <Z> of circuit i is offset_i + contrast_i cos(w - tilt_i) for ideal cos(w).
 
     Arrays of (circuits,); w lies in [0, pi], the polar angle of the ideal Bloch vector. Readout
-    errors alone have no tilt. `covariance` (circuits, 3, 3) is that of offset, contrast and tilt.
+    errors alone have no tilt; where it is not 0, two w near a pole show the same <Z>, and the one
+    farther from that pole is taken. `covariance` is that of (offset, contrast, tilt), (circuits, 3,
+    3).
     """
 
     offset: FloatArray
@@ -36,17 +39,27 @@ class Mitigation:
         What no ideal circuit shows is clipped to [-1, 1]; without tilt this is the least-squares
         solution under that constraint.
         """
-        u = np.minimum(np.maximum((z - self.offset) / self.contrast, -1.0), 1.0)
+        u = self._undone(z)
         if not self._tilted:
             return u
         return np.asarray(np.cos(self.tilt) * u - np.sin(self.tilt) * np.sqrt(1.0 - u * u))
+
+    def _undone(self, z: FloatArray) -> FloatArray:
+        """cos(w - tilt) in what w in [0, pi] can show."""
+        u = (z - self.offset) / self.contrast
+        if not self._tilted:
+            return np.asarray(np.minimum(np.maximum(u, -1.0), 1.0))
+        border = np.cos(self.tilt)
+        least = np.where(self.tilt > 0.0, -border, -1.0)
+        most = np.where(self.tilt < 0.0, border, 1.0)
+        return np.asarray(np.minimum(np.maximum(u, least), most))
 
     def standard_error(self, z: FloatArray, shots: int) -> FloatArray:
         """The standard error of `apply(z)` for z (B, circuits) measured with `shots`.
 
         Shot noise and the uncertainty of the calibration, to first order.
         """
-        u = np.clip((z - self.offset) / self.contrast, -1.0, 1.0)
+        u = self._undone(z)
         across = np.sqrt(1.0 - u * u)
         slope = np.ones_like(u)
         if self._tilted:
@@ -58,7 +71,7 @@ class Mitigation:
         counted = slope**2 * np.clip(1.0 - z * z, 1.0 / shots, None) / shots
         return np.asarray(np.sqrt(counted + calibrated))
 
-    @property
+    @cached_property
     def _tilted(self) -> bool:
         return bool(self.tilt.any())
 
@@ -85,11 +98,15 @@ def readout_mitigation(calibration: Calibration, executable: Executable) -> Miti
     return Mitigation(p01 - p10, 1.0 - p01 - p10, np.zeros(len(rows)), covariance)
 
 
-def response_mitigation(calibration: Calibration, executable: Executable) -> Mitigation:
+def response_mitigation(
+    calibration: Calibration, executable: Executable, *, any_side: bool = False
+) -> Mitigation:
     """Undo readout and gate errors of circuits sx rz(a) sx (rx(a) where it is native).
 
     The response curve b + c cos(a) + s sin(a) is offset + contrast cos(w - tilt) in the ideal polar
     angle w = a - pi (a for rx). Circuits without a rotation are taken to lie on the same curve.
+    Angles that are not polar may lie on both sides of |0>, where a tilt acts oppositely: <Z> does
+    not tell which, and their mean is undone. `any_side` says that the side is known all the same.
 
     Raises:
         CalibrationError: the executable is not of level 2, a qubit was not calibrated, or no
@@ -109,10 +126,9 @@ def response_mitigation(calibration: Calibration, executable: Executable) -> Mit
     curve, covariance = np.array(fit.curves)[rows], np.array(fit.covariance)[rows]
     sign = math.cos(executable.angle_offset_rad)
     b, c, s = curve[:, 0], sign * curve[:, 1], sign * curve[:, 2]
-    # Without polar angles the sign of sin(w) is not known, and a tilt within its error costs more
-    # than it brings: the mean of both signs is taken.
+    # A tilt within its error costs more than it brings.
     seen = np.abs(s) > _SEEN * np.sqrt(covariance[:, 2, 2])
-    s = np.where(seen & executable.has_polar_angles, s, 0.0)
+    s = np.where(seen & (any_side or executable.has_polar_angles), s, 0.0)
     contrast, tilt = np.hypot(c, s), np.arctan2(s, c)
     jacobian = np.zeros((len(rows), 3, 3))  # of (offset, contrast, tilt) by (b, c, s)
     jacobian[:, 0, 0] = 1.0

@@ -166,12 +166,15 @@ class Executable:
 
     @cached_property
     def open_slots(self) -> tuple[tuple[int, int], ...]:
-        """Circuit and slot of every angle that is not known before binding, in order."""
+        """Circuit and slot of every angle that is not known before binding, in order.
+
+        With `bend` constant angles are among them, which it changes too.
+        """
         return tuple(
             (index, slot)
             for index, circuit in enumerate(self.native.circuits)
             for slot, gate in enumerate(_rotations(circuit))
-            if gate.angle is not None and not gate.angle.is_constant
+            if gate.angle is not None and (self.bend is not None or not gate.angle.is_constant)
         )
 
     def template(self) -> Program:

@@ -179,7 +179,10 @@ qpu_seconds_estimate env_steps wall_seconds""".split()  # noqa: SIM905
 
 
 def test_a_summary_has_what_is_documented_and_counts_by_hand() -> None:
-    """Eight circuits on the five qubits of ibm_lima are two rounds."""
+    """Eight circuits on four of the five qubits of ibm_lima are two rounds.
+
+    The calibration of four qubits has six patterns.
+    """
     deployment = deploy(cartpole(2), "ibm_lima", shots=128, mitigation="readout", seed=9)
     result = play(deployment, 3)
     summary = result.summary()
@@ -189,7 +192,7 @@ def test_a_summary_has_what_is_documented_and_counts_by_hand() -> None:
     assert [set(e) for e in summary["episodes"]] == [{"seed", "reward", "length"}] * 3
     assert [e["seed"] for e in summary["episodes"]] == [9, 10, 11]
     assert rewards == [float(n) for n in lengths], "CartPole pays 1 a step"
-    executions = sum(lengths) * 2 * 128 + 2 * 8192
+    executions = sum(lengths) * 2 * 128 + 6 * 8192
     expected = {
         "policy": "leaning",
         "environment": "CartPole-v1",
