@@ -3,13 +3,19 @@
 from qcompile.mitigation.drift import Drift, measure_drift
 from qcompile.mitigation.measure import CALIBRATION_SHOTS, calibrate
 from qcompile.mitigation.predistort import predistorted
-from qcompile.mitigation.undo import Mitigation, readout_mitigation, response_mitigation
+from qcompile.mitigation.undo import (
+    Mitigation,
+    check_response_level,
+    readout_mitigation,
+    response_mitigation,
+)
 
 __all__ = [
     "CALIBRATION_SHOTS",
     "Drift",
     "Mitigation",
     "calibrate",
+    "check_response_level",
     "measure_drift",
     "predistorted",
     "readout_mitigation",

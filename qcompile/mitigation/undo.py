@@ -112,11 +112,7 @@ def response_mitigation(
         CalibrationError: the executable is not of level 2, a qubit was not calibrated, or no
             response was.
     """
-    if executable.level != 2:
-        raise CalibrationError(
-            f"Mitigation response needs level 2, found level {executable.level}.",
-            "The response curve is that of sx rz sx; take --level 2 or --mitigation readout.",
-        )
+    check_response_level(executable.level)
     fit, rows = calibration.response, calibration.rows(executable.qubits)
     if fit is None:
         raise CalibrationError(
@@ -136,3 +132,12 @@ def response_mitigation(
     jacobian[:, 2, 1:] = sign * np.stack([-s, c], axis=1) / contrast[:, None] ** 2
     turned = jacobian @ covariance @ jacobian.transpose(0, 2, 1)
     return Mitigation(b, contrast, tilt, turned)
+
+
+def check_response_level(level: int) -> None:
+    """Raise CalibrationError where response curves say nothing of the circuits of a level."""
+    if level != 2:
+        raise CalibrationError(
+            f"Response curves need level 2, found level {level}.",
+            "They are those of sx rz sx; take --level 2 or --mitigation readout.",
+        )

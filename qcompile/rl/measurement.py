@@ -19,6 +19,7 @@ from qcompile.mitigation import (
     CALIBRATION_SHOTS,
     Mitigation,
     calibrate,
+    check_response_level,
     predistorted,
     readout_mitigation,
     response_mitigation,
@@ -70,6 +71,8 @@ class Measurement:
                 f"Predistorted angles and mitigation {mitigation!r} contradict each other.",
                 "Bent angles make the device show the ideal <Z>: take --mitigation none.",
             )
+        if predistort or mitigation == "response":
+            check_response_level(level)  # before anything is measured
         self.shots, self.copies, self.executor = shots, copies, executor
         self.executable: Executable = compile(
             program, executor.device, level, importance, copies=copies

@@ -217,9 +217,9 @@ def test_contradictions_are_wrong_usage(
         ),
         (
             ("--mitigation", "response", "--level", "1", "--calibration", "lima.json"),
-            "Mitigation response needs level 2, found level 1.",
+            "Response curves need level 2, found level 1.",
         ),
-        (("--predistort", "--level", "1"), "Mitigation response needs level 2, found level 1."),
+        (("--predistort", "--level", "1"), "Response curves need level 2, found level 1."),
         (("--calibration", "bad.json"), "bad.json is no calibration.\n  the file: invalid JSON: "),
         (("--calibration", "nosuch.json"), "nosuch.json is no calibration.\n"),
         (

@@ -80,7 +80,7 @@ def test_circuits_without_a_rotation_stay_and_constants_are_bent(
 def test_what_cannot_be_bent_is_refused(made: Callable[..., Calibration]) -> None:
     calibration = made(curves=CURVES)
     program, _ = parallel(3, 1)
-    with pytest.raises(CalibrationError, match="needs level 2"):
+    with pytest.raises(CalibrationError, match="need level 2"):
         predistorted(compile(program, calibration.device, 1), calibration)
     bent = predistorted(compile(program, calibration.device), calibration)
     with pytest.raises(CalibrationError, match="bent already"):

@@ -192,6 +192,6 @@ def test_what_was_not_calibrated_is_refused(made: Made) -> None:
         readout_mitigation(response, on(response, 1))
     with pytest.raises(CalibrationError, match="holds no response curves"):
         response_mitigation(readout, on(readout, 1))
-    with pytest.raises(CalibrationError, match="needs level 2, found level 1"):
+    with pytest.raises(CalibrationError, match="need level 2, found level 1"):
         response_mitigation(response, on(response, 1, level=1))
     assert readout_mitigation(readout, on(readout, 1, level=0)).contrast[0] == pytest.approx(0.8)
