@@ -26,8 +26,9 @@ lint: $(VENV)/dev.stamp  ## Check style and format
 types: $(VENV)/dev.stamp  ## Check types
 	$(BIN)/mypy
 
-bench: $(VENV)/bench.stamp  ## Measure speed beside the peers, in one run
+bench: $(VENV)/bench.stamp  ## Measure speed and errors beside the peers, in one run
 	$(BIN)/python benchmarks/peers.py
+	$(BIN)/python benchmarks/mitigation.py
 	$(BIN)/python benchmarks/training.py
 
 docs: $(VENV)/docs.stamp  ## Build the documentation into site/

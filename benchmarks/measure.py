@@ -22,7 +22,7 @@ class Row:
     """A figure with its quartiles, what it is of, and what is wanted of it."""
 
     what: str
-    qcompile_s: float
+    qcompile_s: float | None
     peer_s: float | None
     figure: float
     quartiles: tuple[float, float]
@@ -71,6 +71,12 @@ def alone(what: str, times: list[float], factor: float, unit: str, wanted: str) 
     return Row(what, middle, None, middle * factor, (low * factor, high * factor), unit, wanted)
 
 
+def spread(what: str, figures: list[float], unit: str, wanted: str) -> Row:
+    """A row of figures that are no times, one for each seed."""
+    low, middle, high = np.percentile(figures, [25, 50, 75]).tolist()
+    return Row(what, None, None, middle, (low, high), unit, wanted)
+
+
 def show(rows: Callable[[], list[Row]], description: str) -> None:
     """Measure and print a table, or with --json one JSON document."""
     parser = argparse.ArgumentParser(description=description)
@@ -85,7 +91,7 @@ def show(rows: Callable[[], list[Row]], description: str) -> None:
         [
             [
                 row.what,
-                f"{row.qcompile_s:.3g}",
+                "" if row.qcompile_s is None else f"{row.qcompile_s:.3g}",
                 "" if row.peer_s is None else f"{row.peer_s:.3g}",
                 f"{row.figure:.4g} {row.unit} ({row.quartiles[0]:.4g} to {row.quartiles[1]:.4g})",
                 row.wanted,

@@ -9,10 +9,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from qcompile.calibration import Calibration, load_calibration
     from qcompile.device import Device, load_device
     from qcompile.errors import QcompileError
-    from qcompile.execution import OfflineExecutor, expectation_from_ones
+    from qcompile.execution import OfflineExecutor, TwinExecutor, expectation_from_ones
     from qcompile.ir import Angle, Circuit, Gate, Program
+    from qcompile.mitigation import calibrate
     from qcompile.passes import Executable, compile
     from qcompile.policy import Policy, load_policy, save_policy
     from qcompile.simulate import Simulator
@@ -21,6 +23,7 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "Angle": "qcompile.ir",
+    "Calibration": "qcompile.calibration",
     "Circuit": "qcompile.ir",
     "Device": "qcompile.device",
     "Executable": "qcompile.passes",
@@ -30,8 +33,11 @@ _HOMES = {
     "Program": "qcompile.ir",
     "QcompileError": "qcompile.errors",
     "Simulator": "qcompile.simulate",
+    "TwinExecutor": "qcompile.execution",
+    "calibrate": "qcompile.mitigation",
     "compile": "qcompile.passes",
     "expectation_from_ones": "qcompile.execution",
+    "load_calibration": "qcompile.calibration",
     "load_device": "qcompile.device",
     "load_policy": "qcompile.policy",
     "save_policy": "qcompile.policy",
@@ -39,6 +45,7 @@ _HOMES = {
 
 __all__ = [
     "Angle",
+    "Calibration",
     "Circuit",
     "Device",
     "Executable",
@@ -48,8 +55,11 @@ __all__ = [
     "Program",
     "QcompileError",
     "Simulator",
+    "TwinExecutor",
+    "calibrate",
     "compile",
     "expectation_from_ones",
+    "load_calibration",
     "load_device",
     "load_policy",
     "save_policy",

@@ -59,7 +59,7 @@ class TrainingError(QcompileError, ValueError):
 
 
 class StudyError(QcompileError, ValueError):
-    """A study cannot be run or written up as asked."""
+    """A study, or a grid of evaluations, cannot be run or written up as asked."""
 
 
 class OutputError(QcompileError, OSError):

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from qcompile.device import Device, GateCalibration, Qubit, relaxation, relaxation_error
+from qcompile.device import Device, Qubit, left_after
 from qcompile.ir import Circuit, Gate
 from qcompile.passes import Executable
 
@@ -24,29 +24,13 @@ FloatArray = NDArray[np.float64]
 _EYE = np.eye(4)
 
 
-def depolarising(calibration: GateCalibration, qubit: Qubit) -> float:
-    """The depolarising probability that brings relaxation up to the gate error of a calibration.
-
-    It is 0 where relaxation alone is worse than the stated error, and at most 4/3.
-    """
-    relaxed = relaxation_error(qubit, calibration.length_ns)
-    error = min(calibration.error, 2 / 3)
-    if error <= relaxed:
-        return 0.0
-    if relaxed >= 0.5:  # nothing but |0> is left, whatever comes before
-        return 1.0
-    return min(2 * (error - relaxed) / (1 - 2 * relaxed), 4 / 3)
-
-
 def noise_after(gate: str, qubit: Qubit | None) -> FloatArray:
     """The map of the noise that follows `gate` on `qubit`, (4, 4); None is a perfect qubit."""
-    calibration = qubit.gates.get(gate) if qubit else None
-    if qubit is None or calibration is None:
+    if qubit is None:
         return _EYE
-    along, across = relaxation(qubit, calibration.length_ns)
-    kept = 1 - depolarising(calibration, qubit)
-    noise = np.diag([1.0, kept * across, kept * across, kept * along])
-    noise[3, 0] = 1 - along  # relaxation towards |0>
+    across, along, added = left_after(gate, qubit)
+    noise = np.diag([1.0, across, across, along])
+    noise[3, 0] = added
     return noise
 
 

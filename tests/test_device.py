@@ -298,6 +298,17 @@ def test_one_qubit_is_left_where_all_are_bad() -> None:
     lagos = load_device("fake_lagos")
     bad = lagos.model_copy(update={"qubits": lagos.qubits[:3]})
     assert bad.usable == (1,)
+    assert [*bad.unusable] == [0, 2]
+
+
+def test_qubits_can_be_left_out(tmp_path) -> None:
+    path = tmp_path / "mine.json"
+    path.write_text(json.dumps(_valid() | {"left_out": [2, 0]}))
+    device = load_device(path)
+    assert device.left_out == (2, 0)
+    assert device.usable == (1, 3, 4)
+    assert device.unusable == {0: "is in left_out", 2: "is in left_out"}
+    assert Device.model_validate_json(device.to_json()) == device
 
 
 @pytest.mark.parametrize(
@@ -308,6 +319,10 @@ def test_one_qubit_is_left_where_all_are_bad() -> None:
         (_with("t1_us", "100"), ["qubits.1.t1_us", "valid number"]),
         (_with("gates", {"sx": {"error": "0.1", "length_ns": 1}}), ["qubits.1.gates.sx.error"]),
         (_with("gates", {"sx": {"error": 0, "length_ns": True}}), ["qubits.1.gates.sx.length_ns"]),
+        (lambda d: d.update(left_out=[1, 5]), ["left_out names qubit 5", "does not have"]),
+        (lambda d: d.update(left_out=[-1]), ["left_out names qubit -1"]),
+        (lambda d: d.update(left_out=[0, 1, 2, 3, 4]), ["left_out names every qubit"]),
+        (lambda d: d.update(left_out=[True]), ["left_out.0", "valid integer"]),
         (lambda d: d.update(source=3), ["source", "valid string"]),
         (lambda d: d.update(basis_gates="rz sx x"), ["basis_gates"]),
     ],

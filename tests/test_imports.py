@@ -19,7 +19,7 @@ ORDER = (
     {"catalogue", "output", "validation", "limits"},
     {"ir"},
     {"simulate", "qasm", "device"},
-    {"passes", "snapshot"},
+    {"passes", "snapshot", "calibration"},
     {"noise"},
     {"execution"},
     {"mitigation"},
@@ -27,6 +27,7 @@ ORDER = (
     {"jobs", "rl"},
     {"report"},
     {"study"},
+    {"evaluation"},
     {"cli"},
     {"__main__"},
 )

@@ -12,9 +12,17 @@ from qiskit.quantum_info import PTM, average_gate_fidelity
 from qiskit_aer import AerSimulator
 from qiskit_aer.noise import NoiseModel, depolarizing_error, thermal_relaxation_error
 
-from qcompile.device import IDEAL, Device, GateCalibration, Qubit, load_device
+from qcompile.device import (
+    IDEAL,
+    Device,
+    GateCalibration,
+    Qubit,
+    depolarising,
+    load_device,
+    relaxation_error,
+)
 from qcompile.ir import FIXED_GATES, ROTATION_GATES, Circuit, Program
-from qcompile.noise import NoisyCircuits, depolarising, noise_after, readout_row, relaxation_error
+from qcompile.noise import NoisyCircuits, noise_after, readout_row
 from qcompile.passes import Executable, compile
 from qcompile.snapshot import find_backend
 

@@ -15,6 +15,8 @@ from qcompile.errors import QcompileError
 
 COMMANDS = {
     "run": "Play episodes with a policy on a backend.",
+    "evaluate": "Play a grid of policies, backends, shots and mitigations.",
+    "calibrate": "Measure the readout and the response of a device's qubits.",
     "show": "Show circuits before and after compilation.",
     "export": "Write a policy's circuits as an OpenQASM job.",
     "compile": "Compile an OpenQASM 2 or 3 file.",

@@ -32,17 +32,17 @@ def command(
 ) -> None:
     """Compile an OpenQASM 2 or 3 program without entangling gates.
 
-    On a device OpenQASM 3 names its physical qubits, those with the best readout first; a program
+    On a device OpenQASM 3 names its physical qubits, those with the least error first; a program
     that names physical qubits keeps them.
     """
-    from qcompile.device import load_device
+    from qcompile.execution import open_device
     from qcompile.jobs.program_file import compile_source
     from qcompile.output import write_file
     from qcompile.qasm.read import read_file
     from qcompile.report.wires import executable_values
 
     version: Literal["3", "2"] = "3" if format == "qasm3" else "2"
-    compiled = compile_source(read_file(file), load_device(backend), level, version)
+    compiled = compile_source(read_file(file), open_device(backend), level, version)
     if output is not None:
         write_file(output, compiled.text.encode())
     if as_json:

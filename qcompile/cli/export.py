@@ -50,12 +50,12 @@ def command(
     Without observations the programs have inputs; with them the angles are bound, one program for
     each observation and round.
     """
-    from qcompile.device import load_device
+    from qcompile.execution import open_device
     from qcompile.jobs.policy_job import export_job, read_observations
     from qcompile.policy import load_policy
     from qcompile.report.progress import progress_bar
 
-    device = load_device(backend)
+    device = open_device(backend)
     loaded = load_policy(policy)
     rows = None if observations is None else read_observations(observations, loaded)
     with progress_bar(f"{loaded.name} for {device.name}", 1 if rows is None else len(rows)) as show:

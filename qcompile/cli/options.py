@@ -51,7 +51,8 @@ def backend_option(default: str = "ideal") -> Decorator:
         default=default,
         show_default=True,
         metavar="NAME",
-        help="Device by name or file; `qcompile backends` lists them.",
+        help="Device by name or file (`qcompile backends` lists them), calibration file, or "
+        "qiskit:NAME.",
     )
 
 

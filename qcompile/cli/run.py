@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
+from datetime import UTC, datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from qcompile.cli.options import Shots, backend_option, echo_json, json_option, level_option
 from qcompile.limits import MAX_EPISODES
+
+if TYPE_CHECKING:
+    from qcompile.calibration import Calibration
+
+_HOURS = 24.0
+"""A calibration is trusted for so long; IBM's are measured anew every day."""
 
 
 @click.command("run")
@@ -29,8 +37,27 @@ from qcompile.limits import MAX_EPISODES
 @level_option
 @click.option(
     "--mitigation",
-    type=click.Choice(["none", "readout"]),
-    help="Undo readout errors.  [default: readout on a noisy backend, none on ideal]",
+    type=click.Choice(["none", "readout", "response"]),
+    help="Undo readout errors, or those of the gates as well.  [default: readout on a noisy "
+    "backend, none on ideal or with --predistort]",
+)
+@click.option(
+    "--calibration",
+    "calibration_file",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Mitigate with this file of `qcompile calibrate` instead of measuring first.",
+)
+@click.option(
+    "--predistort",
+    is_flag=True,
+    help="Bend the angles so that the device shows the ideal <Z>, where it can.",
+)
+@click.option(
+    "--copies",
+    type=click.IntRange(1, MAX_EPISODES),
+    default=1,
+    show_default=True,
+    help="Episodes that share an execution, side by side on the device.",
 )
 @click.option("--greedy", is_flag=True, help="Take the most probable action; default: sample.")
 @click.option(
@@ -47,6 +74,9 @@ def command(
     seed: int,
     level: int,
     mitigation: str | None,
+    calibration_file: Path | None,
+    predistort: bool,
+    copies: int,
     greedy: bool,
     video: Path | None,
     as_json: bool,
@@ -55,7 +85,8 @@ def command(
 
     A run repeats exactly with the same seed. Ctrl-C ends it and reports the finished episodes.
     """
-    from qcompile.device import load_device
+    from qcompile.calibration import load_calibration
+    from qcompile.device import IDEAL_NAME
     from qcompile.errors import QcompileError
     from qcompile.policy import load_policy
     from qcompile.report.film import SUFFIXES, Film
@@ -66,16 +97,39 @@ def command(
 
     if video is not None and video.suffix not in SUFFIXES:
         raise click.BadParameter(f"{video} must end with .mp4 or .gif.", param_hint="'--video'")
-    device = load_device(backend)
+    chosen = mitigation or ("none" if predistort or backend == IDEAL_NAME else "readout")
+    if predistort and chosen != "none":
+        raise click.UsageError(
+            f"--predistort and --mitigation {chosen} exclude each other: with bent angles the "
+            "device shows the ideal <Z>."
+        )
+    if calibration_file is not None and chosen == "none" and not predistort:
+        raise click.UsageError(
+            "--calibration needs --mitigation readout or response, or "
+            "--predistort: nothing else reads it."
+        )
     loaded = load_policy(policy)
-    chosen = mitigation or ("none" if device.is_ideal else "readout")
+    calibration = None
+    if calibration_file is not None:
+        calibration = load_calibration(calibration_file)
+        _report_age(calibration_file, calibration)
     with (
         nullcontext() if video is None else Film(video) as film,
-        progress_bar(f"{loaded.name} on {device.name}", episodes) as show,
+        progress_bar(f"{loaded.name} on {backend}", episodes) as show,
     ):
-        show(0, "compiling" if chosen == "none" else "calibrating the readout")
+        measures = calibration is None and (chosen != "none" or predistort)
+        show(0, "calibrating" if measures else "compiling")
         deployment = Deployment(
-            loaded, device, shots=shots, level=level, mitigation=chosen, greedy=greedy, seed=seed
+            loaded,
+            backend,
+            shots=shots,
+            level=level,
+            mitigation=chosen,
+            calibration=calibration,
+            predistort=predistort,
+            greedy=greedy,
+            seed=seed,
+            copies=copies,
         )
         show(0, "")
         rewards: list[float] = []
@@ -85,7 +139,8 @@ def command(
             show(len(rewards), f"mean reward {sum(rewards) / len(rewards):.1f}")
 
         result = play(deployment, episodes, on_episode=count, on_frame=film.add if film else None)
-    summary = result.summary()
+    file = None if calibration_file is None else str(calibration_file)
+    summary = result.summary(file)
     if as_json:
         echo_json(summary)
     else:
@@ -97,4 +152,14 @@ def command(
             f"Interrupted: {len(result.episodes)} of {episodes} episodes were finished.",
             "These are the shortest ones, so their mean is no estimate of the policy's score.",
             "Fewer --episodes end sooner.",
+        )
+
+
+def _report_age(path: Path, calibration: Calibration) -> None:
+    age = calibration.age_hours(datetime.now(UTC))
+    if age > _HOURS:
+        click.echo(
+            f"{path} is {age:.0f} hours old; `qcompile calibrate --check {path}` says whether it "
+            "still holds.",
+            err=True,
         )

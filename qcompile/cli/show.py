@@ -30,29 +30,33 @@ def command(
 ) -> None:
     """Show the circuits of a policy or an OpenQASM file, before and after compilation.
 
-    A policy's theta is shown as a symbol; `run` and `export` put its numbers in.
+    A policy's theta is shown as a symbol; `run` and `export` put its numbers in. On a backend with
+    qubits of its own the placement is shown too, and what it follows from.
     """
     if surrogate:
         _check_surrogate(ctx, subject)
         _show_surrogate(subject, as_json)
         return
-    from qcompile.device import load_device
+    from qcompile.execution import open_device
     from qcompile.passes import LEVELS, compile
     from qcompile.policy import load_policy
+    from qcompile.report.placement import print_placement
     from qcompile.report.tables import print_table
     from qcompile.report.wires import executable_values, wire
 
-    device = load_device(backend)
+    device = open_device(backend)
     if Path(subject).suffix == ".qasm":
         from qcompile.jobs.program_file import compile_source
         from qcompile.qasm.read import read_file
 
-        policy, executable = None, compile_source(read_file(subject), device, level, "3").executable
+        policy, importance = None, None
+        executable = compile_source(read_file(subject), device, level, "3").executable
     else:
         policy = load_policy(subject)
-        executable = compile(policy.program, device, level)
+        importance = policy.importance
+        executable = compile(policy.program, device, level, importance)
     program = executable.source
-    values = executable_values(executable)
+    values = executable_values(executable, importance)
     if policy is not None:
         values["policy"] = {
             "name": policy.name,
@@ -73,15 +77,14 @@ def command(
         click.echo(f"  before  {wire(program.circuits[0])}")
         click.echo(f"  after   {wire(executable.native.circuits[0])}")
     print_table(
-        ["circuit", "before", f"after, for {device.name}", "qubit", "round"],
-        [
-            [row["circuit"], row["source"], row["compiled"], row["qubit"], row["round"]]
-            for row in values["circuits"]
-        ],
+        ["circuit", "before", f"after, for {device.name}"],
+        [[row["circuit"], row["source"], row["compiled"]] for row in values["circuits"]],
     )
     if values["definitions"]:
         click.echo("Angles computed when an observation is bound, such as")
         click.echo(f"  {values['definitions'][0]}")
+    if not device.is_ideal:
+        print_placement(values)
 
 
 def _check_surrogate(ctx: click.Context, subject: str) -> None:

@@ -8,12 +8,19 @@ from qcompile.execution.executor import (
     expectation_from_ones,
 )
 from qcompile.execution.offline import OfflineExecutor
+from qcompile.execution.open import open_device, open_executor
+from qcompile.execution.primitive import PrimitiveExecutor
+from qcompile.execution.twin import TwinExecutor
 
 __all__ = [
     "Executor",
     "Kind",
     "OfflineExecutor",
+    "PrimitiveExecutor",
+    "TwinExecutor",
     "check_shots",
     "expectation_from_ones",
+    "open_device",
+    "open_executor",
     "qpu_seconds",
 ]

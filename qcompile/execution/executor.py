@@ -8,21 +8,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qcompile.device import Device
-from qcompile.errors import CountsError
+from qcompile.errors import CountsError, DeviceError
 from qcompile.limits import MAX_SHOTS
 from qcompile.passes import Executable
 
 FloatArray = NDArray[np.float64]
 CountArray = NDArray[np.int64]
+IntArray = NDArray[np.intp]
 
-Kind = Literal["ideal", "noise-model"]
+Kind = Literal["ideal", "noise-model", "measured-response"]
 
 
 class Executor(Protocol):
     """Runs executables; `kind` says what the results are worth."""
 
-    device: Device
-    kind: Kind
+    @property
+    def device(self) -> Device: ...
+
+    @property
+    def kind(self) -> Kind: ...
 
     def run(
         self, executable: Executable, x: FloatArray, theta: FloatArray, shots: int
@@ -48,6 +52,20 @@ def check_shots(shots: int) -> int:
             "For expectations without shot noise say `--shots exact`.",
         )
     return shots
+
+
+def check_device(executable: Executable, device: Device) -> None:
+    """Nothing, if an executor of `device` can run the executable.
+
+    Raises:
+        DeviceError: it was compiled for another device.
+    """
+    if executable.device is not device and executable.device != device:
+        raise DeviceError(
+            f"The executable was compiled for {executable.device.name}, "
+            f"this executor runs {device.name}.",
+            "Compile the program for the device it runs on, `executor.device`.",
+        )
 
 
 def expectation_from_ones(ones: CountArray, shots: int) -> FloatArray:

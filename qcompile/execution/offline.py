@@ -7,8 +7,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from qcompile.device import Device
-from qcompile.errors import DeviceError
-from qcompile.execution.executor import CountArray, FloatArray, Kind, check_shots
+from qcompile.execution.executor import CountArray, FloatArray, Kind, check_device, check_shots
 from qcompile.noise import NoisyCircuits
 from qcompile.passes import Executable
 
@@ -50,11 +49,6 @@ class OfflineExecutor:
     def _p_one(self, executable: Executable, x: FloatArray, theta: FloatArray) -> FloatArray:
         noisy = self._noisy.get(executable)
         if noisy is None:
-            if executable.device is not self.device and executable.device != self.device:
-                raise DeviceError(
-                    f"The executable was compiled for {executable.device.name}, "
-                    f"this executor runs {self.device.name}.",
-                    "Compile the program for the device it runs on.",
-                )
+            check_device(executable, self.device)
             noisy = self._noisy[executable] = NoisyCircuits(executable)
         return noisy.p_one(*executable.bind_turns(x, theta))

@@ -109,6 +109,10 @@ class Angle:
             self.constant + bound, {s: c for s, c in self.terms if s not in values}
         )
 
+    def rename(self, names: Mapping[str, str]) -> Angle:
+        """The angle with the symbols named in `names` called what it says."""
+        return Angle._checked(self.constant, {names.get(s, s): c for s, c in self.terms})
+
     def __str__(self) -> str:
         parts = [_term(coefficient, symbol) for symbol, coefficient in self.terms]
         if self.constant or not parts:

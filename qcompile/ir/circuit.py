@@ -58,6 +58,10 @@ class Circuit:
             tuple(Gate(g.name, g.angle and g.angle.substitute(values)) for g in self.gates)
         )
 
+    def rename(self, names: Mapping[str, str]) -> Circuit:
+        """The circuit with the symbols named in `names` called what it says."""
+        return Circuit(tuple(Gate(g.name, g.angle and g.angle.rename(names)) for g in self.gates))
+
     def to_lists(self) -> list[list[str | float]]:
         """The policy-file form; `Circuit.of` reads it back to an equal circuit."""
         return [
@@ -157,6 +161,29 @@ class Program:
             tuple(circuit.substitute(values) for circuit in self.circuits),
             tuple(name for name in self.inputs if name not in values),
             tuple(name for name in self.parameters if name not in values),
+        )
+
+    def side_by_side(self, copies: int) -> Program:
+        """`copies` copies of the program, which share its parameters and have their own inputs.
+
+        Inputs and circuits come copy by copy; input x of copy j is called x_j, with more
+        underscores where a parameter has that name. One copy is the program itself.
+
+        Raises:
+            CircuitError: the program has definitions; copy it before it is compiled.
+        """
+        if copies == 1:
+            return self
+        if self.definitions:
+            raise CircuitError("A fused program cannot be copied.", "Do it before compiling.")
+        mark = "_"
+        while any(f"{x}{mark}{j}" in self.parameters for x in self.inputs for j in range(copies)):
+            mark += "_"
+        named = [{x: f"{x}{mark}{j}" for x in self.inputs} for j in range(copies)]
+        return Program(
+            tuple(circuit.rename(names) for names in named for circuit in self.circuits),
+            tuple(name for names in named for name in names.values()),
+            self.parameters,
         )
 
     def __len__(self) -> int:

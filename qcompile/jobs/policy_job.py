@@ -56,7 +56,7 @@ def export_job(
             "OpenQASM 2 has no inputs, so a parametric job cannot be written in it.",
             "Give --observations FILE to bind the angles, or use --format qasm3.",
         )
-    executable = compile(policy.trained_program, device, level)
+    executable = compile(policy.trained_program, device, level, policy.importance)
     parametric = executable.native if level == 0 else executable.template()
     rows: Iterable[tuple[int | None, Program]] = [(None, parametric)]
     if observations is not None:

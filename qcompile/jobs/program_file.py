@@ -52,6 +52,9 @@ def compile_source(source: Source, device: Device, level: int, version: Version)
             f"{len(device.usable)} of them worth using.",
             "Take a larger device, --backend ideal, or split the program.",
         )
+    unwanted = [str(q) for q in executable.qubits.tolist() if q in device.left_out]
+    if unwanted:
+        notes.append(f"{device.name} leaves out qubit {', '.join(unwanted)}; the program names it.")
     native = executable.native
     if native.definitions:
         native = executable.template()

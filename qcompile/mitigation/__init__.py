@@ -1,5 +1,23 @@
-"""Mitigation: fitted once with cvxpy, applied in closed form."""
+"""Mitigation: measured and fitted once with cvxpy, applied in closed form."""
 
-from qcompile.mitigation.readout import CALIBRATION_SHOTS, ReadoutMitigation, calibrate_readout
+from qcompile.mitigation.drift import Drift, measure_drift
+from qcompile.mitigation.measure import CALIBRATION_SHOTS, calibrate
+from qcompile.mitigation.predistort import predistorted
+from qcompile.mitigation.undo import (
+    Mitigation,
+    check_response_level,
+    readout_mitigation,
+    response_mitigation,
+)
 
-__all__ = ["CALIBRATION_SHOTS", "ReadoutMitigation", "calibrate_readout"]
+__all__ = [
+    "CALIBRATION_SHOTS",
+    "Drift",
+    "Mitigation",
+    "calibrate",
+    "check_response_level",
+    "measure_drift",
+    "predistorted",
+    "readout_mitigation",
+    "response_mitigation",
+]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -37,6 +38,8 @@ class Executable:
     level: int
     qubits: IntArray
     rounds: IntArray
+    bend: Callable[[FloatArray], FloatArray] | None = None
+    """Changes the angles (B, circuits) of level 2 after they are bound; `predistorted` sets it."""
 
     @cached_property
     def slots(self) -> int:
@@ -67,20 +70,34 @@ class Executable:
         shape = (len(x), len(self.native), max(self.slots, 1))
         if angles.ndim == 1:
             angles = np.broadcast_to(angles, (len(x), angles.size))
-        return np.asarray(angles.reshape(shape))
+        angles = np.asarray(angles.reshape(shape))
+        return angles if self.bend is None else self.bend(angles[..., 0])[..., None]
 
     def bind_turns(self, x: FloatArray, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Cosine and sine of the angles that `bind_slots` gives, each (B, circuits, slots).
 
         Where every angle is a polar angle of its own, or that plus pi, they follow from <Z>.
         """
-        if self._polar_sign is None or self._definitions is None:
+        if self._polar_sign is None or self._definitions is None or self.bend is not None:
             angles = self.bind_slots(x, theta)
             return np.cos(angles), np.sin(angles)
         self._check(x, theta)
         z = self._definitions.polar_cosines(x, theta)[:, :, None]
         sine = np.sqrt(1.0 - z * z)
         return (z, sine) if self._polar_sign > 0 else (-z, -sine)
+
+    @property
+    def angle_offset_rad(self) -> float:
+        """At level 2, the native angle less the polar angle of the ideal Bloch vector.
+
+        It is pi for sx rz sx and 0 for rx, up to the sign of the polar angle.
+        """
+        return 0.0 if "rx" in self.device.basis_gates else math.pi
+
+    @property
+    def has_polar_angles(self) -> bool:
+        """Whether every native angle less `angle_offset_rad` lies in [0, pi]."""
+        return self._polar_sign is not None
 
     @cached_property
     def _polar_sign(self) -> int | None:
@@ -135,18 +152,29 @@ class Executable:
     def round_count(self) -> int:
         return int(self.rounds.max(initial=-1)) + 1
 
+    @property
+    def copies_that_fit(self) -> int:
+        """How many such programs fit side by side in one round, 1 at least.
+
+        It is 1 on the ideal device too, where side by side saves nothing.
+        """
+        return max(len(self.device.usable) // max(len(self.native), 1), 1)
+
     def gate_counts(self) -> list[Counter[str]]:
         """Native gates of each circuit by name."""
         return [Counter(gate.name for gate in c.gates) for c in self.native.circuits]
 
     @cached_property
     def open_slots(self) -> tuple[tuple[int, int], ...]:
-        """Circuit and slot of every angle that is not known before binding, in order."""
+        """Circuit and slot of every angle that is not known before binding, in order.
+
+        With `bend` constant angles are among them, which it changes too.
+        """
         return tuple(
             (index, slot)
             for index, circuit in enumerate(self.native.circuits)
             for slot, gate in enumerate(_rotations(circuit))
-            if gate.angle is not None and not gate.angle.is_constant
+            if gate.angle is not None and (self.bend is not None or not gate.angle.is_constant)
         )
 
     def template(self) -> Program:

@@ -10,7 +10,7 @@ from qcompile.passes.drop_unobservable import DropUnobservable
 from qcompile.passes.executable import Executable
 from qcompile.passes.fuse_rotations import FuseRotations
 from qcompile.passes.merge_rotations import MergeRotations
-from qcompile.passes.place import place
+from qcompile.passes.place import FloatArray, place
 from qcompile.passes.to_native import NativeSet, ToNative
 from qcompile.passes.to_rotations import ToRotations
 
@@ -58,15 +58,28 @@ def lower(program: Program, level: int, native: NativeSet) -> Program:
     return program
 
 
-def compile(program: Program, device: Device = IDEAL, level: int = 2) -> Executable:
+def compile(
+    program: Program,
+    device: Device = IDEAL,
+    level: int = 2,
+    importance: FloatArray | None = None,
+    *,
+    copies: int = 1,
+) -> Executable:
     """Compile `program` for `device`.
 
     At level 2 a circuit is sx rz sx or shorter, at level 1 rz sx rz sx rz or shorter (rx and
     rz rx rz where rx is native); angles that are not known are fused when the executable is bound.
 
+    `importance` (circuits,) says how much the error of a circuit's <Z> matters, as
+    `Policy.importance` does: the most important circuits get the best qubits (`passes.place`). With
+    `copies` the executable is that many copies of the program, which share its parameters: inputs
+    (B, copies * inputs) and results (B, copies * circuits), both copy by copy.
+
     Raises:
-        CircuitError: there is no such level.
+        CircuitError: there is no such level, or importance or copies are out of range.
     """
+    qubits, rounds = place(len(program), device, importance, copies)
+    program = program.side_by_side(copies)
     native = lower(program, level, native_set(device))
-    qubits, rounds = place(len(program), device)
     return Executable(program, native, device, level, qubits, rounds)

@@ -6,18 +6,50 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qcompile.device import Device
+from qcompile.errors import CircuitError
 
+FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
 
-def place(circuits: int, device: Device) -> tuple[IntArray, IntArray]:
-    """Physical qubit and round of each circuit, two (circuits,) arrays.
+def place(
+    circuits: int, device: Device, importance: FloatArray | None = None, copies: int = 1
+) -> tuple[IntArray, IntArray]:
+    """Physical qubit and round of each circuit, two (copies * circuits,) arrays, copy by copy.
 
-    Circuits fill `device.usable`, the best readout first; what does not fit goes to a next round.
-    The ideal device has a qubit for each circuit.
+    `importance` (circuits,) is what a square error of a circuit's <Z> costs; left out, it is the
+    same for all. The placement is the one of the least cost, the sum over circuits of importance
+    times `Device.mean_square_error` of the qubit, among those of the fewest rounds that hold every
+    circuit on `Device.usable`: a round has one place on each qubit. The ideal device has a qubit
+    for each circuit.
+
+    A cost that is a product needs no solver for the assignment problem: by the rearrangement
+    inequality the most important circuits get the best places, and the worst stay empty. To this
+    end the pulses of every circuit count as those of sx rz sx: that the circuits of a program
+    differ by a pulse matters far less than what they are read with.
+
+    Ties go by index, so a placement repeats exactly. Copies tie: they take turns at who comes
+    first, so that all get equally good qubits.
+
+    Raises:
+        CircuitError: `importance` is not one finite number >= 0 for each circuit, or copies < 1.
     """
-    index = np.arange(circuits)
+    if copies < 1:
+        raise CircuitError(f"{copies} copies of a program cannot be placed.", "One is the least.")
+    importance = np.ones(circuits) if importance is None else np.asarray(importance, dtype=float)
+    if importance.shape != (circuits,) or not (np.isfinite(importance) & (importance >= 0)).all():
+        raise CircuitError(
+            f"The importance of circuits has shape {importance.shape} or wrong entries.",
+            f"It needs ({circuits},), each a finite number that is not negative.",
+        )
+    index = np.arange(copies * circuits)
     if device.is_ideal:
         return index, np.zeros_like(index)
     usable = np.array(device.usable)
-    return usable[index % len(usable)], index // len(usable)
+    round_count = -(-len(index) // len(usable)) or 1
+    order = np.argsort(-importance, kind="stable")[:, None] + circuits * np.arange(copies)
+    order[1::2] = order[1::2, ::-1]
+    qubits, rounds = np.empty_like(index), np.empty_like(index)
+    qubits[order.ravel()] = usable[index // round_count]
+    rounds[order.ravel()] = index % round_count
+    return qubits, rounds

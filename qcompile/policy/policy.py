@@ -132,6 +132,19 @@ class Policy:
     def _folded_weights(self) -> FloatArray:
         return np.asarray(self.weights.reshape(self.actions, self.reuse, -1).sum(axis=1))
 
+    @cached_property
+    def importance(self) -> FloatArray:
+        """How much an error of a circuit's <Z> matters: the variance of its weights over actions.
+
+        (circuits,). An error dz of <Z> moves the logits by W dz, W the folded weights. What all
+        actions share of it changes no probability: the Kullback-Leibler divergence of the softmax
+        before from that after is, to second order, half the variance over actions of W dz. Taken
+        with all actions equally likely, and for errors that are independent and zero on average,
+        it is half the sum over circuits of importance times the mean of dz^2. Errors of qubits
+        have a bias too; the sum then is what it would be if their signs were random.
+        """
+        return np.asarray(self._folded_weights.var(axis=0))
+
     def logits(self, z: FloatArray) -> FloatArray:
         """<Z> (B, circuits) to the logarithms of the action probabilities, plus a constant."""
         return np.asarray(z @ self._folded_weights.T + self.bias)

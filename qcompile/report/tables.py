@@ -13,15 +13,31 @@ from rich.table import Table
 _KINDS = {
     "ideal": "ideal simulation",
     "noise-model": "noise model",
+    "measured-response": "twin of its calibration",
 }
 _LEAST_FOR_INTERVAL = 5
 _BARS = "▁▂▃▄▅▆▇█"
 
 
-def print_table(columns: Sequence[str], rows: Iterable[Sequence[object]], title: str = "") -> None:
-    """Print a table on standard output; columns whose cells are numbers are set to the right."""
+def print_table(
+    columns: Sequence[str],
+    rows: Iterable[Sequence[object]],
+    title: str = "",
+    *,
+    tight: bool = False,
+) -> None:
+    """Print a table on standard output; columns whose cells are numbers are set to the right.
+
+    A `tight` one has less room between its columns.
+    """
     rows = [list(row) for row in rows]
-    table = Table(title=escape(title) or None, box=box.SIMPLE_HEAD, title_justify="left")
+    table = Table(
+        title=escape(title) or None,
+        box=box.SIMPLE_HEAD,
+        title_justify="left",
+        collapse_padding=tight,
+        pad_edge=not tight,
+    )
     for index, column in enumerate(columns):
         numeric = bool(rows) and all(isinstance(row[index], int | float) for row in rows)
         table.add_column(escape(column), justify="right" if numeric else "left", overflow="fold")
@@ -58,21 +74,22 @@ def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
         yield (
             "mean reward",
             f"[bold]{summary['mean_reward']:.1f}[/] ± {summary['std_reward']:.1f} over "
-            f"{_plural(len(rewards), 'episode')}{interval}",
+            f"{plural(len(rewards), 'episode')}{interval}",
         )
         yield "each episode", f"{_bars(rewards)}  {min(rewards):.0f} to {max(rewards):.0f}"
     if summary["solved"] is not None:
         yield "solved", "yes" if summary["solved"] else "no"
-    yield (
-        "settings",
-        f"{_shots(summary['shots'])}, level {summary['level']}, mitigation {summary['mitigation']}",
-    )
+    words = f"{_shots(summary['shots'])}, level {summary['level']}, "
+    words += "bent angles" if summary["predistort"] else f"mitigation {summary['mitigation']}"
+    yield "settings", words + (f" by {escape(file)}" if (file := summary["calibration"]) else "")
+    if summary["copies"] > 1:
+        yield "side by side", plural(summary["copies"], "episode")
     yield "actions", f"{'greedy' if summary['greedy'] else 'sampled'}, seed {summary['seed']}"
     gates = " + ".join(f"{n} {gate}" for gate, n in summary["gates_per_circuit"].items() if n)
     yield (
         "each step",
         f"{summary['circuits_per_step']} circuits of at most {gates or 'no gate'}, "
-        f"{_plural(summary['rounds_per_step'], 'round')}",
+        f"{plural(summary['rounds_per_step'], 'round')}",
     )
     yield "played", f"{summary['env_steps']} steps in {summary['wall_seconds']:.1f} s"
     if summary["qpu_seconds_estimate"] is not None and summary["kind"] != "ideal":
@@ -84,10 +101,11 @@ def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
 
 
 def _shots(shots: int | str) -> str:
-    return f"{shots} expectations" if isinstance(shots, str) else _plural(shots, "shot")
+    return f"{shots} expectations" if isinstance(shots, str) else plural(shots, "shot")
 
 
-def _plural(count: int, word: str) -> str:
+def plural(count: int, word: str) -> str:
+    """1 round, 2 rounds."""
     return f"{count} {word}" if count == 1 else f"{count} {word}s"
 
 

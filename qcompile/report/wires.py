@@ -4,8 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from qcompile.ir import Circuit, Gate
 from qcompile.passes import Executable
+
+FloatArray = NDArray[np.float64]
 
 
 def wire(circuit: Circuit) -> str:
@@ -20,12 +25,20 @@ def _short(gate: Gate) -> str:
     return str(gate)
 
 
-def executable_values(executable: Executable) -> dict[str, Any]:
-    """The plain values of `qcompile show --json`."""
-    native = executable.native
+def executable_values(
+    executable: Executable, importance: FloatArray | None = None
+) -> dict[str, Any]:
+    """The plain values of `qcompile show --json`.
+
+    `importance` (circuits,) is what the placement followed; left out, it is the same for all.
+    """
+    native, device = executable.native, executable.device
+    importance = np.ones(len(native)) if importance is None else importance
+    shares = importance / (importance.sum() or 1.0)
     circuits = []
     rows = zip(executable.source.circuits, native.circuits, executable.gate_counts(), strict=True)
     for index, (source, compiled, counts) in enumerate(rows):
+        qubit = int(executable.qubits[index])
         circuits.append(
             {
                 "circuit": index,
@@ -34,16 +47,22 @@ def executable_values(executable: Executable) -> dict[str, Any]:
                 "gates_before": len(source),
                 "gates": dict(sorted(counts.items())),
                 "depth": len(compiled),
-                "qubit": int(executable.qubits[index]),
+                "qubit": qubit,
                 "round": int(executable.rounds[index]),
+                "importance": float(shares[index]),
+                "expected_error": None if device.is_ideal else device.expected_error(qubit),
             }
         )
     return {
-        "backend": executable.device.name,
+        "backend": device.name,
         "level": executable.level,
         "inputs": len(executable.source.inputs),
         "parameters": len(executable.source.parameters),
         "rounds": executable.round_count,
+        "copies_that_fit": executable.copies_that_fit,
+        "left_out": [
+            {"qubit": qubit, "reason": reason} for qubit, reason in device.unusable.items()
+        ],
         "circuits": circuits,
         "definitions": [str(definition) for definition in native.definitions],
     }

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from qcompile.calibration import Calibration
 from qcompile.device import Device
 from qcompile.errors import CountsError
-from qcompile.execution import qpu_seconds
+from qcompile.execution import open_executor, qpu_seconds
 from qcompile.limits import MAX_EPISODES, MAX_EXECUTIONS_PER_JOB
-from qcompile.mitigation import CALIBRATION_SHOTS
 from qcompile.policy import Policy
 from qcompile.rl.environments import (
     Environment,
@@ -37,37 +37,48 @@ class Deployment:
     """A policy compiled for a device: from observations to actions.
 
     `shots` None takes expectations without shot noise. Shot noise, calibration and the sampling
-    of actions draw from generators derived from `seed`, so a deployment repeats exactly.
+    of actions draw from generators derived from `seed`, so a deployment repeats exactly. With
+    `copies` so many episodes share an execution, their circuits side by side on the device.
 
     Raises:
         CalibrationError: `mitigation` is not one of MITIGATIONS, or a qubit cannot be calibrated.
+        CircuitError: copies are out of range.
         CountsError: shots out of range.
     """
 
     def __init__(
         self,
         policy: Policy,
-        device: Device,
+        backend: str | Device,
         *,
         shots: int | None = None,
         level: int = 2,
         mitigation: str = "none",
+        calibration: Calibration | None = None,
+        predistort: bool = False,
         greedy: bool = False,
         seed: int = 0,
+        copies: int = 1,
     ):
-        self.policy, self.device, self.shots = policy, device, shots
+        self.policy, self.shots, self.copies = policy, shots, copies
+        self.predistort = predistort
         self.level, self.mitigation, self.greedy, self.seed = level, mitigation, greedy, seed
         noise_seed, action_seed = np.random.SeedSequence(seed).spawn(2)
         self._rng = np.random.default_rng(action_seed)
         self._measure = Measurement(
             policy.trained_program,
-            device,
+            open_executor(backend, noise_seed),
             shots=shots,
             level=level,
             mitigation=mitigation,
-            seed=noise_seed,
+            calibration=calibration,
+            predistort=predistort,
+            importance=policy.importance,
+            copies=copies,
         )
+        self.calibration_executions = self._measure.calibration_executions
         self.executor, self.executable = self._measure.executor, self._measure.executable
+        self.device = self.executor.device
 
     def expectation(self, observations: FloatArray) -> FloatArray:
         """<Z> of every circuit as measured and mitigated, (B, circuits)."""
@@ -84,7 +95,8 @@ class RunResult:
     """What a run found; `episodes` are those that finished.
 
     `threshold` is the mean reward at which the environment counts as solved, if it has one;
-    `steps` counts the steps of the lockstep, `env_steps` those of every environment.
+    `steps` counts the steps of the lockstep, `env_steps` those of every environment, `programs`
+    the programs bound for them: one for as many episodes as the deployment has copies.
     """
 
     deployment: Deployment
@@ -93,6 +105,7 @@ class RunResult:
     jobs: int = 0
     steps: int = 0
     env_steps: int = 0
+    programs: int = 0
     wall_seconds: float = 0.0
     interrupted: bool = False
 
@@ -100,11 +113,13 @@ class RunResult:
         """Count a step of `living` episodes: one job, or more where a job cannot hold it."""
         self.steps += 1
         self.env_steps += living
-        executions = living * self._executions_per_step
+        programs = -(-living // self.deployment.copies)
+        self.programs += programs
+        executions = programs * self._executions_per_program
         self.jobs += max(1, -(-executions // MAX_EXECUTIONS_PER_JOB))
 
     @property
-    def _executions_per_step(self) -> int:
+    def _executions_per_program(self) -> int:
         return self.deployment.executable.round_count * (self.deployment.shots or 0)
 
     @property
@@ -116,11 +131,11 @@ class RunResult:
         """Circuits after packing times shots, those of the calibration included."""
         if self.deployment.shots is None:
             return 0
-        calibration = 2 * CALIBRATION_SHOTS if self.deployment.mitigation == "readout" else 0
-        return self.env_steps * self._executions_per_step + calibration
+        calibration = self.deployment.calibration_executions
+        return self.programs * self._executions_per_program + calibration
 
-    def summary(self) -> dict[str, Any]:
-        """The plain values of `qcompile run --json`."""
+    def summary(self, calibration: str | None = None) -> dict[str, Any]:
+        """The plain values of `qcompile run --json`; `calibration` is the name of its file."""
         made, rewards = self.deployment, self.rewards
         policy, counts = made.policy, made.executable.gate_counts()
         threshold = self.threshold
@@ -131,7 +146,7 @@ class RunResult:
             and len(rewards) >= _LEAST_FOR_SOLVED
             and not self.interrupted  # the shortest episodes end first: their mean is biased
         )
-        jobs = self.jobs + (made.mitigation == "readout")
+        jobs = self.jobs + (made.calibration_executions > 0)
         return {
             "policy": policy.name,
             "environment": policy.environment,
@@ -139,6 +154,9 @@ class RunResult:
             "kind": made.executor.kind,
             "shots": "exact" if made.shots is None else made.shots,
             "mitigation": made.mitigation,
+            "predistort": made.predistort,
+            "calibration": calibration,
+            "copies": made.copies,
             "level": made.level,
             "greedy": made.greedy,
             "seed": made.seed,
@@ -151,7 +169,7 @@ class RunResult:
                 gate: max((count[gate] for count in counts), default=0)
                 for gate in ("sx", "rz", "x", "rx")
             },
-            "circuits_per_step": len(made.executable.native),
+            "circuits_per_step": len(policy.program),
             "rounds_per_step": made.executable.round_count,
             "executions": self.executions,
             "qpu_seconds_estimate": (

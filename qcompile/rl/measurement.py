@@ -5,38 +5,60 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from qcompile.device import Device
+from qcompile.calibration import Calibration
 from qcompile.errors import CalibrationError
-from qcompile.execution import OfflineExecutor, check_shots, expectation_from_ones
+from qcompile.execution import (
+    Executor,
+    OfflineExecutor,
+    TwinExecutor,
+    check_shots,
+    expectation_from_ones,
+)
 from qcompile.ir import Program
-from qcompile.mitigation import CALIBRATION_SHOTS, ReadoutMitigation, calibrate_readout
+from qcompile.mitigation import (
+    CALIBRATION_SHOTS,
+    Mitigation,
+    calibrate,
+    check_response_level,
+    predistorted,
+    readout_mitigation,
+    response_mitigation,
+)
+from qcompile.mitigation.measure import Part
 from qcompile.passes import Executable, compile
 
 FloatArray = NDArray[np.float64]
 
-MITIGATIONS = ("none", "readout")
+MITIGATIONS = ("none", "readout", "response")
 
 
 class Measurement:
-    """A program compiled for a device, with its executor and its mitigation.
+    """A program compiled for an executor's device, with its mitigation.
 
-    `shots` None takes expectations without shot noise. Shot noise and the calibration draw from
-    `seed`, so a measurement repeats exactly.
+    `shots` None takes expectations without shot noise. `calibration` is measured first where it is
+    needed and not given. With `predistort` the angles are bent by the response curves instead of
+    undoing them afterwards. `importance` (circuits,) guides the placement. With `copies` so many
+    rows of a batch are run side by side, by one execution.
 
     Raises:
-        CalibrationError: `mitigation` is not one of MITIGATIONS, or a qubit cannot be calibrated.
+        CalibrationError: `mitigation` is not one of MITIGATIONS or contradicts `predistort`, the
+            calibration is of another device, or a qubit cannot be calibrated.
+        CircuitError: importance or copies are out of range.
         CountsError: shots out of range.
     """
 
     def __init__(
         self,
         program: Program,
-        device: Device,
+        executor: Executor,
         *,
         shots: int | None,
         level: int = 2,
         mitigation: str = "none",
-        seed: int | np.random.SeedSequence = 0,
+        calibration: Calibration | None = None,
+        predistort: bool = False,
+        importance: FloatArray | None = None,
+        copies: int = 1,
     ):
         if shots is not None:
             check_shots(shots)
@@ -44,23 +66,60 @@ class Measurement:
             raise CalibrationError(
                 f"Unknown mitigation {mitigation!r}.", f"Known: {', '.join(MITIGATIONS)}."
             )
-        self.shots = shots
-        self.executor = OfflineExecutor(device, seed)
-        self.executable: Executable = compile(program, device, level)
-        # The tables of binding and noise are built by the first use; not in the first step, then.
-        nothing = np.zeros((0, len(program.inputs)))
-        self.executor.expectation(self.executable, nothing, np.zeros(len(program.parameters)))
-        self._readout: ReadoutMitigation | None = None
+        if predistort and mitigation != "none":
+            raise CalibrationError(
+                f"Predistorted angles and mitigation {mitigation!r} contradict each other.",
+                "Bent angles make the device show the ideal <Z>: take --mitigation none.",
+            )
+        if predistort or mitigation == "response":
+            check_response_level(level)  # before anything is measured
+        self.shots, self.copies, self.executor = shots, copies, executor
+        self.executable: Executable = compile(
+            program, executor.device, level, importance, copies=copies
+        )
+        self.calibration_executions = 0
+        self._mitigation: Mitigation | None = None
         if mitigation == "readout":
-            qubits = self.executable.qubits
-            calibration = None if shots is None else CALIBRATION_SHOTS
-            self._readout = calibrate_readout(self.executor, qubits, calibration).at(qubits)
+            measured = self._calibrated(calibration, "readout")
+            self._mitigation = readout_mitigation(measured, self.executable)
+        elif mitigation == "response":
+            measured = self._calibrated(calibration, "response")
+            self._mitigation = response_mitigation(measured, self.executable)
+        elif predistort:
+            measured = self._calibrated(calibration, "response")
+            self.executable = predistorted(self.executable, measured)
+        if isinstance(executor, OfflineExecutor):  # its tables are built now, not in the first step
+            nothing = np.zeros((0, copies * len(program.inputs)))
+            executor.expectation(self.executable, nothing, np.zeros(len(program.parameters)))
+
+    def _calibrated(self, given: Calibration | None, part: Part) -> Calibration:
+        """The calibration given, that of the twin, or one that is measured now."""
+        if given is None and isinstance(self.executor, TwinExecutor):
+            given = self.executor.calibration
+        if given is None:
+            shots = None if self.shots is None else CALIBRATION_SHOTS
+            measured = calibrate(self.executor, self.executable.qubits, shots, parts=[part])
+            self.calibration_executions = measured.executions
+            return measured
+        name = self.executor.device.name
+        if given.backend != name:
+            raise CalibrationError(
+                f"The calibration is of {given.backend}, the backend is {name}.",
+                f"Measure one with `qcompile calibrate --backend {name}`.",
+            )
+        return given
 
     def __call__(self, x: FloatArray, theta: FloatArray) -> FloatArray:
         """Inputs (B, inputs) and theta (parameters,) to <Z> as measured, (B, circuits)."""
+        rows, copies = len(x), self.copies
+        if copies > 1:  # side by side; the last row is filled up with zeros
+            x = np.pad(x, ((0, -rows % copies), (0, 0)))
+            x = x.reshape(len(x) // copies, copies * x.shape[1])
         if self.shots is None:
             z = self.executor.expectation(self.executable, x, theta)
         else:
             ones = self.executor.run(self.executable, x, theta, self.shots)
             z = expectation_from_ones(ones, self.shots)
-        return z if self._readout is None else self._readout.apply(z)
+        if self._mitigation is not None:
+            z = self._mitigation.apply(z)
+        return z.reshape(len(z) * copies, z.shape[1] // copies)[:rows]

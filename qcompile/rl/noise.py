@@ -8,6 +8,7 @@ import numpy as np
 import torch
 
 from qcompile.device import load_device
+from qcompile.execution import OfflineExecutor
 from qcompile.rl.measurement import Measurement
 from qcompile.rl.models import SVQC
 from qcompile.rl.models.svqc import numbers
@@ -24,12 +25,12 @@ class ActingNoise:
 
     def __init__(self, actor: SVQC, settings: Settings, seed: np.random.SeedSequence):
         self._actor = actor
+        self._executor = OfflineExecutor(load_device(settings.backend), seed)
         self._measure = Measurement(
             actor.program,
-            load_device(settings.backend),
+            self._executor,
             shots=settings.shots,
             mitigation=settings.mitigation,
-            seed=seed,
         )
         self._residuals: list[torch.Tensor] = []
 
@@ -56,8 +57,8 @@ class ActingNoise:
 
     def state(self) -> dict[str, Any]:
         """What `restore` goes on from, between two rollouts."""
-        return dict(self._measure.executor.rng.bit_generator.state)
+        return dict(self._executor.rng.bit_generator.state)
 
     def restore(self, state: dict[str, Any]) -> None:
         """Go on from `state`."""
-        self._measure.executor.rng.bit_generator.state = state
+        self._executor.rng.bit_generator.state = state

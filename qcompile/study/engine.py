@@ -1,8 +1,8 @@
-"""Run the cells of a study side by side: on this machine's cores, or on a Dask or Ray cluster.
+"""Run cells side by side: on this machine's cores, or on a Dask or Ray cluster.
 
-A cell is one seed on one thread, and draws from its own seed alone, so results do not depend on the
-engine, on the number of workers or on the order. What is finished is handed over at once; where a
-worker is lost its cells run again.
+A cell of a study is one seed on one thread, and every cell draws from its own seed alone, so
+results do not depend on the engine, on the number of workers or on the order. What is finished is
+handed over at once; where a worker is lost its cells run again.
 """
 
 from __future__ import annotations
@@ -12,7 +12,8 @@ import os
 import socket
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any, Literal
+from functools import partial
+from typing import Any, Literal, Protocol, TypeVar
 from urllib.parse import urlsplit
 
 import joblib
@@ -29,6 +30,21 @@ _MOST_LOSSES = 3
 _CONNECT_SECONDS = 5
 
 
+class Named(Protocol):
+    """What is run: each cell has a name of its own."""
+
+    @property
+    def name(self) -> str: ...
+
+
+C = TypeVar("C", bound=Named)
+R = TypeVar("R")
+
+
+class _Failure(str):
+    """What went wrong in a cell, in words."""
+
+
 def run_cells(
     cells: Sequence[Cell],
     on_result: Callable[[CellResult], None],
@@ -39,15 +55,39 @@ def run_cells(
     evaluation: int = EVALUATION_EPISODES,
     on_loss: Callable[[str], None] = lambda words: None,
 ) -> None:
-    """Run every cell and hand each result to `on_result`, in the order in which they end.
+    """Train every cell and hand each result to `on_result`: `run_all` for a study's cells."""
+    run_all(
+        cells,
+        partial(run_cell, evaluation=evaluation),
+        on_result,
+        engine=engine,
+        address=address,
+        workers=workers,
+        on_loss=on_loss,
+        noun="training",
+    )
+
+
+def run_all(
+    cells: Sequence[C],
+    run: Callable[[C], R],
+    on_result: Callable[[R], None],
+    *,
+    engine: Engine = "processes",
+    address: str | None = None,
+    workers: int | None = None,
+    on_loss: Callable[[str], None] = lambda words: None,
+    noun: str = "cell",
+) -> None:
+    """Call `run` with every cell and hand each result to `on_result`, in the order they end in.
 
     `address` is that of a running cluster; without it a local one is started. `workers` is their
     number, by default one for each core or all that the cluster has. `on_loss` is told when workers
-    were lost and what is left runs again.
+    were lost and what is left runs again; `noun` is what messages call a cell.
 
     Raises:
-        StudyError: no such engine, no cluster at the address, a training failed, or workers were
-            lost several times without a cell getting done.
+        StudyError: no such engine, no cluster at the address, `run` failed, or workers were lost
+            several times without a cell getting done.
         MissingExtraError: the engine's package is not installed.
     """
     waiting = {cell.name: cell for cell in cells}
@@ -55,7 +95,7 @@ def run_cells(
         return
     losses = 0
     with _engine(engine, address, workers) as jobs:
-        found = _outcomes(list(waiting.values()), engine, jobs, evaluation)
+        found = _outcomes(list(waiting.values()), run, engine, jobs)
         while waiting:
             try:
                 name, outcome = next(found)
@@ -66,14 +106,14 @@ def run_cells(
                 words = f"{type(error).__name__}: {error}".splitlines()[0][:200]
                 if losses == _MOST_LOSSES:
                     raise StudyError(
-                        f"Workers were lost {losses} times while no training got done ({words}).",
+                        f"Workers were lost {losses} times while no {noun} got done ({words}).",
                         "Each needs about 500 MB of memory; try fewer --workers.",
                         "What is finished is kept: the same command goes on from there.",
                     ) from error
-                on_loss(f"workers were lost ({words}); {len(waiting)} trainings run again")
-                found = _outcomes(list(waiting.values()), engine, jobs, evaluation)
+                on_loss(f"workers were lost ({words}); {len(waiting)} {noun}s run again")
+                found = _outcomes(list(waiting.values()), run, engine, jobs)
                 continue
-            if isinstance(outcome, str):
+            if isinstance(outcome, _Failure):
                 raise StudyError(f"{name} failed: {outcome}")
             losses = 0
             del waiting[name]
@@ -82,9 +122,9 @@ def run_cells(
 
 
 def _outcomes(
-    cells: list[Cell], engine: Engine, jobs: int, evaluation: int
-) -> Iterator[tuple[str, CellResult | str]]:
-    tasks = [joblib.delayed(_outcome)(cell, evaluation) for cell in cells]
+    cells: list[C], run: Callable[[C], R], engine: Engine, jobs: int
+) -> Iterator[tuple[str, R | _Failure]]:
+    tasks = [joblib.delayed(_outcome)(cell, run) for cell in cells]
     # One cell a task: the next one goes to whoever is free.
     options: dict[str, Any] = {"n_jobs": jobs, "batch_size": 1, "pre_dispatch": "2*n_jobs"}
     with joblib.parallel_config(backend=_BACKENDS[engine]):
@@ -97,12 +137,12 @@ def _outcomes(
             yield from joblib.Parallel(**options)(tasks[start : start + size])
 
 
-def _outcome(cell: Cell, evaluation: int) -> tuple[str, CellResult | str]:
+def _outcome(cell: C, run: Callable[[C], R]) -> tuple[str, R | _Failure]:
     """The cell's name with its result, or with what went wrong: no worker raises for that."""
     try:
-        return cell.name, run_cell(cell, evaluation)
+        return cell.name, run(cell)
     except Exception as error:
-        return cell.name, f"{type(error).__name__}: {error}"
+        return cell.name, _Failure(f"{type(error).__name__}: {error}")
 
 
 @contextmanager

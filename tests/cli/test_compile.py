@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import sys
 from collections.abc import Callable
@@ -9,6 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+
+from qcompile.device import load_device
 
 Call = Callable[..., Any]
 
@@ -151,7 +154,7 @@ def test_show_answers_with_one_json_document(qcompile: Call, policy: Call) -> No
     found = qcompile("show", policy(), "--json").json()
     assert set(found) == {
         *("backend", "level", "inputs", "parameters", "rounds", "circuits", "definitions"),
-        "policy",
+        *("policy", "copies_that_fit", "left_out"),
     }
     assert [circuit["gates"] for circuit in found["circuits"]] == [{"rz": 1, "sx": 2}] * 4
     program = qcompile("show", "in.qasm", "--json").json()
@@ -180,6 +183,16 @@ def test_show_names_the_qubits_that_compile_writes(qcompile: Call, text: str) ->
         assert len(measured) == 2
         if text is PHYSICAL:
             assert measured == ["3", "1"]
+
+
+def test_a_physical_qubit_that_is_left_out_is_kept_and_noted(qcompile: Call) -> None:
+    Path("in.qasm").write_text(PHYSICAL)
+    values = json.loads(load_device("ibm_lima").to_json()) | {"name": "mine", "left_out": [0, 3]}
+    Path("mine.json").write_text(json.dumps(values))
+    answer = qcompile("compile", "in.qasm", "--backend", "mine.json")
+    assert answer.code == 0
+    assert answer.err == "note: mine leaves out qubit 3; the program names it.\n"
+    assert "c[0] = measure $3;" in answer.out
 
 
 def test_registers_and_physical_qubits_do_not_mix(qcompile: Call, left: Call) -> None:

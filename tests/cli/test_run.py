@@ -24,7 +24,9 @@ DOCUMENTED = {
     *("circuits_per_step", "rounds_per_step", "executions", "qpu_seconds_estimate", "env_steps"),
     "wall_seconds",
 }
-"""The contract; `greedy` and `interrupted` came later."""
+"""The contract; those below came later."""
+
+LATER = {"greedy", "interrupted", "predistort", "calibration", "copies"}
 
 
 def test_a_run_is_reported_in_words(qcompile: Call, policy: Call) -> None:
@@ -41,7 +43,7 @@ def test_the_json_document_holds_the_contract(qcompile: Call, policy: Call) -> N
     answer = qcompile("run", policy(), "--episodes", 3, "--seed", 5, "--shots", 100, "--json")
     assert (answer.code, answer.err) == (0, "")
     found = answer.json()
-    assert set(found) == DOCUMENTED | {"greedy", "interrupted"}
+    assert set(found) == DOCUMENTED | LATER
     assert [episode["seed"] for episode in found["episodes"]] == [5, 6, 7]
     assert all(set(episode) == {"seed", "reward", "length"} for episode in found["episodes"])
     rewards = [episode["reward"] for episode in found["episodes"]]
@@ -62,6 +64,9 @@ def test_the_json_document_holds_the_contract(qcompile: Call, policy: Call) -> N
         "greedy": False,
         "solved": None,
         "interrupted": False,
+        "predistort": False,
+        "calibration": None,
+        "copies": 1,
         "circuits_per_step": 4,
         "rounds_per_step": 1,
         "env_steps": sum(rewards),
@@ -84,10 +89,10 @@ def test_an_alias_names_the_device_and_its_cost_is_counted(qcompile: Call, polic
     found = answer.json()
     assert (found["backend"], found["kind"]) == ("ibm_lima", "noise-model")
     assert found["mitigation"] == "readout"
-    # 4 circuits fit side by side on 5 qubits; the calibration is one job of 2 x 8192 executions;
+    # 4 circuits fit side by side on 5 qubits; the calibration is one job of 6 x 8192;
     # every step of the longest episode is one job. IBM: 2 s for each job, 0.35 ms for each.
     assert found["rounds_per_step"] == 1
-    assert found["executions"] == 8192 * found["env_steps"] + 2 * 8192
+    assert found["executions"] == 8192 * found["env_steps"] + 6 * 8192
     jobs = 1 + max(episode["length"] for episode in found["episodes"])
     expected = 2 * jobs + 0.00035 * found["executions"]
     assert found["qpu_seconds_estimate"] == pytest.approx(expected)
@@ -114,6 +119,136 @@ def test_names_are_shown_as_they_are(qcompile: Call, policy: Call) -> None:
     answer = qcompile("run", policy(name="[/red] [bold]"), "--episodes", 1)
     assert answer.code == 0
     assert answer.out.startswith("[/red] [bold] in CartPole-v1")
+
+
+# Calibrations, twins, predistortion, copies.
+
+
+@pytest.fixture
+def calibration(qcompile: Call) -> str:
+    """A calibration of fake_lima in lima.json."""
+    words = ("calibrate", "--backend", "fake_lima", "--out", "lima.json", "--seed", 1)
+    assert qcompile(*words).code == 0
+    return "lima.json"
+
+
+LIMA = ("--backend", "fake_lima", "--episodes", 2)
+
+
+@pytest.mark.parametrize("mitigation", ["readout", "response"])
+def test_a_calibration_of_a_file_costs_nothing_again(
+    qcompile: Call, policy: Call, calibration: str, mitigation: str
+) -> None:
+    words = ("run", policy(), *LIMA, "--mitigation", mitigation, "--json")
+    answer = qcompile(*words, "--calibration", calibration)
+    assert (answer.code, answer.err) == (0, "")
+    found = answer.json()
+    assert (found["mitigation"], found["calibration"]) == (mitigation, calibration)
+    assert found["executions"] == 8192 * found["env_steps"]
+    measured = qcompile(*words).json()
+    assert measured["calibration"] is None
+    circuits = {"readout": 6, "response": 8}[mitigation]  # 4 qubits: 2 + 2 log2(4) patterns
+    assert measured["executions"] == 8192 * (measured["env_steps"] + circuits)
+
+
+def test_a_twin_plays_its_calibration(qcompile: Call, policy: Call, calibration: str) -> None:
+    words = ("run", policy(), "--backend", calibration, "--episodes", 2)
+    found = qcompile(*words, "--json").json()
+    assert (found["backend"], found["kind"]) == ("fake_lima", "measured-response")
+    assert found["mitigation"] == "readout"
+    assert found["executions"] == 8192 * found["env_steps"]  # its own calibration mitigates
+    again = qcompile(*words, "--json", "--shots", "exact", "--mitigation", "response").json()
+    assert (again["shots"], again["mitigation"]) == ("exact", "response")
+    assert "on fake_lima (twin of its calibration)" in qcompile(*words).out
+
+
+def test_bent_angles_are_not_undone(qcompile: Call, policy: Call, calibration: str) -> None:
+    words = ("run", policy(), *LIMA, "--predistort", "--calibration", calibration)
+    found = qcompile(*words, "--json").json()
+    assert (found["predistort"], found["mitigation"]) == (True, "none")
+    assert "bent angles by lima.json" in qcompile(*words).out
+
+
+def test_copies_share_executions(qcompile: Call, policy: Call) -> None:
+    narrow = policy(
+        circuits=[[["ry", "x0"]]] * 2, weights=[[1.0] * 2, [0.0] * 2], theta=[], bias=[0.0, 0.0]
+    )
+    words = ("run", narrow, "--backend", "fake_lima", "--mitigation", "none", "--episodes", 2)
+    found = qcompile(*words, "--copies", 2, "--shots", 100, "--json").json()
+    assert (found["copies"], found["rounds_per_step"]) == (2, 1)
+    longest = max(episode["length"] for episode in found["episodes"])
+    assert found["executions"] == 100 * longest
+    assert "side by side  2 episodes" in qcompile(*words, "--copies", 2).out
+
+
+def test_an_old_calibration_is_reported(qcompile: Call, policy: Call, calibration: str) -> None:
+    values = json.loads(Path(calibration).read_text())
+    Path("old.json").write_text(json.dumps(values | {"created": "2020-01-01T00:00:00Z"}))
+    answer = qcompile("run", policy(), *LIMA, "--calibration", "old.json", "--json")
+    assert answer.code == 0
+    assert answer.err.startswith("old.json is ")
+    assert " hours old; `qcompile calibrate " in answer.err
+    assert answer.json()["calibration"] == "old.json"
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (("--predistort", "--mitigation", "readout"), "--predistort and --mitigation readout excl"),
+        (("--calibration", "lima.json", "--mitigation", "none"), "--calibration needs --mitigati"),
+        (("--calibration", "lima.json"), "--calibration needs --mitigation"),  # ideal has none
+        (("--copies", "0"), "0 is not in the range 1<=x<=10000"),
+    ],
+)
+def test_contradictions_are_wrong_usage(
+    qcompile: Call, policy: Call, words: tuple[str, ...], text: str
+) -> None:
+    answer = qcompile("run", policy(), *words)
+    assert (answer.code, answer.out) == (2, "")
+    assert text in answer.err
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (
+            ("--backend", "ibm_lima", "--calibration", "lima.json"),
+            "The calibration is of fake_lima, the backend is ibm_lima.\n  Measure one with",
+        ),
+        (
+            ("--mitigation", "response", "--level", "1", "--calibration", "lima.json"),
+            "Response curves need level 2, found level 1.",
+        ),
+        (("--predistort", "--level", "1"), "Response curves need level 2, found level 1."),
+        (("--calibration", "bad.json"), "bad.json is no calibration.\n  the file: invalid JSON: "),
+        (("--calibration", "nosuch.json"), "nosuch.json is no calibration.\n"),
+        (
+            ("--calibration", "two.json"),
+            "Qubit 2 has no calibration.\n  Calibrated on fake_lima: 0",
+        ),
+        (
+            ("--calibration", "two.json", "--mitigation", "response"),
+            "Qubit 2 has no calibration.\n",
+        ),
+        (("--backend", "two.json"), "The calibration of fake_lima holds no response curves.\n"),
+        (("--backend", "lima.json", "--level", "1"), "A measured response knows sx rz sx, found "),
+    ],
+)
+def test_calibrations_that_do_not_fit_are_explained(
+    qcompile: Call, policy: Call, calibration: str, words: tuple[str, ...], text: str
+) -> None:
+    two = ("calibrate", "--backend", "fake_lima", "--qubits", "0,1", "--parts", "readout")
+    assert qcompile(*two, "--out", "two.json").code == 0
+    Path("bad.json").write_text(Path(calibration).read_text()[:300])
+    answer = qcompile("run", policy(), *LIMA, *words)
+    assert (answer.code, answer.out) == (1, "")
+    assert answer.err.startswith(f"Error: {text}")
+
+
+def test_a_sampler_has_shots_alone(qcompile: Call, policy: Call) -> None:
+    answer = qcompile("run", policy(), "--backend", "qiskit:FakeLimaV2", "--shots", "exact")
+    assert (answer.code, answer.out) == (1, "")
+    assert answer.err.startswith("Error: fake_lima runs through a sampler, which only has shots.\n")
 
 
 # What is refused.
@@ -432,7 +567,7 @@ def test_an_interrupted_run_is_still_one_json_document(
     answer = qcompile("run", policy(), "--episodes", 50, "--json")
     assert answer.code == 1
     found = answer.json()
-    assert set(found) == DOCUMENTED | {"greedy", "interrupted"}
+    assert set(found) == DOCUMENTED | LATER
     assert found["ci95"] is None  # the shortest episodes end first: no estimate
     assert found["solved"] is None
     assert (found["interrupted"], len(found["episodes"])) == (True, 3)

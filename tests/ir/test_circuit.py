@@ -165,6 +165,30 @@ def test_a_fused_program_cannot_be_substituted() -> None:
         fused.substitute({"x0": 1.0})
 
 
+def test_copies_side_by_side_share_parameters_alone() -> None:
+    program = Program.of(map(Circuit.parse, ["h ry(x0+theta0)", "rz(2*x1) ry(theta0)"]), 2, 1)
+    assert str(program.side_by_side(2)) == (
+        "inputs x0_0 x1_0 x0_1 x1_1\n"
+        "parameters theta0\n"
+        "0: h ry(theta0+x0_0)\n"
+        "1: rz(2.0*x1_0) ry(theta0)\n"
+        "2: h ry(theta0+x0_1)\n"
+        "3: rz(2.0*x1_1) ry(theta0)"
+    )
+    assert program.side_by_side(1) is program
+
+
+def test_names_of_copies_do_not_collide() -> None:
+    program = Program((Circuit.parse("ry(a) rz(a_0) ry(a_1)"),), ("a", "a_0"), ("a_1",))
+    assert program.side_by_side(2).inputs == ("a__0", "a_0__0", "a__1", "a_0__1")
+
+
+def test_a_fused_program_cannot_be_copied() -> None:
+    fused = Program((), ("x0",), (), (Definition("a", Circuit(), "first"),))
+    with pytest.raises(CircuitError, match="cannot be copied"):
+        fused.side_by_side(2)
+
+
 @pytest.mark.parametrize(
     "text", ["nonsense", "1: h", "0: h\n0: x", "where a = middle{h}", "0: ry(x0)", "0 h"]
 )

@@ -135,9 +135,9 @@ def test_a_bound_job_is_the_policy(tmp_path: Path, backend: str, level: int, for
 
 
 def test_rounds_name_the_qubits_of_the_device(tmp_path: Path) -> None:
-    """Seven circuits on five equal qubits: five in the first round, two in the second."""
+    """Seven circuits on five equal qubits: two rounds on the first three, one on the next."""
     job = export_job(make(), load_device("ibm_lima"), tmp_path / "job")
-    assert [p["circuits"] for p in job["programs"]] == [[0, 1, 2, 3, 4], [5, 6]]
+    assert [p["circuits"] for p in job["programs"]] == [[0, 2, 4, 6], [1, 3, 5]]
     for program in job["programs"]:
         text = (tmp_path / "job" / program["file"]).read_text()
         assert len(set(program["qubits"])) == len(program["qubits"])

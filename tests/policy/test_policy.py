@@ -96,6 +96,27 @@ def test_folding_keeps_the_probabilities() -> None:
     assert folded.weights[1, 2] == pytest.approx(by_hand, rel=1e-14)
 
 
+def test_importance_is_what_an_error_costs_in_information() -> None:
+    """A small error dz of one <Z> moves equal probabilities by importance dz^2 / 2 nats."""
+    policy = make()
+    z = np.random.default_rng(3).uniform(-1, 1, (1, CIRCUITS))
+    even = replace(policy, bias=policy.bias - policy.logits(z)[0])
+    np.testing.assert_allclose(even.probabilities(z), 1 / ACTIONS, rtol=1e-12)
+    for circuit in range(CIRCUITS):
+        error = 1e-3 * np.eye(CIRCUITS)[circuit]
+        nats = -np.log(ACTIONS * even.probabilities(z + error)).mean()
+        assert nats == pytest.approx(policy.importance[circuit] * 1e-6 / 2, rel=2e-2)
+
+
+def test_what_all_actions_share_is_of_no_importance() -> None:
+    policy = make()
+    shifted = replace(policy, weights=policy.weights + np.arange(REUSE * CIRCUITS))
+    np.testing.assert_allclose(shifted.importance, policy.importance, rtol=1e-12)
+    np.testing.assert_array_equal(policy.folded().importance, policy.importance)
+    only = replace(policy, weights=policy.weights[:1], bias=policy.bias[:1])
+    np.testing.assert_array_equal(only.importance, 0.0)
+
+
 def test_probabilities_survive_large_logits() -> None:
     policy = replace(make(), bias=np.array([1000.0, 0.0, -1000.0, 1000.0]))
     policy = replace(policy, weights=np.zeros_like(policy.weights))

@@ -179,7 +179,10 @@ qpu_seconds_estimate env_steps wall_seconds""".split()  # noqa: SIM905
 
 
 def test_a_summary_has_what_is_documented_and_counts_by_hand() -> None:
-    """Eight circuits on the five qubits of ibm_lima are two rounds."""
+    """Eight circuits on four of the five qubits of ibm_lima are two rounds.
+
+    The calibration of four qubits has six patterns.
+    """
     deployment = deploy(cartpole(2), "ibm_lima", shots=128, mitigation="readout", seed=9)
     result = play(deployment, 3)
     summary = result.summary()
@@ -189,7 +192,7 @@ def test_a_summary_has_what_is_documented_and_counts_by_hand() -> None:
     assert [set(e) for e in summary["episodes"]] == [{"seed", "reward", "length"}] * 3
     assert [e["seed"] for e in summary["episodes"]] == [9, 10, 11]
     assert rewards == [float(n) for n in lengths], "CartPole pays 1 a step"
-    executions = sum(lengths) * 2 * 128 + 2 * 8192
+    executions = sum(lengths) * 2 * 128 + 6 * 8192
     expected = {
         "policy": "leaning",
         "environment": "CartPole-v1",
@@ -214,6 +217,32 @@ def test_a_summary_has_what_is_documented_and_counts_by_hand() -> None:
     seconds = 2 * (max(lengths) + 1) + 0.00035 * executions
     assert summary["qpu_seconds_estimate"] == pytest.approx(seconds)
     assert summary["wall_seconds"] > 0
+
+
+@pytest.mark.parametrize(("copies", "programs"), [(1, 5), (2, 3), (4, 2), (6, 1)])
+def test_episodes_share_an_execution(copies: int, programs: int) -> None:
+    """Five clocks of three steps; up to 6 copies of 4 circuits fit fake_toronto's 25 qubits."""
+    policy = stubborn("Clock-v0", 2, 3)
+    policy = replace(policy, program=parallel(4, 1)[0], weights=np.zeros((3, 4)), theta=np.zeros(4),
+                     encoder=Encoder("arctan", np.array([0, 1, 0, 1]), np.ones(4)))  # fmt: skip
+    deployment = deploy(policy, "fake_toronto", shots=100, copies=copies)
+    result = play(deployment, 5)
+    assert deployment.executable.round_count == 1
+    assert (result.env_steps, result.programs) == (15, 3 * programs)
+    assert result.executions == 3 * programs * 100
+    assert result.summary()["circuits_per_step"] == 4
+    assert result.episodes == play(deploy(policy, "fake_toronto", shots=100), 5).episodes
+
+
+def test_copies_play_the_same_episodes_where_nothing_is_random() -> None:
+    alone, together = (play(deploy(cartpole(), greedy=True, copies=n), 3) for n in (1, 2))
+    assert together.episodes == alone.episodes
+
+
+def test_the_most_important_circuit_has_the_best_qubit() -> None:
+    deployment = deploy(cartpole(), "fake_lima")
+    best = deployment.policy.importance.argmax()
+    assert deployment.executable.qubits[best] == load_device("fake_lima").usable[0]
 
 
 def test_exact_shots_cost_nothing() -> None:

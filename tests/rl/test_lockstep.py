@@ -10,6 +10,8 @@ import pytest
 
 from qcompile.device import load_device
 from qcompile.errors import CalibrationError, CountsError
+from qcompile.execution import OfflineExecutor, TwinExecutor
+from qcompile.mitigation import calibrate, response_mitigation
 from qcompile.policy.layouts import parallel
 from qcompile.rl.environments import make_environments
 from qcompile.rl.lockstep import Episode, lockstep
@@ -80,7 +82,8 @@ TRUE = -np.sin(X) * np.cos(THETA) - np.cos(X) ** 2 * np.sin(THETA)
 
 
 def measured(device: str = "ideal", **settings: Any) -> np.ndarray:
-    return Measurement(PROGRAM, load_device(device), **{"shots": None, **settings})(X, THETA)
+    executor = OfflineExecutor(load_device(device), settings.pop("seed", None))
+    return Measurement(PROGRAM, executor, **{"shots": None, **settings})(X, THETA)
 
 
 @pytest.mark.parametrize("level", [0, 1, 2])
@@ -107,7 +110,7 @@ def test_a_measurement_repeats_with_its_seed() -> None:
 
 def test_one_measurement_serves_any_theta() -> None:
     """Compiled once: theta is given with each call."""
-    measure = Measurement(PROGRAM, load_device("ideal"), shots=None)
+    measure = Measurement(PROGRAM, OfflineExecutor(load_device("ideal")), shots=None)
     for theta in (np.zeros(3), THETA, -THETA):
         expected = -np.sin(X) * np.cos(theta) - np.cos(X) ** 2 * np.sin(theta)
         np.testing.assert_allclose(measure(X, theta), expected, atol=1e-12)
@@ -118,7 +121,52 @@ def test_readout_mitigation_undoes_what_the_readout_does() -> None:
     assert np.abs(mitigated).max() < 0.01 < np.abs(raw).max()
 
 
+@pytest.mark.parametrize("rows", [0, 1, 5, 6])
+@pytest.mark.parametrize("copies", [1, 2, 3, 40])
+def test_copies_measure_the_same_rows(copies: int, rows: int) -> None:
+    measure = Measurement(PROGRAM, OfflineExecutor(load_device("ideal")), shots=None, copies=copies)
+    z = measure(X[:rows], THETA)
+    assert z.shape == (rows, 3)
+    np.testing.assert_allclose(z, TRUE[:rows], atol=1e-12)
+
+
+def test_copies_are_mitigated_on_their_own_qubits() -> None:
+    settings: dict[str, Any] = {"device": "fake_toronto", "copies": 8, "shots": 100_000}
+    raw, mitigated = (measured(**settings, mitigation=m) - TRUE for m in ("none", "readout"))
+    assert np.abs(mitigated).mean() < 0.01 < np.abs(raw).mean()
+    assert measured(**settings).shape == TRUE.shape
+
+
+def test_a_response_or_bent_angles_leave_less_than_the_readout_alone() -> None:
+    settings: dict[str, Any] = {"device": "fake_toronto"}
+    by_readout, by_response, bent = (
+        np.abs(measured(**settings, **chosen) - TRUE).max()
+        for chosen in ({"mitigation": "readout"}, {"mitigation": "response"}, {"predistort": True})
+    )
+    assert by_response < 1e-5 < 2e-3 < by_readout
+    assert bent < by_readout  # what the device cannot show is left
+
+
+def test_a_calibration_that_is_given_is_used() -> None:
+    device = load_device("fake_lima")
+    calibration = calibrate(OfflineExecutor(device, 3), np.arange(5), 1000)
+    measure = Measurement(
+        PROGRAM, OfflineExecutor(device, 1), shots=100, mitigation="response",
+        calibration=calibration,
+    )  # fmt: skip
+    assert measure.calibration_executions == 0
+    raw = Measurement(PROGRAM, OfflineExecutor(device, 1), shots=100)(X, THETA)
+    by_hand = response_mitigation(calibration, measure.executable).apply(raw)
+    np.testing.assert_array_equal(measure(X, THETA), by_hand)
+    twin = TwinExecutor(calibration, 5)
+    assert Measurement(PROGRAM, twin, shots=100, mitigation="response").calibration_executions == 0
+    with pytest.raises(CalibrationError, match="is of fake_lima, the backend is fake_lagos"):
+        measured("fake_lagos", mitigation="readout", calibration=calibration)
+
+
 def test_a_wrong_measurement_is_refused() -> None:
+    with pytest.raises(CalibrationError, match="contradict each other"):
+        measured(predistort=True, mitigation="response")
     with pytest.raises(CountsError):
         measured(shots=0)
     with pytest.raises(CalibrationError, match="Unknown mitigation 'magic'"):

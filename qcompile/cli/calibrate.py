@@ -1,0 +1,280 @@
+"""`qcompile calibrate`: measure the readout and the response of a device's qubits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from qcompile.cli.options import Shots, echo_json, json_option
+
+if TYPE_CHECKING:
+    from qcompile.calibration import Calibration
+    from qcompile.device import Device
+    from qcompile.mitigation.measure import Part
+
+_PARTS: tuple[Part, ...] = ("readout", "response")
+
+
+class _Numbers(click.ParamType[tuple[int, ...]]):
+    """Numbers of qubits with commas between them."""
+
+    name = "0,1,5"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[int, ...]:
+        parts = [part.strip() for part in str(value).split(",")]
+        if not all(part.isdecimal() and len(part) < 7 for part in parts):
+            self.fail(f"{value!r} is no list of qubits such as 0,1,5.", param, ctx)
+        return tuple(sorted({int(part) for part in parts}))
+
+
+class _Parts(click.ParamType["tuple[Part, ...]"]):
+    """What to measure, with commas between."""
+
+    name = "readout,response"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[Part, ...]:
+        asked = [part.strip() for part in str(value).split(",")]
+        for part in asked:
+            if part not in _PARTS:
+                self.fail(f"{part!r} is neither readout nor response.", param, ctx)
+        return tuple(part for part in _PARTS if part in asked)
+
+
+@click.command("calibrate")
+@click.option(
+    "--backend",
+    required=True,
+    metavar="NAME",
+    help="Device by name or file, calibration file (its twin), or qiskit:NAME.",
+)
+@click.option(
+    "--shots", type=Shots(), default=8192, show_default=True, help="Shots of each circuit."
+)
+@click.option("--qubits", type=_Numbers(), help="Qubits to measure.  [default: all usable ones]")
+@click.option("--policy", help="Measure the qubits that this policy's circuits are placed on.")
+@click.option("--parts", type=_Parts(), help="What to measure.  [default: both]")
+@click.option(
+    "--out",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="File to write.  [default: BACKEND-calibration.json; none with --check]",
+)
+@click.option("--force", is_flag=True, help="Overwrite the file.")
+@click.option(
+    "--plot",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Draw curves, residuals and readout errors; .png, overwritten.",
+)
+@click.option(
+    "--check",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Compare fresh counts with this calibration; exit 1 where it no longer holds. Its qubits "
+    "and parts are the default.",
+)
+@click.option(
+    "--max-age-hours",
+    type=click.FloatRange(0, min_open=True),
+    default=24.0,
+    show_default=True,
+    help="For --check: an older calibration does not hold.",
+)
+@click.option(
+    "--seed", type=click.IntRange(0), help="Draw the same shots again.  [default: new ones]"
+)
+@json_option
+def command(
+    backend: str,
+    shots: int | None,
+    qubits: tuple[int, ...] | None,
+    policy: str | None,
+    parts: tuple[Part, ...] | None,
+    out: Path | None,
+    force: bool,
+    plot: Path | None,
+    check: Path | None,
+    max_age_hours: float,
+    seed: int | None,
+    as_json: bool,
+) -> None:
+    """Measure the readout and the response of a device's qubits, and fit them.
+
+    `run --calibration FILE` mitigates with the file, `run --backend FILE` plays it.
+    """
+    if qubits is not None and policy is not None:
+        raise click.UsageError("--qubits and --policy exclude each other: both name the qubits.")
+    if plot is not None and plot.suffix != ".png":
+        raise click.BadParameter(f"{plot} must end with .png.", param_hint="'--plot'")
+    if check is not None and shots is None:
+        raise click.UsageError("--check compares counts: --shots exact has none.")
+    import numpy as np
+
+    from qcompile.calibration import load_calibration
+    from qcompile.errors import CalibrationError
+    from qcompile.execution import open_executor
+    from qcompile.mitigation import calibrate, measure_drift
+    from qcompile.mitigation.measure import RESPONSE_ANGLES_RAD
+    from qcompile.output import check_writable, write_file
+    from qcompile.report.calibration import draw_calibration
+    from qcompile.report.calibration_values import calibration_values, misfits, print_calibration
+    from qcompile.report.progress import progress_bar
+
+    old = None if check is None else load_calibration(check)
+    executor = open_executor(backend, seed)
+    measured = _qubits(executor.device, qubits, policy, old)
+    angles_rad = RESPONSE_ANGLES_RAD
+    if old is not None:
+        parts = _comparable(old, executor.device, measured, parts)
+        if old.response_counts is not None:
+            angles_rad = np.array(old.response_counts.angles_rad)
+    if out is None and check is None:
+        out = Path(f"{executor.device.name}-calibration.json")
+    _check_out(out, force)
+    if plot is not None:
+        check_writable(plot)
+
+    try:
+        with progress_bar(f"calibrate {executor.device.name}", 1) as show:
+            calibration = calibrate(
+                executor,
+                np.array(measured),
+                shots,
+                parts=parts or _PARTS,
+                angles_rad=angles_rad,
+                on_circuit=lambda done, of: show(done / of, f"circuit {done} of {of}"),
+            )
+    except KeyboardInterrupt:
+        raise CalibrationError("Interrupted: nothing was written.") from None
+    values = calibration_values(calibration) | {"file": None if out is None else str(out)}
+    failures: list[str] = []
+    if old is not None:
+        drift = measure_drift(old, calibration)
+        age = old.age_hours(datetime.now(UTC))
+        values["check"] = {
+            "file": str(check),
+            "age_hours": age,
+            "drifted": drift.drifted,
+            "degrees": drift.degrees_of_freedom,
+            "chi_square": drift.chi_square.tolist(),
+            "p_value": drift.p_value.tolist(),
+        }
+        failures = _failures(values, max_age_hours)
+    if out is not None:
+        calibration.save(out)
+    if plot is not None:
+        write_file(plot, draw_calibration(calibration))
+    if as_json:
+        echo_json(values)
+    else:
+        print_calibration(values)
+        for line in misfits(values):
+            click.echo(line)
+        if old is not None:
+            click.echo(_comparison(values))
+        for what, path in (("calibration", out), ("picture", plot)):
+            if path is not None:
+                click.echo(f"{what} in {path}")
+    if failures:
+        raise CalibrationError(
+            f"{check} no longer holds.", *failures, f"Use a new one: --backend {backend} --out FILE"
+        )
+
+
+def _qubits(
+    device: Device, asked: tuple[int, ...] | None, policy: str | None, old: Calibration | None
+) -> Sequence[int]:
+    """The qubits to measure: asked for, of a policy, of the old calibration, or the usable ones."""
+    from qcompile.errors import CalibrationError
+
+    if asked is not None:
+        if not device.is_ideal and asked[-1] >= len(device.qubits):
+            raise CalibrationError(
+                f"{device.name} has no qubit {asked[-1]}.",
+                f"Its qubits are 0 to {len(device.qubits) - 1}.",
+            )
+        return asked
+    if device.is_ideal and old is None:
+        raise CalibrationError(
+            f"{device.name} needs no calibration: it has no errors.",
+            "To measure some of its perfect qubits all the same, name them with --qubits.",
+        )
+    if policy is not None:
+        from qcompile.passes import compile
+        from qcompile.policy import load_policy
+
+        loaded = load_policy(policy)
+        placed = compile(loaded.trained_program, device, 2, loaded.importance).qubits
+        return sorted(set(placed.tolist()))
+    return sorted(device.usable) if old is None else old.qubits
+
+
+def _comparable(
+    old: Calibration, device: Device, qubits: Sequence[int], asked: tuple[Part, ...] | None
+) -> tuple[Part, ...]:
+    """The parts to measure; what cannot be compared with `old` is refused before it is measured."""
+    import numpy as np
+
+    from qcompile.errors import CalibrationError
+
+    if old.backend != device.name:
+        raise CalibrationError(
+            f"The calibration is of {old.backend}, the backend is {device.name}.",
+            "Compare calibrations of one device.",
+        )
+    old.rows(np.array(qubits))
+    counts = zip(_PARTS, (old.readout_counts, old.response_counts), strict=True)
+    there = {part: found for part, found in counts if found is not None}
+    parts = asked or tuple(there)
+    for part in parts:
+        if part not in there:
+            raise CalibrationError(
+                f"The calibration has no counts of the {part}.",
+                f"It has: {', '.join(there) or 'none'}.",
+            )
+        if there[part].shots is None:
+            raise CalibrationError("A calibration without shots has no scatter to compare.")
+    return parts
+
+
+def _check_out(out: Path | None, force: bool) -> None:
+    from qcompile.errors import OutputError
+    from qcompile.output import check_writable
+
+    if out is None:
+        return
+    if out.is_file() and not force:
+        raise OutputError(
+            f"{out} is there already.",
+            "It may have been paid for: choose another with --out, or overwrite it with --force.",
+        )
+    check_writable(out)
+
+
+def _failures(values: dict[str, Any], max_age_hours: float) -> list[str]:
+    """Why the calibration that was checked does not hold; empty where it does."""
+    check, lines = values["check"], []
+    if check["age_hours"] > max_age_hours:
+        lines.append(f"It is {check['age_hours']:.1f} hours old, more than {max_age_hours:g}.")
+    if check["drifted"]:
+        rows = zip(values["qubits"], check["chi_square"], strict=True)
+        moved = [
+            f"{row['qubit']} ({chi_square:.0f})"
+            for row, chi_square in rows
+            if row["qubit"] in check["drifted"]
+        ]
+        lines.append(
+            f"Drifted: {', '.join(moved)}; in brackets chi-square, {check['degrees']} expected."
+        )
+    return lines
+
+
+def _comparison(values: dict[str, Any]) -> str:
+    check = values["check"]
+    drifted = ", ".join(map(str, check["drifted"])) or "none"
+    return f"{check['file']} is {check['age_hours']:.1f} hours old; drifted qubits: {drifted}"

@@ -1,0 +1,153 @@
+"""Play one cell, and keep what came of it in a file of its own."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import gymnasium
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+
+from qcompile import __version__
+from qcompile.errors import QcompileError
+from qcompile.evaluation.grid import Cell
+from qcompile.output import write_file
+from qcompile.rl.evaluate import Deployment, play
+
+
+class _Episode(BaseModel):
+    model_config = ConfigDict(allow_inf_nan=False)
+
+    seed: int
+    reward: float
+    length: int
+
+
+class _Summary(BaseModel):
+    """What of `qcompile run --json` an evaluation relies on; a summary may hold more."""
+
+    model_config = ConfigDict(allow_inf_nan=False)
+
+    policy: str
+    environment: str
+    backend: str
+    kind: str
+    shots: int | Literal["exact"]
+    mitigation: str
+    level: int
+    seed: int
+    episodes: Annotated[list[_Episode], Field(min_length=1)]
+    mean_reward: float
+    std_reward: float
+    ci95: tuple[float, float]
+    solved: bool | None
+
+
+class CellResult(BaseModel):
+    """What one cell gave: its `summary` is the object of `qcompile run --json`.
+
+    `settings` are those of the cell; `threshold` is the mean reward at which its environment counts
+    as solved, if it has one.
+    """
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+    format: Literal["qcompile-evaluation-1"] = "qcompile-evaluation-1"
+    name: str
+    settings: dict[str, Any]
+    versions: dict[str, str]
+    threshold: float | None
+    summary: dict[str, Any]
+
+    @field_validator("summary")
+    @classmethod
+    def _check_summary(cls, summary: dict[str, Any]) -> dict[str, Any]:
+        _Summary.model_validate(summary)
+        return summary
+
+    @property
+    def rewards(self) -> dict[int, float]:
+        """The reward of each episode, by the seed of its reset."""
+        return {episode["seed"]: episode["reward"] for episode in self.summary["episodes"]}
+
+
+@dataclass(frozen=True)
+class CellFailure:
+    """Why a cell could not be played, in words."""
+
+    name: str
+    words: str
+
+
+def deploy(cell: Cell) -> Deployment:
+    """The cell's policy, compiled for its device.
+
+    Raises:
+        QcompileError: the policy does not fit the device, or a qubit cannot be calibrated.
+    """
+    return Deployment(
+        cell.policy,
+        cell.device,
+        shots=cell.shots,
+        level=cell.level,
+        mitigation=cell.mitigation,
+        seed=cell.seed,
+    )
+
+
+def run_cell(cell: Cell) -> CellResult | CellFailure:
+    """Play the cell's episodes in lockstep.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C; half a cell is no result.
+    """
+    try:
+        result = play(deploy(cell), cell.episodes)
+    except QcompileError as error:
+        return CellFailure(cell.name, str(error))
+    if result.interrupted:
+        raise KeyboardInterrupt
+    return CellResult(
+        name=cell.name,
+        settings=cell.settings(),
+        versions=versions(),
+        threshold=result.threshold,
+        summary=result.summary(),
+    )
+
+
+def versions() -> dict[str, str]:
+    """Package and version of all that the rewards depend on."""
+    return {
+        "qcompile": __version__,
+        "numpy": np.__version__,
+        "gymnasium": gymnasium.__version__,
+    }
+
+
+def write_cell(result: CellResult, folder: Path) -> None:
+    """Write the result to its file in `folder`.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    write_file(folder / f"{result.name}.json", (json.dumps(result.model_dump()) + "\n").encode())
+
+
+def read_cell(cell: Cell, folder: Path) -> CellResult | None:
+    """The result of the cell, if `folder` has it with these settings, this policy and device."""
+    try:
+        path = folder / f"{cell.name}.json"
+        result = CellResult.model_validate_json(path.read_bytes())
+    except (OSError, ValidationError):
+        return None
+    seeds = [cell.seed + i for i in range(cell.episodes)]
+    fits = (result.name, result.settings, list(result.rewards)) == (
+        cell.name,
+        cell.settings(),
+        seeds,
+    )
+    return result if fits else None

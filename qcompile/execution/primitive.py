@@ -1,0 +1,228 @@
+"""The executor that hands circuits to a Qiskit sampler: by default the noise of a backend in Aer.
+
+Source: qiskit.primitives, SamplerV2 and BitArray; qiskit_aer.noise.device for the noise.
+"""
+
+from __future__ import annotations
+
+import warnings
+from copy import copy
+from dataclasses import dataclass
+from typing import Any, NoReturn
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qcompile.device import Device
+from qcompile.errors import CountsError, DeviceError, MissingExtraError
+from qcompile.execution.executor import CountArray, FloatArray, Kind, check_device, check_shots
+from qcompile.ir import Circuit
+from qcompile.passes import Executable
+
+IndexArray = NDArray[np.intp]
+
+_REGISTER = "c"
+_WIDEST_DENSITY_MATRIX = 9
+"""Circuits side by side up to which one density matrix is faster than a product state per shot."""
+
+
+@dataclass(frozen=True)
+class _Round:
+    """A parametrised circuit; bit i of its register is circuit `circuits[i]` of the executable.
+
+    Parameter k is slot `slots[k]` of circuit `owners[k]`. Where no angle is open the global phase
+    is the only parameter: some samplers take the number of observations from parameters alone.
+    """
+
+    circuit: Any
+    parameters: tuple[Any, ...]
+    circuits: IndexArray
+    owners: IndexArray
+    slots: IndexArray
+
+    def pub(self, angles: FloatArray) -> tuple[Any, dict[tuple[Any, ...], FloatArray]]:
+        """The circuit and its values (B, parameters), of angles (B, circuits, slots)."""
+        values = angles[:, self.owners, self.slots]
+        if not self.owners.size:
+            values = np.zeros((len(angles), 1))
+        return self.circuit, {self.parameters: values}
+
+
+class PrimitiveExecutor:
+    """Runs executables on `backend`, a Qiskit BackendV2, through a SamplerV2.
+
+    Every call is one job with one pub for each round: its circuits side by side on their physical
+    qubits, its angles as arrays over the observations. Without a `sampler` nothing leaves this
+    machine: qiskit-ibm-runtime's SamplerV2 plays the noise of the backend's calibration in Aer,
+    the noise that `device` holds, asymmetric readout included. The same seed and the same calls
+    then give the same counts. A `sampler` (anything with the `run` of SamplerV2) has its own noise
+    and its own seed; it should accept the native gates of `backend` on all of its qubits.
+
+    Raises:
+        DeviceError: the calibration of the backend cannot be made a device.
+        MissingExtraError: Qiskit, Aer or qiskit-ibm-runtime is not installed.
+    """
+
+    def __init__(
+        self,
+        backend: Any,
+        *,
+        sampler: Any = None,
+        seed: int | np.random.SeedSequence | None = None,
+    ):
+        from qcompile.snapshot import device_from_backend
+
+        self.device = device_from_backend(backend, backend.name)
+        self.kind: Kind = "noise-model"
+        self.rng = np.random.default_rng(seed)
+        self._sampler = sampler
+        self._simulator: Any = _simulator(backend, self.device) if sampler is None else None
+        self._rounds: WeakKeyDictionary[Executable, list[_Round]] = WeakKeyDictionary()
+
+    def run(
+        self, executable: Executable, x: FloatArray, theta: FloatArray, shots: int
+    ) -> CountArray:
+        """The number of ones of each circuit in `shots` shots, (B, circuits) integers.
+
+        Raises:
+            CountsError: shots out of range.
+            CircuitError: x or theta has another shape.
+            DeviceError: the executable was compiled for another device, or the sampler refuses
+                the job or fails; the message has its words.
+        """
+        check_shots(shots)
+        angles = executable.bind_slots(x, theta)
+        rounds = self._rounds_of(executable)
+        ones = np.zeros((len(angles), len(executable.native)), dtype=np.int64)
+        if not ones.size:
+            return ones
+        for made, bits in zip(rounds, self._bits(rounds, angles, shots), strict=True):
+            ones[:, made.circuits] = _ones(bits, len(made.circuits))
+        return ones
+
+    def expectation(self, executable: Executable, x: FloatArray, theta: FloatArray) -> NoReturn:
+        """A sampler has no expectations without shot noise.
+
+        Raises:
+            CountsError: always.
+        """
+        raise CountsError(
+            f"{self.device.name} runs through a sampler, which only has shots.",
+            "Give a number of shots, 8192 say.",
+            "Expectations without shot noise need a device file: `qcompile backends` lists them.",
+        )
+
+    def _rounds_of(self, executable: Executable) -> list[_Round]:
+        rounds = self._rounds.get(executable)
+        if rounds is None:
+            check_device(executable, self.device)
+            rounds = [_build_round(executable, index) for index in range(executable.round_count)]
+            self._rounds[executable] = rounds
+        return rounds
+
+    def _bits(
+        self, rounds: list[_Round], angles: FloatArray, shots: int
+    ) -> list[NDArray[np.uint8]]:
+        """The packed bits of each round from one job, (B, shots, bytes) each."""
+        from qiskit.exceptions import QiskitError
+
+        try:
+            sampler = self._sampler
+            if sampler is None:
+                sampler = self._simulation(max(len(made.circuits) for made in rounds))
+            result = sampler.run([made.pub(angles) for made in rounds], shots=shots).result()
+            found = [np.asarray(getattr(pub.data, _REGISTER).array) for pub in result]
+        except (QiskitError, ValueError, OSError) as error:
+            words = getattr(error, "message", None) or str(error)
+            raise DeviceError(
+                f"The sampler of {self.device.name} did not run the job.",
+                *str(words).strip().splitlines()[:1],
+                f"The job had {len(rounds)} circuits, {len(angles)} observations, {shots} shots.",
+            ) from error
+        for bits in found:
+            if bits.shape[:2] != (len(angles), shots):
+                raise DeviceError(
+                    f"The sampler of {self.device.name} gave bits of shape {bits.shape[:2]}.",
+                    f"Asked for were {(len(angles), shots)}: observations, shots.",
+                )
+        return found
+
+    def _simulation(self, width: int) -> Any:
+        """A sampler with a new seed for jobs of up to `width` circuits side by side."""
+        from qiskit_ibm_runtime import SamplerV2
+
+        dense = width <= _WIDEST_DENSITY_MATRIX
+        method = "density_matrix" if dense else "matrix_product_state"
+        self._simulator.set_options(method=method)
+        seed = int(self.rng.integers(1, 2**31))  # the runtime takes 0 for no seed
+        with warnings.catch_warnings():
+            # Its successor in 0.51 plays every pub with one seed: rounds would not be independent.
+            warnings.simplefilter("ignore", DeprecationWarning)
+            return SamplerV2(mode=self._simulator, options={"simulator": {"seed_simulator": seed}})
+
+
+def _simulator(backend: Any, device: Device) -> Any:
+    """Aer with the noise of the backend's calibration.
+
+    `AerSimulator.from_backend` reads the target, which has one readout error for both states; the
+    properties, where there are any, have both.
+    """
+    try:
+        import qiskit_ibm_runtime  # noqa: F401
+        from qiskit_aer import AerSimulator
+        from qiskit_aer.noise import NoiseModel
+        from qiskit_aer.noise.device import basic_device_gate_errors, basic_device_readout_errors
+    except ImportError as missing:
+        raise MissingExtraError("Running circuits through a Qiskit sampler", "qiskit") from missing
+    properties = getattr(backend, "properties", None)
+    properties = properties() if callable(properties) else properties
+    source = {"target": backend.target}
+    if properties is not None:
+        properties = copy(properties)
+        properties.gates = [gate for gate in properties.gates if len(gate.qubits) == 1]
+        source = {"properties": properties}
+    noise = NoiseModel(basis_gates=list(device.basis_gates))
+    for qubits, error in basic_device_readout_errors(**source):
+        noise.add_readout_error(error, qubits)
+    for gate, qubits, error in basic_device_gate_errors(**source):
+        if gate in device.qubits[qubits[0]].gates:
+            noise.add_quantum_error(error, gate, qubits)
+    # Shots in one thread: counts do not depend on the number of cores.
+    return AerSimulator(noise_model=noise, max_parallel_shots=1, max_parallel_experiments=0)
+
+
+def _build_round(executable: Executable, index: int) -> _Round:
+    from qiskit.circuit import ClassicalRegister, Parameter, QuantumCircuit, QuantumRegister
+
+    template = executable.template()
+    circuits = np.flatnonzero(executable.rounds == index)
+    places = [place for place in executable.open_slots if place[0] in circuits]
+    parameters = {name: Parameter(name) for name in (f"a{i}_{k}" for i, k in places)}
+    built = QuantumCircuit(
+        QuantumRegister(len(executable.device.qubits), "q"),
+        ClassicalRegister(len(circuits), _REGISTER),
+    )
+    qubits = executable.qubits[circuits].tolist()
+    for circuit, qubit in zip(circuits, qubits, strict=True):
+        _append(built, template.circuits[circuit], qubit, parameters)
+    built.measure(qubits, range(len(qubits)))
+    if not places:
+        built.global_phase = parameters["phase"] = Parameter("phase")
+    owners, slots = np.array(places, dtype=np.intp).reshape(-1, 2).T
+    return _Round(built, tuple(parameters.values()), circuits, owners, slots)
+
+
+def _append(built: Any, circuit: Circuit, qubit: int, parameters: dict[str, Any]) -> None:
+    for gate in circuit.gates:
+        angles = []
+        if gate.angle is not None:
+            open_slot = not gate.angle.is_constant
+            angles = [parameters[gate.angle.symbols[0]] if open_slot else gate.angle.constant]
+        getattr(built, gate.name)(*angles, qubit)
+
+
+def _ones(bits: NDArray[np.uint8], circuits: int) -> CountArray:
+    """Ones of each bit, (B, circuits), of packed bits (B, shots, bytes): bit 0 comes last."""
+    unpacked = np.unpackbits(bits, axis=-1)[..., : -circuits - 1 : -1]
+    return np.asarray(unpacked.sum(axis=1, dtype=np.int64))

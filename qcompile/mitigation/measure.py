@@ -1,0 +1,139 @@
+"""Measure the readout and the response of a device's qubits, and fit them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qcompile.calibration import Calibration, ReadoutCounts, ResponseCounts
+from qcompile.device import Device
+from qcompile.errors import CalibrationError
+from qcompile.execution.executor import Executor
+from qcompile.ir import Angle, Circuit, Gate, Program
+from qcompile.mitigation.fits import fit_readout, fit_response
+from qcompile.passes import Executable, compile
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+Part = Literal["readout", "response"]
+
+CALIBRATION_SHOTS = 8192
+RESPONSE_ANGLES_RAD = np.pi / 4 * np.array([0, 4, 0, 4, 1, 3, 5, 7])
+"""Twice at the poles, where shot noise is least and contrast shows, and four that show the rest."""
+_NOTHING = np.zeros((1, 0)), np.zeros(0)
+
+
+def calibrate(
+    executor: Executor,
+    qubits: IntArray,
+    shots: int | None = CALIBRATION_SHOTS,
+    *,
+    parts: Sequence[Part] = ("readout", "response"),
+    angles_rad: FloatArray = RESPONSE_ANGLES_RAD,
+    on_circuit: Callable[[int, int], None] = lambda done, of: None,
+) -> Calibration:
+    """Run the calibration circuits on `qubits`, `shots` each, and fit.
+
+    Readout: every qubit is prepared in |0> and |1> in `patterns`; the noise of the gate that
+    prepares |1> counts as readout error. Response: sx rz(a) sx (rx(a) where it is native) at
+    `angles_rad`. Without shots exact probabilities are fitted. `on_circuit` gets how many circuits
+    are done, of how many.
+
+    Raises:
+        CalibrationError: a qubit cannot be calibrated, or not with so few shots.
+        CountsError: shots out of range.
+    """
+    qubits = np.unique(qubits)
+    known = len(executor.device.qubits)
+    if not qubits.size or (known and qubits[-1] >= known):
+        raise CalibrationError(
+            f"{executor.device.name} has no qubit {qubits[-1]}."
+            if qubits.size
+            else "There is no qubit to calibrate.",
+            f"Its qubits are 0 to {known - 1}." if known else "Name one at least.",
+        )
+    prepared = patterns(len(qubits))
+    of = len(prepared) * ("readout" in parts) + len(angles_rad) * ("response" in parts)
+    readout_counts = response_counts = None
+    readout = response = None
+    if "readout" in parts:
+        rows = []
+        for done, pattern in enumerate(prepared):
+            on_circuit(done, of)
+            rows.append(_ones(executor, _prepare(pattern, qubits, executor.device), None, shots)[0])
+        ones = np.array(rows)
+        readout = fit_readout(prepared, ones, shots, qubits)
+        readout_counts = ReadoutCounts(prepared=_plain(prepared), ones=_plain(ones), shots=shots)
+    if "response" in parts:
+        on_circuit(of - len(angles_rad), of)
+        ones = _ones(executor, _turn(qubits, executor.device), angles_rad, shots)
+        response = fit_response(angles_rad, ones, shots, qubits)
+        response_counts = ResponseCounts(
+            angles_rad=tuple(angles_rad.tolist()), ones=_plain(ones), shots=shots
+        )
+    on_circuit(of, of)
+    return Calibration(
+        backend=executor.device.name,
+        kind=executor.kind,
+        created=datetime.now(UTC).replace(microsecond=0),
+        device=executor.device,
+        qubits=tuple(qubits.tolist()),
+        readout_counts=readout_counts,
+        readout=readout,
+        response_counts=response_counts,
+        response=response,
+    )
+
+
+def patterns(qubits: int) -> IntArray:
+    """The bits that qubits are prepared in, (patterns, qubits): all 0, all 1, and balanced ones.
+
+    Bit k of a qubit's number and its opposite make two patterns, ceil(log2(qubits)) times: each
+    qubit is as often 0 as 1, and every two qubits differ in some pattern.
+    """
+    number = np.arange(qubits)
+    rows = [np.zeros_like(number), np.ones_like(number)]
+    for k in range((qubits - 1).bit_length()):
+        bit = number >> k & 1
+        rows += [bit, 1 - bit]
+    return np.array(rows)
+
+
+def _ones(
+    executor: Executor, executable: Executable, turns: FloatArray | None, shots: int | None
+) -> FloatArray:
+    """Ones (rows, qubits), or without shots probabilities, for one row or one angle in each."""
+    x, theta = _NOTHING if turns is None else (turns[:, None], _NOTHING[1])
+    if shots is None:
+        return np.asarray((1.0 - executor.expectation(executable, x, theta)) / 2.0)
+    return executor.run(executable, x, theta, shots).astype(np.float64)
+
+
+def _prepare(pattern: IntArray, qubits: IntArray, device: Device) -> Executable:
+    """|0> or |1> on every one of `qubits`, in the device's own gates."""
+    circuits = tuple(Circuit((Gate("x"),)) if bit else Circuit() for bit in pattern)
+    return _placed(compile(Program(circuits), device, level=1), qubits)
+
+
+def _turn(qubits: IntArray, device: Device) -> Executable:
+    """sx rz(x0) sx, or rx(x0), on every one of `qubits`."""
+    angle = Angle.symbol("x0")
+    has_rx = "rx" in device.basis_gates
+    circuit = Circuit(
+        (Gate("rx", angle),) if has_rx else (Gate("sx"), Gate("rz", angle), Gate("sx"))
+    )
+    program = Program((circuit,) * len(qubits), ("x0",))
+    return Executable(program, program, device, 2, qubits, np.zeros_like(qubits))
+
+
+def _placed(executable: Executable, qubits: IntArray) -> Executable:
+    return replace(executable, qubits=qubits, rounds=np.zeros_like(qubits))
+
+
+def _plain(array: NDArray[Any]) -> tuple[tuple[Any, ...], ...]:
+    return tuple(map(tuple, array.tolist()))

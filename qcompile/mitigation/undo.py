@@ -1,0 +1,143 @@
+"""What a qubit does to <Z>, undone in closed form."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qcompile.calibration import Calibration
+from qcompile.errors import CalibrationError
+from qcompile.passes import Executable
+
+FloatArray = NDArray[np.float64]
+
+_SEEN = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class Mitigation:
+    """The measured <Z> of circuit i is offset_i + contrast_i cos(w - tilt_i) for ideal cos(w).
+
+    Arrays of (circuits,); w lies in [0, pi], the polar angle of the ideal Bloch vector. Readout
+    errors alone have no tilt; where it is not 0, two w near a pole show the same <Z>, and the one
+    farther from that pole is taken. `covariance` is that of (offset, contrast, tilt), (circuits, 3,
+    3).
+    """
+
+    offset: FloatArray
+    contrast: FloatArray
+    tilt: FloatArray
+    covariance: FloatArray
+
+    def apply(self, z: FloatArray) -> FloatArray:
+        """The ideal <Z> for measured z (B, circuits).
+
+        What no ideal circuit shows is clipped to [-1, 1]; without tilt this is the least-squares
+        solution under that constraint.
+        """
+        u = self._undone(z)
+        if not self._tilted:
+            return u
+        return np.asarray(np.cos(self.tilt) * u - np.sin(self.tilt) * np.sqrt(1.0 - u * u))
+
+    def _undone(self, z: FloatArray) -> FloatArray:
+        """cos(w - tilt) in what w in [0, pi] can show."""
+        u = (z - self.offset) / self.contrast
+        if not self._tilted:
+            return np.asarray(np.minimum(np.maximum(u, -1.0), 1.0))
+        border = np.cos(self.tilt)
+        least = np.where(self.tilt > 0.0, -border, -1.0)
+        most = np.where(self.tilt < 0.0, border, 1.0)
+        return np.asarray(np.minimum(np.maximum(u, least), most))
+
+    def standard_error(self, z: FloatArray, shots: int) -> FloatArray:
+        """The standard error of `apply(z)` for z (B, circuits) measured with `shots`.
+
+        Shot noise and the uncertainty of the calibration, to first order.
+        """
+        u = self._undone(z)
+        across = np.sqrt(1.0 - u * u)
+        slope = np.ones_like(u)
+        if self._tilted:
+            slope = np.cos(self.tilt) + np.sin(self.tilt) * u / np.maximum(across, 1e-3)
+        slope = slope / self.contrast
+        by_tilt = -np.sin(self.tilt) * u - np.cos(self.tilt) * across
+        gradient = np.stack([-slope, -slope * u, by_tilt], axis=-1)  # (B, circuits, 3)
+        calibrated = np.einsum("bci,cij,bcj->bc", gradient, self.covariance, gradient)
+        counted = slope**2 * np.clip(1.0 - z * z, 1.0 / shots, None) / shots
+        return np.asarray(np.sqrt(counted + calibrated))
+
+    @cached_property
+    def _tilted(self) -> bool:
+        return bool(self.tilt.any())
+
+
+def readout_mitigation(calibration: Calibration, executable: Executable) -> Mitigation:
+    """Undo the readout of the executable's qubits: offset p01 - p10, contrast 1 - p01 - p10.
+
+    Raises:
+        CalibrationError: a qubit was not calibrated, or no readout was.
+    """
+    fit, rows = calibration.readout, calibration.rows(executable.qubits)
+    if fit is None:
+        raise CalibrationError(
+            "The calibration holds no assignment matrices.",
+            "Use mitigation response, or calibrate the readout.",
+        )
+    p10, p01, v10, v01 = (
+        np.array(column)[rows]
+        for column in (fit.p10, fit.p01, np.square(fit.p10_error), np.square(fit.p01_error))
+    )
+    covariance = np.zeros((len(rows), 3, 3))
+    covariance[:, 0, 0] = covariance[:, 1, 1] = v01 + v10
+    covariance[:, 0, 1] = covariance[:, 1, 0] = v10 - v01
+    return Mitigation(p01 - p10, 1.0 - p01 - p10, np.zeros(len(rows)), covariance)
+
+
+def response_mitigation(
+    calibration: Calibration, executable: Executable, *, any_side: bool = False
+) -> Mitigation:
+    """Undo readout and gate errors of circuits sx rz(a) sx (rx(a) where it is native).
+
+    The response curve b + c cos(a) + s sin(a) is offset + contrast cos(w - tilt) in the ideal polar
+    angle w = a - pi (a for rx). Circuits without a rotation are taken to lie on the same curve.
+    Angles that are not polar may lie on both sides of |0>, where a tilt acts oppositely: <Z> does
+    not tell which, and their mean is undone. `any_side` says that the side is known all the same.
+
+    Raises:
+        CalibrationError: the executable is not of level 2, a qubit was not calibrated, or no
+            response was.
+    """
+    check_response_level(executable.level)
+    fit, rows = calibration.response, calibration.rows(executable.qubits)
+    if fit is None:
+        raise CalibrationError(
+            "The calibration holds no response curves.",
+            "Use mitigation readout, or calibrate the response.",
+        )
+    curve, covariance = np.array(fit.curves)[rows], np.array(fit.covariance)[rows]
+    sign = math.cos(executable.angle_offset_rad)
+    b, c, s = curve[:, 0], sign * curve[:, 1], sign * curve[:, 2]
+    # A tilt within its error costs more than it brings.
+    seen = np.abs(s) > _SEEN * np.sqrt(covariance[:, 2, 2])
+    s = np.where(seen & (any_side or executable.has_polar_angles), s, 0.0)
+    contrast, tilt = np.hypot(c, s), np.arctan2(s, c)
+    jacobian = np.zeros((len(rows), 3, 3))  # of (offset, contrast, tilt) by (b, c, s)
+    jacobian[:, 0, 0] = 1.0
+    jacobian[:, 1, 1:] = sign * np.stack([c, s], axis=1) / contrast[:, None]
+    jacobian[:, 2, 1:] = sign * np.stack([-s, c], axis=1) / contrast[:, None] ** 2
+    turned = jacobian @ covariance @ jacobian.transpose(0, 2, 1)
+    return Mitigation(b, contrast, tilt, turned)
+
+
+def check_response_level(level: int) -> None:
+    """Raise CalibrationError where response curves say nothing of the circuits of a level."""
+    if level != 2:
+        raise CalibrationError(
+            f"Response curves need level 2, found level {level}.",
+            "They are those of sx rz sx; take --level 2 or --mitigation readout.",
+        )

@@ -1,0 +1,200 @@
+"""Calibrations as pictures."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from io import BytesIO
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qcompile.calibration import Calibration, ReadoutCounts, ResponseCounts
+from qcompile.report.calibration_values import calibration_values, is_misfit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+FloatArray = NDArray[np.float64]
+
+_MOST_COLUMNS = 8
+_BLUE, _ORANGE, _GREY = "#0072B2", "#D55E00", "0.55"  # Okabe and Ito's
+
+
+def draw_calibration(calibration: Calibration) -> bytes:
+    """Response curves, residuals and readout errors of every qubit, as the bytes of a PNG file."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    values = calibration_values(calibration)
+    count = len(calibration.qubits)
+    rows = math.ceil(count / _MOST_COLUMNS)
+    columns = math.ceil(count / rows)
+    rows *= calibration.response is not None
+    residuals = list(_residuals(calibration))
+    below = bool(residuals) + (calibration.readout is not None)
+    width = min(max(7.5, 1.7 * columns), 13.0)
+    high, low = 1.65 * rows + 0.5 * bool(rows), 2.1 * below + 0.3 * bool(below)
+    figure = Figure(figsize=(width, high + low + 0.5), layout="constrained")
+    heights = [part for part in (high, low) if part]
+    parts = iter(figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0])
+    shots = values["shots"]
+    detail = "exact" if shots == "exact" else f"{shots} shots of each circuit"
+    figure.suptitle(
+        f"{calibration.backend}, {calibration.created:%Y-%m-%d %H:%M} UTC, {detail}",
+        x=0.01,
+        ha="left",
+        fontsize=11,
+    )
+    if calibration.response is not None:
+        part = next(parts)
+        panels = part.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
+        for index, axes in enumerate(panels.flat):
+            if index < count:
+                _draw_curve(axes, calibration, index, values["qubits"][index])
+            else:
+                axes.set_axis_off()
+            if index < count <= index + columns:  # nothing below it
+                axes.tick_params(labelbottom=True)
+        part.supxlabel(
+            "angle of rz between the sx" if _has_turn(calibration) else "angle of rx", fontsize=9
+        )
+        part.supylabel("measured <Z>", fontsize=9)
+        part.legend(
+            *panels[0, 0].get_legend_handles_labels(),
+            loc="outside upper right",
+            frameon=False,
+            fontsize=8,
+            ncols=3,
+        )
+    if below:
+        part = next(parts)
+        made = iter(part.subplots(below, 1, squeeze=False, sharex=True)[:, 0])
+        if residuals:
+            _draw_residuals(next(made), residuals, values)
+        if calibration.readout is not None:
+            _draw_readout(next(made), values)
+        bad = {row["qubit"] for row in values["qubits"] if is_misfit(row)}
+        last = part.axes[-1]
+        last.set_xticks(range(count), [str(q) for q in calibration.qubits], fontsize=8)
+        last.set_xlim(-0.6, count - 0.4)
+        last.set_xlabel("qubit" + ("; orange: a fit is bad" if bad else ""), fontsize=9)
+        for label, qubit in zip(last.get_xticklabels(), calibration.qubits, strict=True):
+            if qubit in bad:
+                label.set(color=_ORANGE, fontweight="bold")
+    FigureCanvasAgg(figure)
+    picture = BytesIO()
+    figure.savefig(picture, format="png", dpi=120, metadata={"Software": None})
+    return picture.getvalue()
+
+
+def _has_turn(calibration: Calibration) -> bool:
+    return "rx" not in calibration.device.basis_gates
+
+
+def _curve(calibration: Calibration, index: int, angles: FloatArray) -> FloatArray:
+    assert calibration.response is not None
+    b, c, s = calibration.response.curves[index]
+    return np.asarray(b + c * np.cos(angles) + s * np.sin(angles))
+
+
+def _draw_curve(axes: Axes, calibration: Calibration, index: int, row: dict[str, Any]) -> None:
+    turn = np.linspace(0, 2 * np.pi, 121)
+    ideal = np.cos(turn - np.pi * _has_turn(calibration))
+    axes.plot(turn, ideal, color="0.7", linewidth=1.0, linestyle=(0, (3, 2)), label="ideal")
+    axes.plot(
+        turn,
+        _curve(calibration, index, turn),
+        color=_BLUE,
+        linewidth=1.4,
+        label="fitted, with its contrast",
+    )
+    counts = calibration.response_counts
+    if counts is not None:
+        ones = np.array(counts.ones)[:, index] / (counts.shots or 1)
+        at = np.mod(counts.angles_rad, 2 * np.pi)
+        axes.plot(
+            at, 1 - 2 * ones, "o", color=_ORANGE, markersize=3.5, mec="white", mew=0.4,
+            label="measured",
+        )  # fmt: skip
+    axes.set_title(f"qubit {row['qubit']}", loc="left", fontsize=8, pad=3)
+    axes.set_title(f"{row['contrast']:.3f}", loc="right", fontsize=8, pad=3, color=_BLUE)
+    axes.set_xticks([0, np.pi, 2 * np.pi], ["0", "π", "2π"], fontsize=7)
+    axes.set_yticks([-1, 0, 1], ["−1", "0", "1"], fontsize=7)
+    axes.set_ylim(-1.12, 1.12)
+    axes.axhline(0, color="0.9", linewidth=0.8, zorder=0)
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def _residuals(calibration: Calibration) -> Iterator[tuple[str, FloatArray]]:
+    """(circuits, qubits) for response and readout: measured less fitted, in standard errors."""
+    for part, counts in (
+        ("response", calibration.response_counts),
+        ("readout", calibration.readout_counts),
+    ):
+        if counts is None or counts.shots is None:
+            continue
+        frequency = np.array(counts.ones) / counts.shots
+        fitted = _fitted(calibration, counts)
+        p = (fitted * counts.shots + 0.5) / (counts.shots + 1)
+        yield part, (frequency - fitted) / np.sqrt(p * (1 - p) / counts.shots)
+
+
+def _fitted(calibration: Calibration, counts: ReadoutCounts | ResponseCounts) -> FloatArray:
+    """What the fits say of the frequencies of ones, (circuits, qubits)."""
+    if isinstance(counts, ResponseCounts):
+        angles = np.array(counts.angles_rad)
+        curves = [_curve(calibration, index, angles) for index in range(len(calibration.qubits))]
+        return (1 - np.array(curves).T) / 2
+    assert calibration.readout is not None
+    p10, p01 = np.array(calibration.readout.p10), np.array(calibration.readout.p01)
+    return np.where(np.array(counts.prepared) == 1, 1 - p01, p10)
+
+
+def _draw_residuals(
+    axes: Axes, residuals: Sequence[tuple[str, FloatArray]], values: dict[str, Any]
+) -> None:
+    axes.axhspan(-2, 2, color="0.94", lw=0, zorder=0)
+    axes.axhline(0, color=_GREY, linewidth=0.8, zorder=1)
+    sides = (0.0,) if len(residuals) == 1 else (-0.2, 0.2)
+    for (part, found), side in zip(residuals, sides, strict=True):
+        circuits, qubits = found.shape
+        spread = 0.26 * (np.arange(circuits) / max(circuits - 1, 1) - 0.5)
+        at = np.arange(qubits) + side + spread[:, None]
+        colour, marker = (_BLUE, "o") if part == "response" else (_ORANGE, "D")
+        axes.plot(at.ravel(), found.ravel(), marker, color=colour, ms=3, mew=0, label=part)
+    most = max(3.5, 1.1 * max(float(np.abs(found).max()) for _, found in residuals))
+    axes.set_ylim(-most, most)
+    axes.set_ylabel("residual /\nstandard error", fontsize=9)
+    _finish(axes)
+
+
+def _draw_readout(axes: Axes, values: dict[str, Any]) -> None:
+    at = np.arange(len(values["qubits"]))
+    names = {"p10": "p10 = P(1 | 0)", "p01": "p01 = P(0 | 1)"}
+    for (name, label), side, colour in zip(
+        names.items(), (-0.2, 0.2), (_BLUE, _ORANGE), strict=True
+    ):
+        heights = [100 * row[name] for row in values["qubits"]]
+        errors = [100 * row[f"{name}_error"] for row in values["qubits"]]
+        axes.bar(at + side, heights, 0.36, color=colour, label=label, alpha=0.85)
+        if any(errors):
+            axes.errorbar(
+                at + side, heights, errors, fmt="none", ecolor="0.2", capsize=2, elinewidth=0.9
+            )
+    axes.set_ylim(bottom=0)
+    axes.set_ylabel("readout\nerror, %", fontsize=9)
+    _finish(axes)
+
+
+def _finish(axes: Axes) -> None:
+    axes.tick_params(labelsize=8)
+    axes.tick_params(axis="x", length=0)
+    axes.grid(axis="y", color="0.92", linewidth=0.8)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(
+        loc="lower right", bbox_to_anchor=(1, 1), frameon=False, fontsize=8, ncols=2,
+        borderaxespad=0.1,
+    )  # fmt: skip

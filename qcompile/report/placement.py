@@ -1,0 +1,58 @@
+"""Why each circuit has the qubit it has."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Iterator
+from typing import Any
+
+import click
+
+from qcompile.device import LEAST_CONTRAST, REFERENCE_SHOTS
+from qcompile.report.tables import plural, print_table
+
+_PERFECT = math.sqrt(2 / 3 / REFERENCE_SHOTS)
+"""Shot noise alone: the mean of 1 - z^2 over z in [-1, 1] is 2/3."""
+
+
+def print_placement(values: dict[str, Any]) -> None:
+    """Print the placement in `executable_values` on a device with qubits of its own.
+
+    The most important circuits come first; importance is shown where there is a policy.
+    """
+    weighed = "policy" in values
+    print_table(
+        ["circuit", *(["importance"] if weighed else []), "qubit", "round", "error of <Z>"],
+        [
+            [
+                row["circuit"],
+                *([f"{100 * row['importance']:5.1f} %"] if weighed else []),
+                row["qubit"],
+                row["round"],
+                "unknown" if row["expected_error"] is None else f"{row['expected_error']:.4f}",
+            ]
+            for row in sorted(values["circuits"], key=lambda row: -row["importance"])
+        ],
+        f"Placement on {values['backend']}, in {plural(values['rounds'], 'round')}",
+    )
+    for line in _lines(values, weighed):
+        click.echo(line)
+
+
+def _lines(values: dict[str, Any], weighed: bool) -> Iterator[str]:
+    if weighed:
+        yield "importance: variance over actions of the circuit's weights, as a share of all"
+    yield (
+        f"error: root mean square at {REFERENCE_SHOTS} shots, readout mitigated; "
+        f"{_PERFECT:.4f} if perfect"
+    )
+    if values["left_out"]:
+        words = ", ".join(f"{row['qubit']} {row['reason']}" for row in values["left_out"])
+        text = f"left out ({LEAST_CONTRAST} of <Z> is the least): qubit {words}"
+        yield textwrap.fill(text, 80, subsequent_indent="  ")
+    copies = values["copies_that_fit"]
+    if copies > 1:
+        yield f"{copies} episodes fit side by side in one round"
+    else:
+        yield "no second episode fits beside the first in one round"

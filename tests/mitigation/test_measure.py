@@ -1,0 +1,136 @@
+"""The circuits of a calibration, and that what is found is the device's own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from qcompile.device import Device, GateCalibration, Qubit, load_device
+from qcompile.errors import CalibrationError, CountsError
+from qcompile.execution import OfflineExecutor
+from qcompile.mitigation import CALIBRATION_SHOTS, calibrate, readout_mitigation
+from qcompile.mitigation.measure import RESPONSE_ANGLES_RAD, patterns
+from qcompile.noise import noise_after, readout_row, rotation_map
+from qcompile.passes import compile
+from qcompile.policy.layouts import parallel
+
+ONCE_IN_A_MILLION = norm.isf(0.5e-6)
+Noiseless = Callable[[str], Device]
+
+
+@pytest.mark.parametrize("qubits", [1, 2, 3, 4, 5, 8, 9, 27, 127])
+def test_patterns_are_balanced_and_tell_qubits_apart(qubits: int) -> None:
+    bits = patterns(qubits)
+    assert len(bits) == 2 + 2 * int(np.ceil(np.log2(qubits)))
+    np.testing.assert_array_equal(bits.sum(axis=0), len(bits) // 2)
+    assert len({tuple(column) for column in bits.T}) == qubits
+    np.testing.assert_array_equal(bits[:2], [[0] * qubits, [1] * qubits])
+
+
+def test_a_calibration_finds_the_device_s_own_errors(noiseless_gates: Noiseless) -> None:
+    """Within the binomial error, and what eight shots' worth of the others' mean draws."""
+    shots, device = 200_000, noiseless_gates("fake_lima")
+    found = calibrate(OfflineExecutor(device, 5), np.arange(5), shots)
+    assert found.readout is not None
+    assert found.response is not None
+    assert found.executions == shots * (8 + len(RESPONSE_ANGLES_RAD))
+    assert (found.backend, found.kind) == ("fake_lima", "noise-model")
+    for name in ("p10", "p01"):
+        stated = np.array([getattr(q, name) for q in device.qubits])
+        spread = np.sqrt(stated * (1 - stated) / (4 * shots))
+        values = np.array(getattr(found.readout, name))
+        assert (np.abs(values - stated) < ONCE_IN_A_MILLION * spread + 8 / (4 * shots)).all()
+        errors = getattr(found.readout, f"{name}_error")
+        np.testing.assert_allclose(errors, spread, rtol=0.05)
+    curves = np.array(found.response.curves)
+    expected = [[q.p01 - q.p10, -q.contrast, 0] for q in device.qubits]
+    errors = np.sqrt(np.diagonal(found.response.covariance, axis1=1, axis2=2))
+    assert (np.abs(curves - expected) < ONCE_IN_A_MILLION * errors).all()
+
+
+def test_exact_calibration_is_the_device_s_own_response() -> None:
+    """Gates and readout, multiplied as maps of the Bloch vector; no shots, no scatter."""
+    device = load_device("fake_toronto")
+    found = [calibrate(OfflineExecutor(device, seed), np.arange(27), None) for seed in (1, 2)]
+    assert found[0].response == found[1].response
+    assert found[0].readout == found[1].readout
+    assert found[0].executions == 0
+    assert found[0].readout is not None
+    assert found[0].response is not None
+    for qubit, (b, c, s) in zip(device.qubits, found[0].response.curves, strict=True):
+        sx = noise_after("sx", qubit) @ rotation_map("x", np.pi / 2)
+        x = noise_after("x", qubit) @ rotation_map("x", np.pi)
+        zero, row = np.array([1.0, 0, 0, 1]), readout_row(qubit)
+        for angle in (0.3, 2.0, -1.0):
+            z = row @ sx @ rotation_map("z", angle) @ sx @ zero
+            assert b + c * np.cos(angle) + s * np.sin(angle) == pytest.approx(z, abs=2e-6)
+        number = device.qubits.index(qubit)
+        assert 1 - 2 * found[0].readout.p10[number] == pytest.approx(row @ zero, abs=2e-6)
+        assert 2 * found[0].readout.p01[number] - 1 == pytest.approx(row @ x @ zero, abs=2e-6)
+
+
+def test_qubits_are_calibrated_once_under_their_own_numbers(noiseless_gates: Noiseless) -> None:
+    device, progress = noiseless_gates("fake_lima"), []
+    found = calibrate(
+        OfflineExecutor(device, 8),
+        np.array([3, 0, 3, 4]),
+        None,
+        parts=["readout"],
+        on_circuit=lambda done, of: progress.append((done, of)),
+    )
+    assert found.qubits == (0, 3, 4)
+    assert found.readout is not None
+    assert found.response is found.response_counts is None
+    np.testing.assert_allclose(
+        found.readout.p01, [device.qubits[q].p01 for q in (0, 3, 4)], atol=1e-6
+    )
+    assert progress == [(k, 6) for k in range(7)]
+
+
+def test_calibration_of_a_perfect_device_changes_nothing() -> None:
+    executor = OfflineExecutor(load_device("ideal"), 0)
+    calibration = calibrate(executor, np.arange(3))
+    executable = compile(parallel(3, 1)[0])
+    z = np.array([[0.2, -1.0, 1.0]])
+    np.testing.assert_allclose(readout_mitigation(calibration, executable).apply(z), z, atol=1e-6)
+    assert CALIBRATION_SHOTS == 8192
+
+
+def test_an_rx_device_prepares_one_with_its_own_rx() -> None:
+    """|1> is made by Rx(pi), worked by hand: what its noise keeps of r_z counts as p01.
+
+    T1 = T2 = 100 us and 50 ns leave e = exp(-0.0005) of every component; the gate error of 0.02 is
+    reached by depolarising with p = 2 (0.02 - (1 - e) / 2) / e. After Rx(pi) r_z is -1, then
+    r = 1 - e - e (1 - p), and P(read 0) = (1 - p10) (1 + r) / 2 + p01 (1 - r) / 2.
+    """
+    gates = {"rx": GateCalibration(error=0.02, length_ns=50)}
+    qubit = Qubit(t1_us=100, t2_us=100, p10=0.01, p01=0.03, gates=gates)
+    device = Device(name="rx", source="by hand", basis_gates=("rz", "rx"), qubits=(qubit,))
+    found = calibrate(OfflineExecutor(device), np.array([0]), None)
+    e = np.exp(-0.0005)
+    p = 2 * (0.02 - (1 - e) / 2) / e
+    r = 1 - e - e * (1 - p)
+    zero_of_one = 0.99 * (1 + r) / 2 + 0.03 * (1 - r) / 2
+    assert zero_of_one > 0.045
+    assert found.readout is not None
+    assert found.response is not None
+    np.testing.assert_allclose([*found.readout.p10, *found.readout.p01], [0.01, zero_of_one],
+                               atol=1e-6)  # fmt: skip
+    # rx(a): r_z = (1 - e) + e (1 - p) cos a, seen as 0.02 + 0.96 r_z.
+    by_hand = [0.02 + 0.96 * (1 - e), 0.96 * e * (1 - p), 0.0]
+    np.testing.assert_allclose(found.response.curves[0], by_hand, atol=1e-6)
+
+
+def test_what_cannot_be_calibrated_is_refused_before_anything_is_run() -> None:
+    executor = OfflineExecutor(load_device("fake_lima"), 0)
+    state = executor.rng.bit_generator.state
+    with pytest.raises(CalibrationError, match=r"fake_lima has no qubit 5\.\n  Its qubits are 0 t"):
+        calibrate(executor, np.array([0, 5]))
+    with pytest.raises(CalibrationError, match="no qubit to calibrate"):
+        calibrate(executor, np.array([], dtype=int))
+    with pytest.raises(CountsError):
+        calibrate(executor, np.array([0]), 0)
+    assert executor.rng.bit_generator.state == state

@@ -1,0 +1,110 @@
+"""Calibration files: written, read back, and refused when they are damaged."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from datetime import datetime, timedelta, timezone
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from qcompile.calibration import Calibration, is_calibration, load_calibration
+from qcompile.device import IDEAL, load_device
+from qcompile.errors import CalibrationError
+from qcompile.execution import OfflineExecutor
+from qcompile.mitigation import calibrate
+
+LIMA = calibrate(OfflineExecutor(load_device("fake_lima"), 0), np.array([4, 1, 2]), 1000)
+
+
+@pytest.mark.parametrize("shots", [None, 200])
+@pytest.mark.parametrize("parts", [["readout"], ["response"], ["readout", "response"]])
+def test_a_file_says_what_was_measured(tmp_path: Path, shots: int | None, parts: Any) -> None:
+    made = calibrate(OfflineExecutor(load_device("fake_lima"), 0), np.arange(5), shots, parts=parts)
+    path = tmp_path / "new" / "lima.json"
+    made.save(path)
+    assert load_calibration(path) == made
+    assert is_calibration(path)
+
+
+def test_a_calibration_of_the_ideal_device_is_a_file_too(tmp_path: Path) -> None:
+    made = calibrate(OfflineExecutor(IDEAL, 0), np.arange(2), 100)
+    made.save(tmp_path / "a.json")
+    assert load_calibration(tmp_path / "a.json").device == IDEAL
+
+
+def test_other_files_are_none(tmp_path: Path) -> None:
+    (tmp_path / "text").write_text("qcompile-calibration-1")
+    (tmp_path / "device.json").write_text(load_device("fake_lima").to_json())
+    for name in ("text", "device.json", "missing", ".", "n" * 5000):
+        assert not is_calibration(tmp_path / name)
+    assert not is_calibration(Path("/dev/stdin"))
+
+
+Change = Callable[[dict[str, Any]], Any]
+DAMAGES: dict[str, Change] = {
+    "qubits must be there, each once": lambda c: c.update(qubits=[1, 1, 4]),
+    "has no qubit 5": lambda c: c.update(qubits=[1, 2, 5]),
+    "a fit has not one entry for each of 2 qubits": lambda c: c.update(qubits=[1, 2]),
+    "a row of counts has not one": lambda c: [row.pop() for row in c["response_counts"]["ones"]],
+    "one row for each angle": lambda c: c["response_counts"]["ones"].pop(),
+    "not the same shape": lambda c: c["readout_counts"]["ones"][0].pop(),
+    "1001 ones in 1000 shots": lambda c: c["readout_counts"]["ones"][0].__setitem__(0, 1001),
+    "readout_counts.prepared.0.0": lambda c: c["readout_counts"]["prepared"][0].__setitem__(0, 2),
+    "readout.p10.1": lambda c: c["readout"]["p10"].__setitem__(1, 1.5),
+    "it tells nothing": lambda c: c["readout"]["p01"].__setitem__(1, 1.0),
+    "fit has not one entry": lambda c: c["readout"]["chi_square"].append(0),
+    "leaves \\[-1, 1\\]": lambda c: c["response"]["curves"][0].__setitem__(0, 0.5),
+    "is flat": lambda c: c["response"]["curves"].__setitem__(0, [0, 0, 0]),
+    "response.covariance.0": lambda c: c["response"]["covariance"][0].pop(),
+    "neither readout nor response": lambda c: c.update(readout=None, response=None),
+    "created": lambda c: c.update(created="2026-01-02T03:04:05"),
+    "kind": lambda c: c.update(kind="guess"),
+    "more": lambda c: c.update(more=1),
+    "format": lambda c: c.update(format="qcompile-calibration-2"),
+    "backend": lambda c: c.update(backend="two\nlines"),
+}
+
+
+@pytest.mark.parametrize("words", DAMAGES)
+def test_a_damaged_file_is_refused_in_words(tmp_path: Path, words: str) -> None:
+    contents = json.loads(LIMA.model_dump_json())
+    DAMAGES[words](contents)
+    path = tmp_path / "damaged.json"
+    path.write_text(json.dumps(contents))
+    with pytest.raises(CalibrationError, match=f"(?s)damaged.json is no calibration.*{words}"):
+        load_calibration(path)
+
+
+@pytest.mark.parametrize("contents", [b"", b"{", b"[]", b"\xff\xfe", b'{"format": NaN}'])
+def test_what_is_no_json_is_refused(tmp_path: Path, contents: bytes) -> None:
+    (tmp_path / "a").write_bytes(contents)
+    with pytest.raises(CalibrationError, match="is no calibration"):
+        load_calibration(tmp_path / "a")
+
+
+def test_a_missing_file_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(CalibrationError, match="No such file"):
+        load_calibration(tmp_path / "a")
+
+
+def test_a_qubit_is_found_by_its_number() -> None:
+    assert LIMA.qubits == (1, 2, 4)
+    np.testing.assert_array_equal(LIMA.rows(np.array([4, 1, 4, 2])), [2, 0, 2, 1])
+    mixed = LIMA.model_copy(update={"qubits": (4, 1, 2)})
+    np.testing.assert_array_equal(mixed.rows(np.array([4, 1, 4, 2])), [0, 1, 0, 2])
+    with pytest.raises(CalibrationError, match=r"Qubit 3 has no calibration\.\n  .* 1 2 4"):
+        LIMA.rows(np.array([1, 3]))
+
+
+def test_executions_and_age_by_hand() -> None:
+    """6 patterns of 3 qubits and 8 angles, 1000 shots each; 90 minutes in another time zone."""
+    assert LIMA.executions == 14_000
+    born = datetime.fromisoformat("2026-01-02T10:00:00+00:00")
+    calibration = LIMA.model_copy(update={"created": born})
+    now = datetime(2026, 1, 2, 12, 30, tzinfo=timezone(timedelta(hours=1)))
+    assert calibration.age_hours(now) == pytest.approx(1.5)
+    assert isinstance(Calibration.model_validate_json(calibration.model_dump_json()), Calibration)
