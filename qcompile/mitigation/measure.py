@@ -39,10 +39,10 @@ def calibrate(
 ) -> Calibration:
     """Run the calibration circuits on `qubits`, `shots` each, and fit.
 
-    Readout: every qubit is prepared in |0> and |1> in `patterns`; the noise of the gate that
-    prepares |1> counts as readout error. Response: sx rz(a) sx (rx(a) where it is native) at
-    `angles_rad`. Without shots exact probabilities are fitted. `on_circuit` gets how many circuits
-    are done, of how many.
+    Readout: every qubit is prepared in |0> and |1> in `patterns`, all in one call of the executor;
+    the noise of the gate that prepares |1> counts as readout error. Response: sx rz(a) sx (rx(a)
+    where it is native) at `angles_rad`, in another call. Without shots exact probabilities are
+    fitted. `on_circuit` gets how many circuits are done, of how many.
 
     Raises:
         CalibrationError: a qubit cannot be calibrated, or not with so few shots.
@@ -62,11 +62,9 @@ def calibrate(
     readout_counts = response_counts = None
     readout = response = None
     if "readout" in parts:
-        rows = []
-        for done, pattern in enumerate(prepared):
-            on_circuit(done, of)
-            rows.append(_ones(executor, _prepare(pattern, qubits, executor.device), None, shots)[0])
-        ones = np.array(rows)
+        on_circuit(0, of)
+        executable = _prepare(prepared, qubits, executor.device)
+        ones = _ones(executor, executable, None, shots).reshape(prepared.shape)
         readout = fit_readout(prepared, ones, shots, qubits)
         readout_counts = ReadoutCounts(prepared=_plain(prepared), ones=_plain(ones), shots=shots)
     if "response" in parts:
@@ -114,10 +112,12 @@ def _ones(
     return executor.run(executable, x, theta, shots).astype(np.float64)
 
 
-def _prepare(pattern: IntArray, qubits: IntArray, device: Device) -> Executable:
-    """|0> or |1> on every one of `qubits`, in the device's own gates."""
-    circuits = tuple(Circuit((Gate("x"),)) if bit else Circuit() for bit in pattern)
-    return _placed(compile(Program(circuits), device, level=1), qubits)
+def _prepare(prepared: IntArray, qubits: IntArray, device: Device) -> Executable:
+    """|0> or |1> on every one of `qubits`, in the device's own gates; a pattern is a round."""
+    circuits = tuple(Circuit((Gate("x"),)) if bit else Circuit() for bit in prepared.flat)
+    rounds = np.repeat(np.arange(len(prepared)), len(qubits))
+    compiled = compile(Program(circuits), device, level=1)
+    return replace(compiled, qubits=np.tile(qubits, len(prepared)), rounds=rounds)
 
 
 def _turn(qubits: IntArray, device: Device) -> Executable:
@@ -129,10 +129,6 @@ def _turn(qubits: IntArray, device: Device) -> Executable:
     )
     program = Program((circuit,) * len(qubits), ("x0",))
     return Executable(program, program, device, 2, qubits, np.zeros_like(qubits))
-
-
-def _placed(executable: Executable, qubits: IntArray) -> Executable:
-    return replace(executable, qubits=qubits, rounds=np.zeros_like(qubits))
 
 
 def _plain(array: NDArray[Any]) -> tuple[tuple[Any, ...], ...]:
