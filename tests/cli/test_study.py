@@ -61,7 +61,7 @@ def test_rows_are_listed_as_json(qcompile: Call) -> None:
     found = qcompile("study", "--list", "--json", "--row", "acrobot-svqc", "--seeds", 2).json()
     assert found == [
         {"row": f"acrobot-svqc-{preset}", "environment": "Acrobot-v1", "seeds": 2, "left": 2}
-        for preset in ("paper", "tuned")
+        for preset in ("paper", "tuned", "critic-tuned")
     ]
     names = [row["row"] for row in qcompile("study", "--list", "--json").json()]
     assert names == [row.name for row in rows()]
