@@ -115,7 +115,8 @@ class ResponseFit(_Record):
 class Calibration(_Record):
     """Measured on `qubits` of `device`; entry i of every list below belongs to qubits[i].
 
-    `kind` is that of the executor it was measured on, `created` when.
+    `kind` is that of the executor it was measured on, `created` when. `unfitted` says why counts
+    have no fit: they are kept all the same.
     """
 
     format: Literal["qcompile-calibration-1"] = "qcompile-calibration-1"
@@ -128,6 +129,7 @@ class Calibration(_Record):
     readout: ReadoutFit | None = None
     response_counts: ResponseCounts | None = None
     response: ResponseFit | None = None
+    unfitted: tuple[Line, ...] = ()
 
     @model_validator(mode="after")
     def _check(self) -> Calibration:
@@ -136,8 +138,9 @@ class Calibration(_Record):
             raise ValueError("qubits must be there, each once")
         if not self.device.is_ideal and max(self.qubits) >= len(self.device.qubits):
             raise ValueError(f"{self.device.name} has no qubit {max(self.qubits)}")
-        if (self.readout, self.response) == (None, None):
-            raise ValueError("neither readout nor response is fitted")
+        parts = (self.readout, self.readout_counts, self.response, self.response_counts)
+        if not any(parts):
+            raise ValueError("neither readout nor response was measured")
         for fit in (self.readout, self.response):
             if fit is not None and any(
                 len(column) != count for column in vars(fit).values() if isinstance(column, tuple)

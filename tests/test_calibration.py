@@ -60,7 +60,9 @@ DAMAGES: dict[str, Change] = {
     "leaves \\[-1, 1\\]": lambda c: c["response"]["curves"][0].__setitem__(0, 0.5),
     "is flat": lambda c: c["response"]["curves"].__setitem__(0, [0, 0, 0]),
     "response.covariance.0": lambda c: c["response"]["covariance"][0].pop(),
-    "neither readout nor response": lambda c: c.update(readout=None, response=None),
+    "neither readout nor response": lambda c: c.update(
+        readout=None, response=None, readout_counts=None, response_counts=None
+    ),
     "created": lambda c: c.update(created="2026-01-02T03:04:05"),
     "kind": lambda c: c.update(kind="guess"),
     "more": lambda c: c.update(more=1),

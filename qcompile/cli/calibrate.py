@@ -151,6 +151,11 @@ def command(
             )
     except KeyboardInterrupt:
         raise CalibrationError("Interrupted: nothing was written.") from None
+    if out is not None:
+        calibration.save(out)
+    if calibration.unfitted:
+        where = "Nothing was kept" if out is None else f"The counts are in {out}"
+        raise CalibrationError(f"Not everything could be fitted. {where}.", *calibration.unfitted)
     values = calibration_values(calibration) | {"file": None if out is None else str(out)}
     failures: list[str] = []
     if old is not None:
@@ -165,8 +170,6 @@ def command(
             "p_value": drift.p_value.tolist(),
         }
         failures = _failures(values, max_age_hours)
-    if out is not None:
-        calibration.save(out)
     if plot is not None:
         write_file(plot, draw_calibration(calibration))
     if as_json:

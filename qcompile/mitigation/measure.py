@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any, Literal
@@ -42,10 +43,11 @@ def calibrate(
     Readout: every qubit is prepared in |0> and |1> in `patterns`, all in one call of the executor;
     the noise of the gate that prepares |1> counts as readout error. Response: sx rz(a) sx (rx(a)
     where it is native) at `angles_rad`, in another call. Without shots exact probabilities are
-    fitted. `on_circuit` gets how many circuits are done, of how many.
+    fitted. Counts that cannot be fitted are kept, and `unfitted` says why: a qubit cannot be
+    calibrated, or not with so few shots. `on_circuit` gets how many circuits are done, of how many.
 
     Raises:
-        CalibrationError: a qubit cannot be calibrated, or not with so few shots.
+        CalibrationError: no qubit, or one that the device lacks.
         CountsError: shots out of range.
     """
     qubits = np.unique(qubits)
@@ -61,16 +63,19 @@ def calibrate(
     of = len(prepared) * ("readout" in parts) + len(angles_rad) * ("response" in parts)
     readout_counts = response_counts = None
     readout = response = None
+    unfitted: list[str] = []
     if "readout" in parts:
         on_circuit(0, of)
         executable = _prepare(prepared, qubits, executor.device)
         ones = _ones(executor, executable, None, shots).reshape(prepared.shape)
-        readout = fit_readout(prepared, ones, shots, qubits)
+        with _noted(unfitted):
+            readout = fit_readout(prepared, ones, shots, qubits)
         readout_counts = ReadoutCounts(prepared=_plain(prepared), ones=_plain(ones), shots=shots)
     if "response" in parts:
         on_circuit(of - len(angles_rad), of)
         ones = _ones(executor, _turn(qubits, executor.device), angles_rad, shots)
-        response = fit_response(angles_rad, ones, shots, qubits)
+        with _noted(unfitted):
+            response = fit_response(angles_rad, ones, shots, qubits)
         response_counts = ResponseCounts(
             angles_rad=tuple(angles_rad.tolist()), ones=_plain(ones), shots=shots
         )
@@ -85,7 +90,17 @@ def calibrate(
         readout=readout,
         response_counts=response_counts,
         response=response,
+        unfitted=tuple(unfitted),
     )
+
+
+@contextmanager
+def _noted(unfitted: list[str]) -> Iterator[None]:
+    """Keep in words why a fit failed: what was counted may have been paid for."""
+    try:
+        yield
+    except CalibrationError as error:
+        unfitted.append(" ".join(str(error).split()))
 
 
 def patterns(qubits: int) -> IntArray:

@@ -86,7 +86,7 @@ def readout_mitigation(calibration: Calibration, executable: Executable) -> Miti
     if fit is None:
         raise CalibrationError(
             "The calibration holds no assignment matrices.",
-            "Use mitigation response, or calibrate the readout.",
+            *(calibration.unfitted or ["Use mitigation response, or calibrate the readout."]),
         )
     p10, p01, v10, v01 = (
         np.array(column)[rows]
@@ -117,7 +117,7 @@ def response_mitigation(
     if fit is None:
         raise CalibrationError(
             "The calibration holds no response curves.",
-            "Use mitigation readout, or calibrate the response.",
+            *(calibration.unfitted or ["Use mitigation readout, or calibrate the response."]),
         )
     curve, covariance = np.array(fit.curves)[rows], np.array(fit.covariance)[rows]
     sign = math.cos(executable.angle_offset_rad)

@@ -265,11 +265,20 @@ def test_what_cannot_work_is_explained_at_once(
     assert left() == ["bad.json"]
 
 
-def test_too_few_shots_are_refused(qcompile: Call, left: Call) -> None:
+def test_too_few_shots_are_refused_and_kept(qcompile: Call, left: Call) -> None:
     answer = qcompile(*LIMA, "--shots", 2)
     assert (answer.code, answer.out) == (1, "")
-    assert answer.err.startswith("Error: Too few shots: the contrast of qubit ")
-    assert left() == []
+    assert answer.err.startswith("Error: Not everything could be fitted. The counts are in fake_")
+    assert "\n  Too few shots: the contrast of qubit " in answer.err
+    assert left() == ["fake_lima-calibration.json"]
+    kept = json.loads(Path("fake_lima-calibration.json").read_text())
+    assert kept["readout"] is kept["response"] is None
+    assert len(kept["response_counts"]["ones"]) == 8
+    answer = qcompile(
+        "run", "cartpole", "--backend", "fake_lima", "--calibration", "fake_lima-calibration.json"
+    )
+    assert answer.code == 1
+    assert answer.err.startswith("Error: The calibration holds no assignment matrices.\n  Too few")
 
 
 def test_ctrl_c_writes_nothing(qcompile: Call, left: Call, monkeypatch: pytest.MonkeyPatch) -> None:
