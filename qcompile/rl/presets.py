@@ -159,7 +159,7 @@ _FCN_FAMILY: Family = {
         gradient_norm=0.5,
         scale_rewards=True,
     ),
-    "LunarLander": replace(_FCN_TUNED, environments=32, horizon=256, gamma=0.999, minibatch=1024),
+    "LunarLander": replace(_FCN_TUNED, gamma=0.999),
 }
 
 
