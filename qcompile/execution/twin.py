@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -18,6 +20,15 @@ from qcompile.execution.executor import (
     check_shots,
 )
 from qcompile.passes import Executable
+
+
+@dataclass(frozen=True, eq=False)
+class _Table:
+    """b, c, s (3, circuits); the angle and the <Z> of circuits that have them fixed, else nan."""
+
+    curves: FloatArray
+    fixed_rad: FloatArray
+    shown: FloatArray
 
 
 class TwinExecutor:
@@ -38,6 +49,7 @@ class TwinExecutor:
         if calibration.response is None:
             raise CalibrationError(
                 f"The calibration of {calibration.backend} holds no response curves.",
+                *calibration.unfitted,
                 "`qcompile calibrate` measures them; without them there is nothing to play.",
             )
         self.calibration, self._curves = calibration, np.array(calibration.response.curves)
@@ -47,6 +59,7 @@ class TwinExecutor:
         fields = calibration.device.model_dump() | {"left_out": tuple(sorted(left_out))}
         self.device = Device(**fields)
         self.rng = np.random.default_rng(seed)
+        self._tables: WeakKeyDictionary[Executable, _Table] = WeakKeyDictionary()
 
     def run(
         self, executable: Executable, x: FloatArray, theta: FloatArray, shots: int
@@ -69,15 +82,22 @@ class TwinExecutor:
             CalibrationError: another level than 2, or a qubit without a curve.
             DeviceError: the executable was compiled for another device.
         """
+        table = self._tables.get(executable)
+        if table is None:
+            table = self._tables[executable] = self._table(executable)
+        angles = executable.bind_slots(x, theta)[..., 0]
+        angles = np.where(np.isnan(table.fixed_rad), angles, table.fixed_rad)
+        b, c, s = table.curves
+        z = b + c * np.cos(angles) + s * np.sin(angles)
+        return np.where(np.isnan(table.shown), z, table.shown)
+
+    def _table(self, executable: Executable) -> _Table:
         check_device(executable, self.device)
         rows = self.calibration.rows(executable.qubits)
-        b, c, s = self._curves[rows].T
         gates = [" ".join(gate.name for gate in made.gates) for made in executable.native.circuits]
-        fixed = np.array([_polar_of_fixed(names) for names in gates])
-        angles = executable.bind_slots(x, theta)[..., 0]
-        angles = np.where(np.isnan(fixed), angles, executable.angle_offset_rad + fixed)
-        z = b + c * np.cos(angles) + s * np.sin(angles)
-        return np.where(np.isnan(shown := self._shown(gates, rows)), z, shown)
+        polar = np.array([_polar_of_fixed(names) for names in gates])
+        fixed_rad = executable.angle_offset_rad + polar
+        return _Table(self._curves[rows].T, fixed_rad, self._shown(gates, rows))
 
     def _shown(self, gates: list[str], rows: IntArray) -> FloatArray:
         """(circuits,): the <Z> of the circuits that the readout was calibrated with, else nan."""
