@@ -1,6 +1,6 @@
 """Executors: from an executable and a batch of inputs to counts."""
 
-from qcompile.execution.cost import qpu_seconds
+from qcompile.execution.cost import Workload, portions, qpu_seconds
 from qcompile.execution.executor import (
     Executor,
     Kind,
@@ -18,9 +18,11 @@ __all__ = [
     "OfflineExecutor",
     "PrimitiveExecutor",
     "TwinExecutor",
+    "Workload",
     "check_shots",
     "expectation_from_ones",
     "open_device",
     "open_executor",
+    "portions",
     "qpu_seconds",
 ]

@@ -16,7 +16,7 @@ FloatArray = NDArray[np.float64]
 CountArray = NDArray[np.int64]
 IntArray = NDArray[np.intp]
 
-Kind = Literal["ideal", "noise-model", "measured-response"]
+Kind = Literal["ideal", "noise-model", "measured-response", "hardware"]
 
 
 class Executor(Protocol):

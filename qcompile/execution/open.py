@@ -17,9 +17,11 @@ QISKIT_PREFIX = "qiskit:"
 
 
 def open_executor(
-    backend: str | Device, seed: int | np.random.SeedSequence | None = None
+    backend: str | Device | Executor, seed: int | np.random.SeedSequence | None = None
 ) -> Executor:
     """The executor of a backend: a device, its name or file, a calibration file, or `qiskit:NAME`.
+
+    An executor is given back as it is.
 
     A calibration file is played as the twin of its device. `qiskit:FakeLimaV2` is a fake backend of
     qiskit-ibm-runtime, run through its sampler. Anything else is played on the noise model of the
@@ -32,6 +34,8 @@ def open_executor(
     """
     if isinstance(backend, Device):
         return OfflineExecutor(backend, seed)
+    if not isinstance(backend, str):
+        return backend
     if backend.startswith(QISKIT_PREFIX):
         from qcompile.snapshot import find_backend
 

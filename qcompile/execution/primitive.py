@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import warnings
 from copy import copy
-from dataclasses import dataclass
 from typing import Any, NoReturn
 from weakref import WeakKeyDictionary
 
@@ -17,36 +16,11 @@ from numpy.typing import NDArray
 from qcompile.device import Device
 from qcompile.errors import CountsError, DeviceError, MissingExtraError
 from qcompile.execution.executor import CountArray, FloatArray, Kind, check_device, check_shots
-from qcompile.ir import Circuit
+from qcompile.execution.packed import REGISTER, PackedRound, count_ones, pack_round
 from qcompile.passes import Executable
 
-IndexArray = NDArray[np.intp]
-
-_REGISTER = "c"
 _WIDEST_DENSITY_MATRIX = 9
 """Circuits side by side up to which one density matrix is faster than a product state per shot."""
-
-
-@dataclass(frozen=True)
-class _Round:
-    """A parametrised circuit; bit i of its register is circuit `circuits[i]` of the executable.
-
-    Parameter k is slot `slots[k]` of circuit `owners[k]`. Where no angle is open the global phase
-    is the only parameter: some samplers take the number of observations from parameters alone.
-    """
-
-    circuit: Any
-    parameters: tuple[Any, ...]
-    circuits: IndexArray
-    owners: IndexArray
-    slots: IndexArray
-
-    def pub(self, angles: FloatArray) -> tuple[Any, dict[tuple[Any, ...], FloatArray]]:
-        """The circuit and its values (B, parameters), of angles (B, circuits, slots)."""
-        values = angles[:, self.owners, self.slots]
-        if not self.owners.size:
-            values = np.zeros((len(angles), 1))
-        return self.circuit, {self.parameters: values}
 
 
 class PrimitiveExecutor:
@@ -78,7 +52,7 @@ class PrimitiveExecutor:
         self.rng = np.random.default_rng(seed)
         self._sampler = sampler
         self._simulator: Any = _simulator(backend, self.device) if sampler is None else None
-        self._rounds: WeakKeyDictionary[Executable, list[_Round]] = WeakKeyDictionary()
+        self._rounds: WeakKeyDictionary[Executable, list[PackedRound]] = WeakKeyDictionary()
 
     def run(
         self, executable: Executable, x: FloatArray, theta: FloatArray, shots: int
@@ -98,7 +72,7 @@ class PrimitiveExecutor:
         if not ones.size:
             return ones
         for made, bits in zip(rounds, self._bits(rounds, angles, shots), strict=True):
-            ones[:, made.circuits] = _ones(bits, len(made.circuits))
+            ones[:, made.circuits] = count_ones(bits, len(made.circuits))
         return ones
 
     def expectation(self, executable: Executable, x: FloatArray, theta: FloatArray) -> NoReturn:
@@ -113,16 +87,16 @@ class PrimitiveExecutor:
             "Expectations without shot noise need a device file: `qcompile backends` lists them.",
         )
 
-    def _rounds_of(self, executable: Executable) -> list[_Round]:
+    def _rounds_of(self, executable: Executable) -> list[PackedRound]:
         rounds = self._rounds.get(executable)
         if rounds is None:
             check_device(executable, self.device)
-            rounds = [_build_round(executable, index) for index in range(executable.round_count)]
+            rounds = [pack_round(executable, index) for index in range(executable.round_count)]
             self._rounds[executable] = rounds
         return rounds
 
     def _bits(
-        self, rounds: list[_Round], angles: FloatArray, shots: int
+        self, rounds: list[PackedRound], angles: FloatArray, shots: int
     ) -> list[NDArray[np.uint8]]:
         """The packed bits of each round from one job, (B, shots, bytes) each."""
         from qiskit.exceptions import QiskitError
@@ -132,7 +106,7 @@ class PrimitiveExecutor:
             if sampler is None:
                 sampler = self._simulation(max(len(made.circuits) for made in rounds))
             result = sampler.run([made.pub(angles) for made in rounds], shots=shots).result()
-            found = [np.asarray(getattr(pub.data, _REGISTER).array) for pub in result]
+            found = [np.asarray(getattr(pub.data, REGISTER).array) for pub in result]
         except (QiskitError, ValueError, OSError) as error:
             words = getattr(error, "message", None) or str(error)
             raise DeviceError(
@@ -190,39 +164,3 @@ def _simulator(backend: Any, device: Device) -> Any:
             noise.add_quantum_error(error, gate, qubits)
     # Shots in one thread: counts do not depend on the number of cores.
     return AerSimulator(noise_model=noise, max_parallel_shots=1, max_parallel_experiments=0)
-
-
-def _build_round(executable: Executable, index: int) -> _Round:
-    from qiskit.circuit import ClassicalRegister, Parameter, QuantumCircuit, QuantumRegister
-
-    template = executable.template()
-    circuits = np.flatnonzero(executable.rounds == index)
-    places = [place for place in executable.open_slots if place[0] in circuits]
-    parameters = {name: Parameter(name) for name in (f"a{i}_{k}" for i, k in places)}
-    built = QuantumCircuit(
-        QuantumRegister(len(executable.device.qubits), "q"),
-        ClassicalRegister(len(circuits), _REGISTER),
-    )
-    qubits = executable.qubits[circuits].tolist()
-    for circuit, qubit in zip(circuits, qubits, strict=True):
-        _append(built, template.circuits[circuit], qubit, parameters)
-    built.measure(qubits, range(len(qubits)))
-    if not places:
-        built.global_phase = parameters["phase"] = Parameter("phase")
-    owners, slots = np.array(places, dtype=np.intp).reshape(-1, 2).T
-    return _Round(built, tuple(parameters.values()), circuits, owners, slots)
-
-
-def _append(built: Any, circuit: Circuit, qubit: int, parameters: dict[str, Any]) -> None:
-    for gate in circuit.gates:
-        angles = []
-        if gate.angle is not None:
-            open_slot = not gate.angle.is_constant
-            angles = [parameters[gate.angle.symbols[0]] if open_slot else gate.angle.constant]
-        getattr(built, gate.name)(*angles, qubit)
-
-
-def _ones(bits: NDArray[np.uint8], circuits: int) -> CountArray:
-    """Ones of each bit, (B, circuits), of packed bits (B, shots, bytes): bit 0 comes last."""
-    unpacked = np.unpackbits(bits, axis=-1)[..., : -circuits - 1 : -1]
-    return np.asarray(unpacked.sum(axis=1, dtype=np.int64))

@@ -1,7 +1,7 @@
 """Mitigation: measured and fitted once with cvxpy, applied in closed form."""
 
 from qcompile.mitigation.drift import Drift, measure_drift
-from qcompile.mitigation.measure import CALIBRATION_SHOTS, calibrate
+from qcompile.mitigation.measure import CALIBRATION_SHOTS, calibrate, calibration_workload
 from qcompile.mitigation.predistort import predistorted
 from qcompile.mitigation.undo import (
     Mitigation,
@@ -15,6 +15,7 @@ __all__ = [
     "Drift",
     "Mitigation",
     "calibrate",
+    "calibration_workload",
     "check_response_level",
     "measure_drift",
     "predistorted",

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from qcompile.calibration import Calibration, ReadoutCounts, ResponseCounts
 from qcompile.device import Device
 from qcompile.errors import CalibrationError
+from qcompile.execution.cost import Workload
 from qcompile.execution.executor import Executor
 from qcompile.ir import Angle, Circuit, Gate, Program
 from qcompile.mitigation.fits import fit_readout, fit_response
@@ -92,6 +93,18 @@ def calibrate(
         response=response,
         unfitted=tuple(unfitted),
     )
+
+
+def calibration_workload(
+    qubits: int, shots: int, parts: Sequence[Part], angles: int = len(RESPONSE_ANGLES_RAD)
+) -> Workload:
+    """Jobs and executions of `calibrate` on that many qubits: a job for each part."""
+    load = Workload()
+    if "readout" in parts:
+        load += Workload.of_batch(1, len(patterns(qubits)), shots)
+    if "response" in parts:
+        load += Workload.of_batch(angles, 1, shots)
+    return load
 
 
 @contextmanager

@@ -5,7 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from functools import partial
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +14,8 @@ from numpy.typing import NDArray
 from qcompile.calibration import Calibration
 from qcompile.device import Device
 from qcompile.errors import CountsError
-from qcompile.execution import open_executor, qpu_seconds
-from qcompile.limits import MAX_EPISODES, MAX_EXECUTIONS_PER_JOB
+from qcompile.execution import Executor, Workload, open_executor
+from qcompile.limits import MAX_EPISODES
 from qcompile.policy import Policy
 from qcompile.rl.environments import (
     Environment,
@@ -22,7 +23,7 @@ from qcompile.rl.environments import (
     make_environments,
     reward_threshold,
 )
-from qcompile.rl.lockstep import Episode, Frame, lockstep
+from qcompile.rl.lockstep import Act, Episode, Frame, lockstep
 from qcompile.rl.measurement import Measurement
 
 FloatArray = NDArray[np.float64]
@@ -49,7 +50,7 @@ class Deployment:
     def __init__(
         self,
         policy: Policy,
-        backend: str | Device,
+        backend: str | Device | Executor,
         *,
         shots: int | None = None,
         level: int = 2,
@@ -76,7 +77,7 @@ class Deployment:
             importance=policy.importance,
             copies=copies,
         )
-        self.calibration_executions = self._measure.calibration_executions
+        self.calibration_load = self._measure.calibration_load
         self.executor, self.executable = self._measure.executor, self._measure.executable
         self.device = self.executor.device
 
@@ -95,44 +96,37 @@ class RunResult:
     """What a run found; `episodes` are those that finished.
 
     `threshold` is the mean reward at which the environment counts as solved, if it has one;
-    `steps` counts the steps of the lockstep, `env_steps` those of every environment, `programs`
-    the programs bound for them: one for as many episodes as the deployment has copies.
+    `steps` counts the steps of the lockstep, `env_steps` those of every environment, `load` the
+    jobs and executions for them: a program for as many episodes as the deployment has copies.
+    Episodes longer than `max_steps` were cut.
     """
 
     deployment: Deployment
     threshold: float | None = None
+    max_steps: int | None = None
     episodes: list[Episode] = field(default_factory=list)
-    jobs: int = 0
+    load: Workload = Workload()
     steps: int = 0
     env_steps: int = 0
-    programs: int = 0
     wall_seconds: float = 0.0
     interrupted: bool = False
 
     def count_step(self, living: int) -> None:
         """Count a step of `living` episodes: one job, or more where a job cannot hold it."""
+        made = self.deployment
         self.steps += 1
         self.env_steps += living
-        programs = -(-living // self.deployment.copies)
-        self.programs += programs
-        executions = programs * self._executions_per_program
-        self.jobs += max(1, -(-executions // MAX_EXECUTIONS_PER_JOB))
-
-    @property
-    def _executions_per_program(self) -> int:
-        return self.deployment.executable.round_count * (self.deployment.shots or 0)
+        programs = -(-living // made.copies)
+        self.load += Workload.of_batch(programs, made.executable.round_count, made.shots or 0)
 
     @property
     def rewards(self) -> FloatArray:
         return np.array([episode.reward for episode in self.episodes])
 
     @property
-    def executions(self) -> int:
-        """Circuits after packing times shots, those of the calibration included."""
-        if self.deployment.shots is None:
-            return 0
-        calibration = self.deployment.calibration_executions
-        return self.programs * self._executions_per_program + calibration
+    def total_load(self) -> Workload:
+        """Jobs and executions (circuits after packing times shots), with the calibration's."""
+        return self.load + self.deployment.calibration_load
 
     def summary(self, calibration: str | None = None) -> dict[str, Any]:
         """The plain values of `qcompile run --json`; `calibration` is the name of its file."""
@@ -145,8 +139,8 @@ class RunResult:
             and mean is not None
             and len(rewards) >= _LEAST_FOR_SOLVED
             and not self.interrupted  # the shortest episodes end first: their mean is biased
+            and self.max_steps is None
         )
-        jobs = self.jobs + (made.calibration_executions > 0)
         return {
             "policy": policy.name,
             "environment": policy.environment,
@@ -171,10 +165,10 @@ class RunResult:
             },
             "circuits_per_step": len(policy.program),
             "rounds_per_step": made.executable.round_count,
-            "executions": self.executions,
-            "qpu_seconds_estimate": (
-                None if made.shots is None else qpu_seconds(jobs, self.executions)
-            ),
+            "max_steps": self.max_steps,
+            "jobs": 0 if made.shots is None else self.total_load.jobs,
+            "executions": self.total_load.executions,
+            "qpu_seconds_estimate": None if made.shots is None else self.total_load.qpu_seconds,
             "env_steps": self.env_steps,
             "wall_seconds": self.wall_seconds,
             "interrupted": self.interrupted,
@@ -191,17 +185,35 @@ def bootstrap_ci95(rewards: FloatArray, seed: int, resamples: int = 10_000) -> l
     return [float(v) for v in np.percentile(np.concatenate(means), [2.5, 97.5])]
 
 
+class Record(Protocol):
+    """Keeps the steps of a run."""
+
+    def act(self, act: Act, observations: FloatArray) -> IntArray:
+        """The actions (B,) for observations (B, features), which `act` may be asked for."""
+        ...
+
+    def rewards(self, rewards: list[float]) -> None:
+        """What the episodes of the last step earned by its actions."""
+        ...
+
+
+def _drop(rewards: list[float]) -> None:
+    """Nobody records them."""
+
+
 def play(
     deployment: Deployment,
     episodes: int,
     *,
+    max_steps: int | None = None,
+    record: Record | None = None,
     on_episode: Callable[[Episode], None] = lambda episode: None,
     on_frame: Callable[[Frame, float], None] | None = None,
 ) -> RunResult:
     """Play `episodes` episodes in lockstep; episode i resets with the deployment's seed + i.
 
-    All living episodes step together: one batch of circuits, one job. Ctrl-C ends the run and
-    keeps what is finished. `on_frame` gets the frames of the first episode, (height, width, 3),
+    All living episodes step together: one batch of circuits, one job. An episode ends after
+    `max_steps`. Ctrl-C ends the run and keeps what is finished; `record` sees every step. `on_frame` gets the frames of the first episode, (height, width, 3),
     and how many of them make a second.
 
     Raises:
@@ -217,7 +229,7 @@ def play(
     try:
         check_fit(deployment.policy, environments[0])
         environments += make_environments(name, episodes - 1)
-        return _play(deployment, environments, on_episode, on_frame)
+        return _play(deployment, environments, max_steps, record, on_episode, on_frame)
     finally:
         for environment in environments:
             environment.close()
@@ -226,10 +238,12 @@ def play(
 def _play(
     deployment: Deployment,
     environments: list[Environment],
+    max_steps: int | None,
+    record: Record | None,
     on_episode: Callable[[Episode], None],
     on_frame: Callable[[Frame, float], None] | None,
 ) -> RunResult:
-    result = RunResult(deployment, reward_threshold(environments[0]))
+    result = RunResult(deployment, reward_threshold(environments[0]), max_steps)
 
     def note(episode: Episode) -> None:
         result.episodes.append(episode)
@@ -238,10 +252,12 @@ def _play(
     started = time.perf_counter()
     try:
         lockstep(
-            deployment.act,
+            deployment.act if record is None else partial(record.act, deployment.act),
             environments,
             deployment.seed,
+            max_steps=max_steps,
             on_step=result.count_step,
+            on_rewards=_drop if record is None else record.rewards,
             on_episode=note,
             on_frame=on_frame,
         )

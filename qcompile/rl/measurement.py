@@ -11,6 +11,7 @@ from qcompile.execution import (
     Executor,
     OfflineExecutor,
     TwinExecutor,
+    Workload,
     check_shots,
     expectation_from_ones,
 )
@@ -19,6 +20,7 @@ from qcompile.mitigation import (
     CALIBRATION_SHOTS,
     Mitigation,
     calibrate,
+    calibration_workload,
     check_response_level,
     predistorted,
     readout_mitigation,
@@ -77,7 +79,7 @@ class Measurement:
         self.executable: Executable = compile(
             program, executor.device, level, importance, copies=copies
         )
-        self.calibration_executions = 0
+        self.calibration_load = Workload()
         self._mitigation: Mitigation | None = None
         if mitigation == "readout":
             measured = self._calibrated(calibration, "readout")
@@ -99,7 +101,8 @@ class Measurement:
         if given is None:
             shots = None if self.shots is None else CALIBRATION_SHOTS
             measured = calibrate(self.executor, self.executable.qubits, shots, parts=[part])
-            self.calibration_executions = measured.executions
+            if shots is not None:
+                self.calibration_load = calibration_workload(len(measured.qubits), shots, [part])
             return measured
         name = self.executor.device.name
         if given.backend != name:

@@ -26,7 +26,7 @@ DOCUMENTED = {
 }
 """The contract; those below came later."""
 
-LATER = {"greedy", "interrupted", "predistort", "calibration", "copies"}
+LATER = {"greedy", "interrupted", "predistort", "calibration", "copies", "jobs", "max_steps"}
 
 
 def test_a_run_is_reported_in_words(qcompile: Call, policy: Call) -> None:

@@ -82,7 +82,7 @@ def test_episodes_are_those_stepped_by_hand() -> None:
     assert result.episodes == expected
     assert len({episode.length for episode in expected}) > 1, "lockstep is not tried"
     assert result.env_steps == sum(episode.length for episode in expected)
-    assert result.jobs == max(episode.length for episode in expected)
+    assert result.load.jobs == max(episode.length for episode in expected)
     assert not result.interrupted
 
 
@@ -163,7 +163,7 @@ def test_an_interrupted_step_is_counted_like_its_job() -> None:
         raise KeyboardInterrupt
 
     result = play(deploy(stubborn("Clock-v0", 2, 3), shots=100), 2, on_episode=stop)
-    assert (result.jobs, result.env_steps, result.executions) == (3, 6, 600)
+    assert (result.load.jobs, result.env_steps, result.total_load.executions) == (3, 6, 600)
 
 
 def test_an_interrupted_run_without_episodes_has_no_mean() -> None:
@@ -228,8 +228,8 @@ def test_episodes_share_an_execution(copies: int, programs: int) -> None:
     deployment = deploy(policy, "fake_toronto", shots=100, copies=copies)
     result = play(deployment, 5)
     assert deployment.executable.round_count == 1
-    assert (result.env_steps, result.programs) == (15, 3 * programs)
-    assert result.executions == 3 * programs * 100
+    assert result.env_steps == 15
+    assert result.total_load.executions == 3 * programs * 100
     assert result.summary()["circuits_per_step"] == 4
     assert result.episodes == play(deploy(policy, "fake_toronto", shots=100), 5).episodes
 
@@ -277,7 +277,7 @@ def test_a_mean_at_the_threshold_is_solved() -> None:
     deployment = deploy(stubborn("ClockPaid-v0", 2, 3))
     for reward, solved in ((40.0, True), (39.99, False)):
         episodes = [Episode(seed, reward, 3) for seed in range(100)]
-        assert RunResult(deployment, 40.0, episodes).summary()["solved"] is solved
+        assert RunResult(deployment, 40.0, episodes=episodes).summary()["solved"] is solved
 
 
 def test_thresholds_are_those_of_gymnasium() -> None:
@@ -409,20 +409,20 @@ def test_a_step_is_as_many_jobs_as_ten_million_executions_need(
     )
     result = play(deploy(policy, "ibm_lima", shots=shots), 5)
     rounds = -(-circuits // 5)
-    assert (result.steps, result.env_steps, result.jobs) == (3, 15, sum(jobs))
-    assert result.executions == 15 * rounds * shots
-    seconds = 2 * sum(jobs) + 0.00035 * result.executions
+    assert (result.steps, result.env_steps, result.load.jobs) == (3, 15, sum(jobs))
+    assert result.total_load.executions == 15 * rounds * shots
+    seconds = 2 * sum(jobs) + 0.00035 * result.total_load.executions
     assert result.summary()["qpu_seconds_estimate"] == pytest.approx(seconds)
 
 
 def test_jobs_follow_the_episodes_that_live_on() -> None:
-    """ceil(living x 3 M / 10 M) jobs at each step of CartPole, whose episodes end one by one."""
+    """Three whole rows of 3 M executions in a job of 10 M; episodes end one by one."""
     result = play(deploy(stubborn("CartPole-v1", 4, 2), "ibm_lima", shots=3_000_000), 8)
     lengths = [episode.length for episode in result.episodes]
     living = [sum(length > step for length in lengths) for step in range(max(lengths))]
     assert living[0] == 8
     assert living[-1] < 8
-    assert result.jobs == sum(math.ceil(3 * alive / 10) for alive in living)
+    assert result.load.jobs == sum(math.ceil(alive / 3) for alive in living)
     assert result.steps == max(lengths)
 
 

@@ -154,12 +154,12 @@ def test_a_calibration_that_is_given_is_used() -> None:
         PROGRAM, OfflineExecutor(device, 1), shots=100, mitigation="response",
         calibration=calibration,
     )  # fmt: skip
-    assert measure.calibration_executions == 0
+    assert measure.calibration_load.jobs == 0
     raw = Measurement(PROGRAM, OfflineExecutor(device, 1), shots=100)(X, THETA)
     by_hand = response_mitigation(calibration, measure.executable).apply(raw)
     np.testing.assert_array_equal(measure(X, THETA), by_hand)
     twin = TwinExecutor(calibration, 5)
-    assert Measurement(PROGRAM, twin, shots=100, mitigation="response").calibration_executions == 0
+    assert Measurement(PROGRAM, twin, shots=100, mitigation="response").calibration_load.jobs == 0
     with pytest.raises(CalibrationError, match="is of fake_lima, the backend is fake_lagos"):
         measured("fake_lagos", mitigation="readout", calibration=calibration)
 
