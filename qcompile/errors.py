@@ -9,6 +9,9 @@ QcompileError                 exit code 1 on the command line
 ├── EnvironmentMismatchError  an environment that is unknown or does not fit the policy
 ├── CalibrationError          counts from which no calibration can be fitted
 ├── TrainingError             training settings that contradict each other
+├── StudyError                a study or a grid that cannot be run or written up
+├── LiveError                 a run on real hardware that cannot start or go on
+│   └── BudgetError           it would pass its limit of QPU seconds
 ├── OutputError               a file or folder that cannot be written
 └── MissingExtraError         an optional package that is not installed
 """
@@ -60,6 +63,14 @@ class TrainingError(QcompileError, ValueError):
 
 class StudyError(QcompileError, ValueError):
     """A study, or a grid of evaluations, cannot be run or written up as asked."""
+
+
+class LiveError(QcompileError, RuntimeError):
+    """A run on real hardware cannot start or go on; what was paid for is in its journal."""
+
+
+class BudgetError(LiveError):
+    """The next job would pass the limit of QPU seconds."""
 
 
 class OutputError(QcompileError, OSError):

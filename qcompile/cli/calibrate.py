@@ -9,43 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from qcompile.cli.options import Shots, echo_json, json_option
+from qcompile.cli.live_options import Live, live_options, spend
+from qcompile.cli.options import PARTS, Parts, Qubits, Shots, echo_json, json_option
 
 if TYPE_CHECKING:
     from qcompile.calibration import Calibration
     from qcompile.device import Device
     from qcompile.mitigation.measure import Part
-
-_PARTS: tuple[Part, ...] = ("readout", "response")
-
-
-class _Numbers(click.ParamType[tuple[int, ...]]):
-    """Numbers of qubits with commas between them."""
-
-    name = "0,1,5"
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[int, ...]:
-        parts = [part.strip() for part in str(value).split(",")]
-        if not all(part.isdecimal() and len(part) < 7 for part in parts):
-            self.fail(f"{value!r} is no list of qubits such as 0,1,5.", param, ctx)
-        return tuple(sorted({int(part) for part in parts}))
-
-
-class _Parts(click.ParamType["tuple[Part, ...]"]):
-    """What to measure, with commas between."""
-
-    name = "readout,response"
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[Part, ...]:
-        asked = [part.strip() for part in str(value).split(",")]
-        for part in asked:
-            if part not in _PARTS:
-                self.fail(f"{part!r} is neither readout nor response.", param, ctx)
-        return tuple(part for part in _PARTS if part in asked)
 
 
 @click.command("calibrate")
@@ -53,14 +23,15 @@ class _Parts(click.ParamType["tuple[Part, ...]"]):
     "--backend",
     required=True,
     metavar="NAME",
-    help="Device by name or file, calibration file (its twin), or qiskit:NAME.",
+    help="Device by name or file, calibration file (its twin), or qiskit:NAME; with --live a "
+    "machine of IBM's.",
 )
 @click.option(
     "--shots", type=Shots(), default=8192, show_default=True, help="Shots of each circuit."
 )
-@click.option("--qubits", type=_Numbers(), help="Qubits to measure.  [default: all usable ones]")
+@click.option("--qubits", type=Qubits(), help="Qubits to measure.  [default: all usable ones]")
 @click.option("--policy", help="Measure the qubits that this policy's circuits are placed on.")
-@click.option("--parts", type=_Parts(), help="What to measure.  [default: both]")
+@click.option("--parts", type=Parts(), help="What to measure.  [default: both]")
 @click.option(
     "--out",
     type=click.Path(dir_okay=False, path_type=Path),
@@ -88,6 +59,7 @@ class _Parts(click.ParamType["tuple[Part, ...]"]):
 @click.option(
     "--seed", type=click.IntRange(0), help="Draw the same shots again.  [default: new ones]"
 )
+@live_options
 @json_option
 def command(
     backend: str,
@@ -102,10 +74,12 @@ def command(
     max_age_hours: float,
     seed: int | None,
     as_json: bool,
+    live: Live | None,
 ) -> None:
     """Measure the readout and the response of a device's qubits, and fit them.
 
-    `run --calibration FILE` mitigates with the file, `run --backend FILE` plays it.
+    `run --calibration FILE` mitigates with the file, `run --backend FILE` plays it. With --live
+    IBM's machine of that name is measured, the response alone unless --parts says more.
     """
     if qubits is not None and policy is not None:
         raise click.UsageError("--qubits and --policy exclude each other: both name the qubits.")
@@ -113,46 +87,74 @@ def command(
         raise click.BadParameter(f"{plot} must end with .png.", param_hint="'--plot'")
     if check is not None and shots is None:
         raise click.UsageError("--check compares counts: --shots exact has none.")
+    if live is not None and (shots is None or seed is not None):
+        wrong = "--seed" if seed is not None else "--shots exact"
+        raise click.UsageError(f"{wrong} and --live exclude each other.")
     import numpy as np
 
-    from qcompile.calibration import load_calibration
+    from qcompile.calibration import Calibration, load_calibration
     from qcompile.errors import CalibrationError
     from qcompile.execution import open_executor
+    from qcompile.live.connection import Connection
+    from qcompile.live.measure import CalibrateTask
     from qcompile.mitigation import calibrate, measure_drift
-    from qcompile.mitigation.measure import RESPONSE_ANGLES_RAD
+    from qcompile.mitigation.measure import LIVE_ANGLES_RAD, RESPONSE_ANGLES_RAD
     from qcompile.output import check_writable, write_file
     from qcompile.report.calibration import draw_calibration
     from qcompile.report.calibration_values import calibration_values, misfits, print_calibration
     from qcompile.report.progress import progress_bar
 
     old = None if check is None else load_calibration(check)
-    executor = open_executor(backend, seed)
-    measured = _qubits(executor.device, qubits, policy, old)
-    angles_rad = RESPONSE_ANGLES_RAD
+    connection = executor = None
+    if live is not None:
+        connection = Connection(backend, live.account, live.instance)
+        device = connection.device()
+    else:
+        executor = open_executor(backend, seed)
+        device = executor.device
+    measured = _qubits(device, qubits, policy, old)
+    angles_rad = RESPONSE_ANGLES_RAD if live is None else LIVE_ANGLES_RAD
     if old is not None:
-        parts = _comparable(old, executor.device, measured, parts)
+        parts = _comparable(old, device, measured, parts)
         if old.response_counts is not None:
             angles_rad = np.array(old.response_counts.angles_rad)
     if out is None and check is None:
-        out = Path(f"{executor.device.name}-calibration.json")
+        out = Path(f"{device.name}-calibration.json")
     _check_out(out, force)
     if plot is not None:
         check_writable(plot)
 
-    try:
-        with progress_bar(f"calibrate {executor.device.name}", 1) as show:
-            calibration = calibrate(
-                executor,
-                np.array(measured),
-                shots,
-                parts=parts or _PARTS,
-                angles_rad=angles_rad,
-                on_circuit=lambda done, of: show(done / of, f"circuit {done} of {of}"),
-            )
-    except KeyboardInterrupt:
-        raise CalibrationError("Interrupted: nothing was written.") from None
-    if out is not None:
-        calibration.save(out)
+    if executor is None:
+        assert live is not None
+        assert connection is not None
+        assert shots is not None
+        task = CalibrateTask(
+            backend=backend,
+            device=device,
+            qubits=tuple(measured),
+            shots=shots,
+            parts=parts or ("response",),
+            angles_rad=tuple(angles_rad.tolist()),
+            out=None if out is None else str(out.resolve()),
+            **live.where,
+        )
+        found = spend(task, task.load, live, connection.left_on_plan_s())
+        calibration = Calibration.model_validate(found["calibration"])
+    else:
+        try:
+            with progress_bar(f"calibrate {device.name}", 1) as show:
+                calibration = calibrate(
+                    executor,
+                    np.array(measured),
+                    shots,
+                    parts=parts or PARTS,
+                    angles_rad=angles_rad,
+                    on_circuit=lambda done, of: show(done / of, f"circuit {done} of {of}"),
+                )
+        except KeyboardInterrupt:
+            raise CalibrationError("Interrupted: nothing was written.") from None
+        if out is not None:
+            calibration.save(out)
     if calibration.unfitted:
         where = "Nothing was kept" if out is None else f"The counts are in {out}"
         raise CalibrationError(f"Not everything could be fitted. {where}.", *calibration.unfitted)
@@ -231,7 +233,7 @@ def _comparable(
             "Compare calibrations of one device.",
         )
     old.rows(np.array(qubits))
-    counts = zip(_PARTS, (old.readout_counts, old.response_counts), strict=True)
+    counts = zip(PARTS, (old.readout_counts, old.response_counts), strict=True)
     there = {part: found for part, found in counts if found is not None}
     parts = asked or tuple(there)
     for part in parts:

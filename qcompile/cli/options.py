@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from typing import Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import click
 
 from qcompile.limits import MAX_SHOTS
+
+if TYPE_CHECKING:
+    from qcompile.mitigation.measure import Part
+
+PARTS: tuple[Part, ...] = ("readout", "response")
+"""What of a device can be measured."""
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -45,6 +51,35 @@ class Shots(click.ParamType[int | None]):
         return shots
 
 
+class Qubits(click.ParamType[tuple[int, ...]]):
+    """Numbers of qubits with commas between them, sorted, each once."""
+
+    name = "0,1,5"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[int, ...]:
+        parts = [part.strip() for part in str(value).split(",")]
+        if not all(part.isdecimal() and len(part) < 7 for part in parts):
+            self.fail(f"{value!r} is no list of qubits such as 0,1,5.", param, ctx)
+        return tuple(sorted({int(part) for part in parts}))
+
+
+class Parts(click.ParamType["tuple[Part, ...]"]):
+    """What of a device to measure, with commas between."""
+
+    name = "readout,response"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[Part, ...]:
+        asked = [part.strip() for part in str(value).split(",")]
+        for part in asked:
+            if part not in PARTS:
+                self.fail(f"{part!r} is neither readout nor response.", param, ctx)
+        return tuple(part for part in PARTS if part in asked)
+
+
 def backend_option(default: str = "ideal") -> Decorator:
     return click.option(
         "--backend",
@@ -62,6 +97,11 @@ level_option: Decorator = click.option(
     default=2,
     show_default=True,
     help="0: gate by gate; 1: keep the unitary; 2: keep the distribution of the measurement.",
+)
+max_steps_option: Decorator = click.option(
+    "--max-steps",
+    type=click.IntRange(1, 1_000_000),
+    help="Cut every episode after so many steps.  [default: play them to their end]",
 )
 json_option: Decorator = click.option(
     "--json", "as_json", is_flag=True, help="Print one JSON document on standard output."

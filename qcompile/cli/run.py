@@ -5,11 +5,19 @@ from __future__ import annotations
 from contextlib import nullcontext
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from qcompile.cli.options import Shots, backend_option, echo_json, json_option, level_option
+from qcompile.cli.live_options import Live, live_options
+from qcompile.cli.options import (
+    Shots,
+    backend_option,
+    echo_json,
+    json_option,
+    level_option,
+    max_steps_option,
+)
 from qcompile.limits import MAX_EPISODES
 
 if TYPE_CHECKING:
@@ -55,16 +63,17 @@ _HOURS = 24.0
 @click.option(
     "--copies",
     type=click.IntRange(1, MAX_EPISODES),
-    default=1,
-    show_default=True,
-    help="Episodes that share an execution, side by side on the device.",
+    help="Episodes that share an execution, side by side on the device.  [default: 1; with --live "
+    "as many as fit]",
 )
+@max_steps_option
 @click.option("--greedy", is_flag=True, help="Take the most probable action; default: sample.")
 @click.option(
     "--video",
     type=click.Path(dir_okay=False, path_type=Path),
     help="Film the first episode; .mp4 or .gif, overwritten.",
 )
+@live_options
 @json_option
 def command(
     policy: str,
@@ -76,19 +85,24 @@ def command(
     mitigation: str | None,
     calibration_file: Path | None,
     predistort: bool,
-    copies: int,
+    copies: int | None,
+    max_steps: int | None,
     greedy: bool,
     video: Path | None,
     as_json: bool,
+    live: Live | None,
 ) -> None:
     """Play episodes with POLICY (default lunarlander; a name of trained/ or a file).
 
     A run repeats exactly with the same seed. Ctrl-C ends it and reports the finished episodes.
+    With --live it is played on IBM's machine of that name, recorded step by step; Ctrl-C stops it
+    and `qcompile resume` goes on.
     """
     from qcompile.calibration import load_calibration
     from qcompile.device import IDEAL_NAME
     from qcompile.errors import QcompileError
     from qcompile.policy import load_policy
+    from qcompile.policy.files import policy_values
     from qcompile.report.film import SUFFIXES, Film
     from qcompile.report.progress import progress_bar
     from qcompile.report.tables import print_run
@@ -108,11 +122,35 @@ def command(
             "--calibration needs --mitigation readout or response, or "
             "--predistort: nothing else reads it."
         )
+    if live is not None and (video is not None or shots is None):
+        wrong = "--video" if video is not None else "--shots exact"
+        raise click.UsageError(f"{wrong} and --live exclude each other.")
     loaded = load_policy(policy)
     calibration = None
     if calibration_file is not None:
         calibration = load_calibration(calibration_file)
         _report_age(calibration_file, calibration)
+    file = None if calibration_file is None else str(calibration_file)
+    if live is not None:
+        assert shots is not None
+        _run_live(
+            live,
+            as_json,
+            copies,
+            backend=backend,
+            policy=policy_values(loaded),
+            shots=shots,
+            episodes=episodes,
+            seed=seed,
+            level=level,
+            mitigation=chosen,
+            calibration=calibration,
+            calibration_file=file,
+            predistort=predistort,
+            greedy=greedy,
+            max_steps=max_steps,
+        )
+        return
     with (
         nullcontext() if video is None else Film(video) as film,
         progress_bar(f"{loaded.name} on {backend}", episodes) as show,
@@ -129,7 +167,7 @@ def command(
             predistort=predistort,
             greedy=greedy,
             seed=seed,
-            copies=copies,
+            copies=copies or 1,
         )
         show(0, "")
         rewards: list[float] = []
@@ -138,8 +176,13 @@ def command(
             rewards.append(episode.reward)
             show(len(rewards), f"mean reward {sum(rewards) / len(rewards):.1f}")
 
-        result = play(deployment, episodes, on_episode=count, on_frame=film.add if film else None)
-    file = None if calibration_file is None else str(calibration_file)
+        result = play(
+            deployment,
+            episodes,
+            max_steps=max_steps,
+            on_episode=count,
+            on_frame=film.add if film else None,
+        )
     summary = result.summary(file)
     if as_json:
         echo_json(summary)
@@ -153,6 +196,25 @@ def command(
             "These are the shortest ones, so their mean is no estimate of the policy's score.",
             "Fewer --episodes end sooner.",
         )
+
+
+def _run_live(live: Live, as_json: bool, copies: int | None, **settings: Any) -> None:
+    """Plan the run on the noise model of the backend of now, have it confirmed, and play it."""
+    from qcompile.cli.live_options import spend
+    from qcompile.live.connection import Connection
+    from qcompile.live.plan import copies_that_fit, forecast
+    from qcompile.live.play import RunTask
+    from qcompile.report.tables import print_run
+
+    connection = Connection(settings["backend"], live.account, live.instance)
+    task = RunTask.model_validate({**settings, **live.where, "device": connection.device()})
+    task = task.model_copy(update={"copies": copies or copies_that_fit(task)})
+    load = forecast(task).total_load
+    summary = spend(task, load, live, connection.left_on_plan_s())
+    if as_json:
+        echo_json(summary)
+    else:
+        print_run(summary)
 
 
 def _report_age(path: Path, calibration: Calibration) -> None:

@@ -66,6 +66,9 @@ class Workload:
     def __add__(self, other: Workload) -> Workload:
         return Workload(self.jobs + other.jobs, self.executions + other.executions)
 
+    def __mul__(self, times: int) -> Workload:
+        return Workload(times * self.jobs, times * self.executions)
+
     @property
     def qpu_seconds(self) -> float:
         return qpu_seconds(self.jobs, self.executions)

@@ -27,6 +27,8 @@ Part = Literal["readout", "response"]
 CALIBRATION_SHOTS = 8192
 RESPONSE_ANGLES_RAD = np.pi / 4 * np.array([0, 4, 0, 4, 1, 3, 5, 7])
 """Twice at the poles, where shot noise is least and contrast shows, and four that show the rest."""
+LIVE_ANGLES_RAD = RESPONSE_ANGLES_RAD[2:]
+"""Each of them once: a machine is paid by the circuit."""
 _NOTHING = np.zeros((1, 0)), np.zeros(0)
 
 

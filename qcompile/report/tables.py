@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Container, Iterable, Sequence
 from typing import Any
 
 from rich import box
@@ -14,6 +14,7 @@ _KINDS = {
     "ideal": "ideal simulation",
     "noise-model": "noise model",
     "measured-response": "twin of its calibration",
+    "hardware": "hardware",
 }
 _LEAST_FOR_INTERVAL = 5
 _BARS = "▁▂▃▄▅▆▇█"
@@ -25,8 +26,9 @@ def print_table(
     title: str = "",
     *,
     tight: bool = False,
+    right: Container[int] = (),
 ) -> None:
-    """Print a table on standard output; columns whose cells are numbers are set to the right.
+    """Print a table on standard output; columns of numbers, and those of `right`, on the right.
 
     A `tight` one has less room between its columns.
     """
@@ -40,6 +42,7 @@ def print_table(
     )
     for index, column in enumerate(columns):
         numeric = bool(rows) and all(isinstance(row[index], int | float) for row in rows)
+        numeric |= index in right
         table.add_column(escape(column), justify="right" if numeric else "left", overflow="fold")
     for row in rows:
         table.add_row(*(_cell(value) for value in row))
@@ -84,6 +87,11 @@ def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
     yield "settings", words + (f" by {escape(file)}" if (file := summary["calibration"]) else "")
     if summary["copies"] > 1:
         yield "side by side", plural(summary["copies"], "episode")
+    if summary["max_steps"] is not None:
+        yield (
+            "cut",
+            f"after {plural(summary['max_steps'], 'step')}: rewards are of parts of episodes",
+        )
     yield "actions", f"{'greedy' if summary['greedy'] else 'sampled'}, seed {summary['seed']}"
     gates = " + ".join(f"{n} {gate}" for gate, n in summary["gates_per_circuit"].items() if n)
     yield (
@@ -92,7 +100,14 @@ def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
         f"{plural(summary['rounds_per_step'], 'round')}",
     )
     yield "played", f"{summary['env_steps']} steps in {summary['wall_seconds']:.1f} s"
-    if summary["qpu_seconds_estimate"] is not None and summary["kind"] != "ideal":
+    if summary["kind"] == "hardware":
+        yield (
+            "paid",
+            f"{plural(summary['jobs'], 'job')}, {summary['executions']:,} executions, "
+            f"{summary['qpu_seconds']:.1f} QPU seconds of {summary['max_qpu_seconds']:g} allowed",
+        )
+        yield "run", summary["run"]
+    elif summary["qpu_seconds_estimate"] is not None and summary["kind"] != "ideal":
         hours = summary["qpu_seconds_estimate"] / 3600
         yield (
             "on hardware",

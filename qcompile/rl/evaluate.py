@@ -105,7 +105,7 @@ class RunResult:
     threshold: float | None = None
     max_steps: int | None = None
     episodes: list[Episode] = field(default_factory=list)
-    load: Workload = Workload()
+    load: Workload = field(default_factory=Workload)
     steps: int = 0
     env_steps: int = 0
     wall_seconds: float = 0.0
@@ -213,8 +213,9 @@ def play(
     """Play `episodes` episodes in lockstep; episode i resets with the deployment's seed + i.
 
     All living episodes step together: one batch of circuits, one job. An episode ends after
-    `max_steps`. Ctrl-C ends the run and keeps what is finished; `record` sees every step. `on_frame` gets the frames of the first episode, (height, width, 3),
-    and how many of them make a second.
+    `max_steps`. Ctrl-C ends the run and keeps what is finished; `record` sees every step.
+    `on_frame` gets the frames of the first episode, (height, width, 3), and how many of them make a
+    second.
 
     Raises:
         CountsError: episodes lie outside [1, MAX_EPISODES].

@@ -1,0 +1,137 @@
+"""Options of commands that can run on real hardware, and the guard that all of them pass."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from qcompile.cli.options import Decorator
+
+if TYPE_CHECKING:
+    from qcompile.execution import Workload
+    from qcompile.live.task import Task
+
+
+@dataclass(frozen=True)
+class Live:
+    """What a user allows and wants of a live run."""
+
+    max_qpu_seconds: float
+    yes: bool
+    account: str | None
+    instance: str | None
+    batch: bool
+    runs: Path
+    max_wait_s: float | None
+
+    @property
+    def where(self) -> dict[str, Any]:
+        """The fields of a task that say where it runs."""
+        return {"account": self.account, "instance": self.instance, "batch": self.batch}
+
+
+runs_option: Decorator = click.option(
+    "--runs",
+    type=click.Path(file_okay=False, path_type=Path),
+    default=Path("runs"),
+    show_default=True,
+    envvar="QCOMPILE_RUNS",
+    help="Folder of the journals of live runs.",
+)
+seconds_option: Decorator = click.option(
+    "--max-qpu-seconds",
+    type=click.FloatRange(0, min_open=True, max=1e6),
+    help="With --live: the run stops before it would take more.",
+)
+wait_option: Decorator = click.option(
+    "--max-wait-seconds",
+    type=click.FloatRange(0, min_open=True),
+    help="Give up waiting for a job after so long; `resume` fetches it.  [default: wait]",
+)
+yes_option: Decorator = click.option("--yes", is_flag=True, help="Spend without asking.")
+
+_SHARED = (
+    click.option("--live", is_flag=True, help="Run on IBM's machine of that name. This spends."),
+    seconds_option,
+    yes_option,
+    click.option("--account", help="Account of IBM's own tools.  [default: theirs]"),
+    click.option("--instance", help="CRN or name; without, only the free Open Plan is used."),
+    click.option("--batch", is_flag=True, help="Send the jobs as a batch of IBM's."),
+    wait_option,
+    runs_option,
+)
+_NEED_LIVE = ("max_qpu_seconds", "yes", "account", "instance", "batch", "max_wait_seconds")
+
+
+def live_options(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Give the command the options of a live run; it gets them as `live`, None without --live."""
+
+    @functools.wraps(function)
+    def called(**values: Any) -> Any:
+        wanted, runs = values.pop("live"), values.pop("runs")
+        given = {name: values.pop(name) for name in _NEED_LIVE}
+        if not wanted:
+            for name, value in given.items():
+                if value:
+                    option = f"--{name.replace('_', '-')}"
+                    raise click.UsageError(f"{option} is for --live: nothing else spends.")
+            return function(live=None, **values)
+        if given["max_qpu_seconds"] is None:
+            raise click.UsageError(
+                "--live needs --max-qpu-seconds: the run stops before it would take more. "
+                "`qcompile plan` says how many it takes."
+            )
+        max_wait_s = given.pop("max_wait_seconds")
+        return function(live=Live(runs=runs, max_wait_s=max_wait_s, **given), **values)
+
+    for option in reversed(_SHARED):
+        called = option(called)
+    return called
+
+
+def spend(task: Task, load: Workload, live: Live, left_s: float | None) -> dict[str, Any]:
+    """Show what the task costs, have it confirmed, and do it; what it found.
+
+    `left_s` are the seconds that the plan has left, if IBM says so.
+
+    Raises:
+        BudgetError: the task needs more than it is allowed.
+        LiveError: it cannot start or go on.
+    """
+    from qcompile.errors import BudgetError
+    from qcompile.live.perform import begin
+
+    seconds = load.qpu_seconds
+    click.echo(
+        f"{task.backend}: {load.jobs} jobs, {load.executions:,} executions, about {seconds:.1f} "
+        f"QPU seconds by IBM's estimate; the limit is {live.max_qpu_seconds:g}."
+        + ("" if left_s is None else f" The plan has {left_s:.0f} s left."),
+        err=True,
+    )
+    if seconds > live.max_qpu_seconds:
+        raise BudgetError(
+            f"The plan needs {seconds:.1f} QPU seconds, more than the {live.max_qpu_seconds:g} "
+            "allowed. Nothing was sent.",
+            "Raise --max-qpu-seconds, or take fewer shots, episodes or steps; "
+            "`qcompile plan` shows cheaper ways.",
+        )
+    if not live.yes:
+        click.confirm("Spend them?", abort=True, err=True)
+    journal = begin(live.runs, task, live.max_qpu_seconds)
+    click.echo(f"run {journal.id}", err=True)
+    return follow(journal, live.max_wait_s)
+
+
+def follow(journal: Any, max_wait_s: float | None) -> dict[str, Any]:
+    """Go on with a run, showing how far it is; what it found."""
+    from qcompile.live.perform import go_on, task_of
+    from qcompile.report.progress import progress_bar
+
+    task = task_of(journal)
+    with progress_bar(f"{task.name} on {task.backend}", task.total) as show:
+        return go_on(journal, max_wait_s=max_wait_s, show=show)

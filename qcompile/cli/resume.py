@@ -1,0 +1,56 @@
+"""`qcompile resume`: go on with a live run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from qcompile.cli.live_options import (
+    follow,
+    runs_option,
+    seconds_option,
+    wait_option,
+    yes_option,
+)
+from qcompile.cli.options import echo_json, json_option
+
+
+@click.command("resume")
+@click.argument("run_id", metavar="ID")
+@seconds_option
+@yes_option
+@wait_option
+@runs_option
+@json_option
+def command(
+    run_id: str,
+    max_qpu_seconds: float | None,
+    yes: bool,
+    max_wait_seconds: float | None,
+    runs: Path,
+    as_json: bool,
+) -> None:
+    """Go on with run ID (a part of it will do, `last` is the newest) where it stopped.
+
+    What was paid for is fetched and not paid again. The limit stays that of the run unless
+    --max-qpu-seconds sets another; a higher one is confirmed. A finished run shows its result.
+    """
+    from qcompile.cli.runs import print_result
+    from qcompile.live.journal import find_journal
+
+    journal = find_journal(runs, run_id)
+    if max_qpu_seconds is not None:
+        if max_qpu_seconds > journal.max_qpu_seconds and not yes:
+            click.confirm(
+                f"Allow {max_qpu_seconds:g} QPU seconds instead of {journal.max_qpu_seconds:g}?",
+                abort=True,
+                err=True,
+            )
+        with journal.held():
+            journal.allow(max_qpu_seconds)
+    result = follow(journal, max_wait_seconds)
+    if as_json:
+        echo_json(result)
+    else:
+        print_result(journal.kind, result)

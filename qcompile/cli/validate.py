@@ -1,0 +1,130 @@
+"""`qcompile validate`: whether a calibration's twin shows what its machine does."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from qcompile.cli.live_options import Live, live_options, spend
+from qcompile.cli.options import echo_json, json_option
+from qcompile.limits import MAX_SHOTS
+
+
+@click.command("validate")
+@click.argument("file", type=click.Path(dir_okay=False, path_type=Path))
+@click.option(
+    "--policy", default="lunarlander", show_default=True, help="Whose circuits are compared."
+)
+@click.option(
+    "--observations",
+    "rows",
+    type=click.IntRange(1, 1000),
+    default=4,
+    show_default=True,
+    help="Random ones, of episodes that the policy plays on the twin.",
+)
+@click.option(
+    "--shots", type=click.IntRange(1, MAX_SHOTS), default=2048, show_default=True,
+    help="Shots of each circuit.",
+)  # fmt: skip
+@click.option(
+    "--seed", type=click.IntRange(0), default=0, show_default=True, help="Draws the observations."
+)
+@click.option(
+    "--backend",
+    metavar="NAME",
+    help="Without --live: compare with this noise model, calibration or qiskit:NAME.  [default: "
+    "the device of the file]",
+)
+@live_options
+@json_option
+def command(
+    file: Path,
+    policy: str,
+    rows: int,
+    shots: int,
+    seed: int,
+    backend: str | None,
+    live: Live | None,
+    as_json: bool,
+) -> None:
+    """Run a policy's circuits and compare their counts with the twin of the calibration FILE.
+
+    Exit 1 where a qubit contradicts its curve (chi-square, once in a thousand times by chance).
+    With --live on the machine that FILE was measured on, for a few seconds.
+    """
+    if live is not None and backend is not None:
+        raise click.UsageError("--backend and --live exclude each other: FILE names the machine.")
+    from qcompile.calibration import load_calibration
+    from qcompile.errors import CalibrationError
+    from qcompile.live.validate import random_observations
+    from qcompile.policy import load_policy
+    from qcompile.policy.files import policy_values
+
+    calibration, loaded = load_calibration(file), load_policy(policy)
+    observations = random_observations(loaded, calibration, rows, seed)
+    if live is None:
+        found: dict[str, Any] = {"file": str(file), "shots": shots}
+        found |= _offline(calibration, loaded, observations, backend, shots, seed)
+    else:
+        from qcompile.live.connection import Connection
+        from qcompile.live.validate import ValidateTask
+
+        connection = Connection(calibration.backend, live.account, live.instance)
+        task = ValidateTask.model_validate(
+            {
+                **live.where,
+                "backend": calibration.backend,
+                "device": calibration.device,
+                "calibration": calibration,
+                "calibration_file": str(file),
+                "policy": policy_values(loaded),
+                "observations": observations.tolist(),
+                "shots": shots,
+            }
+        )
+        found = spend(task, task.load, live, connection.left_on_plan_s())
+    if as_json:
+        echo_json(found)
+    else:
+        print_validation(found)
+    if not found["passed"]:
+        raise CalibrationError(
+            f"The twin of {file} is not its machine any more: qubit "
+            f"{', '.join(map(str, found['failed']))}.",
+            "Calibrate anew: `qcompile calibrate`.",
+        )
+
+
+def _offline(
+    calibration: Any, policy: Any, observations: Any, backend: str | None, shots: int, seed: int
+) -> dict[str, Any]:
+    from qcompile.execution import open_executor
+    from qcompile.live.validate import validate
+
+    executor = open_executor(backend or calibration.device, seed)
+    return validate(calibration, policy, observations, executor, shots).values()
+
+
+def print_validation(found: dict[str, Any]) -> None:
+    """Print what a validation found, a row for each qubit."""
+    from qcompile.report.tables import print_table
+
+    print_table(
+        ["qubit", "chi-square", "expected", "p-value", ""],
+        [
+            [qubit, chi_square, degrees, p_value, "fails" if qubit in found["failed"] else "holds"]
+            for qubit, chi_square, degrees, p_value in zip(
+                found["qubits"],
+                found["chi_square"],
+                found["degrees"],
+                found["p_value"],
+                strict=True,
+            )
+        ],
+        f"Twin of {found['file']} against fresh counts of {found['shots']} shots",
+    )
+    verdict = "pass" if found["passed"] else "fail"
+    click.echo(f"{verdict}; the largest difference of a <Z> is {found['largest_difference']:.3f}")

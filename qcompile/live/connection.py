@@ -1,0 +1,260 @@
+"""IBM's service, reached through qiskit-ibm-runtime: account, backend, and its errors in words."""
+
+from __future__ import annotations
+
+import logging
+import os
+import warnings
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+from qcompile.device import Device
+from qcompile.errors import LiveError, MissingExtraError
+from qcompile.snapshot import device_from_backend
+
+T = TypeVar("T")
+
+PATIENCE_S = float(os.environ.get("QCOMPILE_PATIENCE_SECONDS", "300"))
+"""A service that does not answer is asked again for so long."""
+_REFUSED = range(400, 500)
+_BUSY = 429
+_FREE = ["open"]
+_SAVE = (
+    'Save one: python -c "from qiskit_ibm_runtime import QiskitRuntimeService as S; '
+    "S.save_account(token='...', instance='...')\"",
+    "or set QISKIT_IBM_TOKEN and QISKIT_IBM_INSTANCE. docs/hardware.md has the steps.",
+)
+
+
+class Connection:
+    """The account `account` of IBM's own tools (their default if None), and one of its backends.
+
+    It is opened when it is first used. Without `instance`, and where the account names none, only
+    instances of the free Open Plan are considered. A request that submits a job is never repeated
+    by the client: it might submit twice.
+    """
+
+    def __init__(self, backend: str, account: str | None = None, instance: str | None = None):
+        self.name, self._account, self._instance = backend, account, instance
+        self._service: Any = None
+        self._backend: Any = None
+
+    @property
+    def service(self) -> Any:
+        """The QiskitRuntimeService.
+
+        Raises:
+            LiveError: no account, or one that is refused, or no answer.
+            MissingExtraError: qiskit-ibm-runtime is not installed.
+        """
+        if self._service is None:
+            self._service = self._patient(self._open)
+        return self._service
+
+    @property
+    def backend(self) -> Any:
+        """The IBMBackend.
+
+        Raises:
+            LiveError: the account has no such backend.
+        """
+        if self._backend is None:
+            self._backend = self.ask(self._find)
+        return self._backend
+
+    def device(self) -> Device:
+        """The backend's qubits with their calibration of now.
+
+        Raises:
+            DeviceError: its calibration makes no device.
+            LiveError: as for `backend`.
+        """
+        backend = self.backend
+        return self.ask(lambda service: device_from_backend(backend, self.name))
+
+    def ask(self, question: Callable[[Any], T]) -> T:
+        """The answer of `question`, called with the service, which only reads.
+
+        It is asked again while the service is busy or cannot be reached, and once more after a new
+        login where a token has expired.
+
+        Raises:
+            LiveError: no answer for PATIENCE_S, or a refusal, in words.
+        """
+        from qiskit_ibm_runtime.exceptions import IBMNotAuthorizedError
+
+        service = self.service
+        try:
+            return self._patient(lambda: question(service))
+        except LiveError as error:
+            if not isinstance(error.__cause__, IBMNotAuthorizedError):
+                raise
+        self.log_in_again()
+        return self._patient(lambda: question(service))
+
+    def log_in_again(self) -> None:
+        """Have the client fetch a new token with its next request."""
+        for client in _clients(self.service):
+            manager = getattr(client._session.auth, "tm", None)
+            if manager is not None:
+                manager.expire_time = 0
+
+    def left_on_plan_s(self) -> float | None:
+        """QPU seconds that the plan has left, as far as IBM says."""
+        usage = self.ask(lambda service: service.usage())
+        left = usage.get("usage_remaining_seconds")
+        return None if left is None else float(left)
+
+    def _open(self) -> Any:
+        try:
+            from qiskit_ibm_runtime import QiskitRuntimeService
+        except ImportError as error:
+            raise MissingExtraError("A run on real hardware", "ibm") from error
+        logging.getLogger("qiskit_ibm_runtime").setLevel(logging.CRITICAL)
+        service = QiskitRuntimeService(
+            name=self._account, instance=self._instance, plans_preference=_FREE
+        )
+        _never_repeat_submissions(service)
+        return service
+
+    def _find(self, service: Any) -> Any:
+        from qiskit.providers.exceptions import QiskitBackendNotFoundError
+
+        try:
+            backend = service.backend(self.name)
+        except QiskitBackendNotFoundError as error:
+            if transient(error):
+                raise
+            known = sorted(backend.name for backend in service.backends())
+            raise LiveError(
+                f"The account has no backend {self.name!r}.",
+                f"It has: {', '.join(known)}." if known else "It has none.",
+                "A backend that was there may be retired; what it measured is kept.",
+            ) from error
+        _never_repeat_submissions(service)  # the client may have made another session for it
+        return backend
+
+    def _patient(self, call: Callable[[], T]) -> T:
+        """What `call` gives, called again while its errors are transient."""
+        from qiskit.exceptions import QiskitError
+        from requests import RequestException
+        from tenacity import Retrying, retry_if_exception, stop_after_delay, wait_random_exponential
+
+        retrying = Retrying(
+            retry=retry_if_exception(transient),
+            stop=stop_after_delay(PATIENCE_S),
+            wait=wait_random_exponential(0.2, max=20),
+            reraise=True,
+        )
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # the client's words go to people who program it
+                return retrying(call)
+        except LiveError:
+            raise
+        except (QiskitError, RequestException, OSError) as error:
+            raise in_words(error) from error
+
+
+def transient(error: BaseException) -> bool:
+    """Whether the same request may be answered a little later."""
+    from requests import ConnectionError, Timeout
+    from requests.exceptions import ChunkedEncodingError, JSONDecodeError
+
+    status = status_code(error)
+    if status is not None:
+        return status == _BUSY or status not in _REFUSED
+    return any(
+        isinstance(cause, ConnectionError | Timeout | ChunkedEncodingError | JSONDecodeError)
+        for cause in chain_of(error)
+    )
+
+
+def refused(error: BaseException) -> bool:
+    """Whether the service said that it did not take what was sent."""
+    status = status_code(error)
+    return status is not None and status in _REFUSED
+
+
+def status_code(error: BaseException) -> int | None:
+    """The HTTP status behind an error of the client, -1 without one; None where none was asked."""
+    from qiskit_ibm_runtime.api.exceptions import RequestsApiError
+    from qiskit_ibm_runtime.exceptions import IBMNotAuthorizedError
+
+    for cause in chain_of(error):
+        if isinstance(cause, IBMNotAuthorizedError):
+            return 401
+        if isinstance(cause, RequestsApiError):
+            return int(cause.status_code)
+    return None
+
+
+def chain_of(error: BaseException) -> list[BaseException]:
+    """The error and what it came from; the client hides its causes with `from None`."""
+    found: list[BaseException] = []
+    cause: BaseException | None = error
+    while cause is not None and cause not in found:
+        found.append(cause)
+        cause = cause.__cause__ or cause.__context__
+    return found
+
+
+def in_words(error: BaseException) -> LiveError:
+    """What happened, without what is secret, and what to try."""
+    from qiskit_ibm_runtime.accounts.exceptions import AccountNotFoundError
+
+    words = without_secrets(" ".join(str(error).split()))[:300]
+    if isinstance(error, AccountNotFoundError):
+        return LiveError("No account of IBM Quantum is saved on this machine.", *_SAVE)
+    if status_code(error) == 401:
+        return LiveError(
+            "IBM refuses the account's token: it has expired, or is not of this instance.",
+            f"IBM says: {words}",
+            "Make a new one on quantum.cloud.ibm.com and save it over the old (overwrite=True).",
+        )
+    if transient(error):
+        return LiveError(
+            f"IBM's service does not answer, for {PATIENCE_S:g} s now.",
+            f"Last it said: {words}",
+            "Go on later: nothing is lost.",
+        )
+    return LiveError("IBM's service refuses.", f"It says: {words}")
+
+
+def without_secrets(words: str) -> str:
+    """`words` without any token of the accounts known on this machine."""
+    from qiskit_ibm_runtime import QiskitRuntimeService
+
+    secrets = [os.environ.get("QISKIT_IBM_TOKEN", "")]
+    try:
+        saved = QiskitRuntimeService.saved_accounts().values()
+    except (OSError, ValueError):
+        saved = ()
+    secrets += [str(account.get("token", "")) for account in saved]
+    for secret in filter(None, secrets):
+        words = words.replace(secret, "(token)")
+    return words
+
+
+def _clients(service: Any) -> list[Any]:
+    """The client of each instance."""
+    return [service._active_api_client, *service._api_clients.values()]
+
+
+def _never_repeat_submissions(service: Any) -> None:
+    """Let the client repeat what reads, and nothing else, below /jobs.
+
+    By itself it repeats a POST that was answered with 504, though the job may have been accepted.
+    """
+    from requests.adapters import HTTPAdapter
+    from urllib3.util.retry import Retry
+
+    retry = Retry(total=3, connect=3, backoff_factor=0.2, status_forcelist=(500, 502, 503, 504))
+    try:
+        for session in [client._session for client in _clients(service)]:
+            session.mount(f"{session.base_url}/jobs", HTTPAdapter(max_retries=retry))
+    except AttributeError as error:
+        raise LiveError(
+            "This version of qiskit-ibm-runtime is not known: it might submit a job twice.",
+            "Install the one of constraints.txt: pip install -c constraints.txt 'qcompile[ibm]'",
+        ) from error

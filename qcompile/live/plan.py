@@ -1,0 +1,77 @@
+"""What a run will cost in each way to run it, before anything is sent."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from qcompile.execution import Workload
+from qcompile.execution.cost import FREE_SECONDS, USD_PER_SECOND
+from qcompile.live.play import RunTask
+from qcompile.mitigation import CALIBRATION_SHOTS, calibration_workload
+from qcompile.mitigation.measure import LIVE_ANGLES_RAD, Part
+from qcompile.passes import compile
+from qcompile.rl.evaluate import RunResult, play
+
+PAPER, PACKED = "one circuit per job, as in the paper", "packed"
+LOCKSTEP = "packed, episodes in lockstep"
+TWIN = "response calibration, then its twin"
+
+
+@dataclass(frozen=True)
+class Strategy:
+    """One way to run a policy, and its jobs and executions."""
+
+    name: str
+    load: Workload
+
+    def values(self, usd_per_second: float = USD_PER_SECOND) -> dict[str, Any]:
+        """As plain values, with seconds, price and share of the free plan's minutes."""
+        seconds = self.load.qpu_seconds
+        return {
+            "name": self.name,
+            "jobs": self.load.jobs,
+            "executions": self.load.executions,
+            "qpu_seconds": seconds,
+            "price_usd": seconds * usd_per_second,
+            "share_of_free_plan": seconds / FREE_SECONDS,
+        }
+
+
+def copies_that_fit(task: RunTask) -> int:
+    """How many of the task's episodes fit side by side on its device."""
+    program = task.policy.policy().trained_program
+    return min(task.episodes, compile(program, task.device, task.level).copies_that_fit)
+
+
+def forecast(task: RunTask) -> RunResult:
+    """The task played on the noise model of its device, from the same resets.
+
+    Its `total_load` is what `run --live` sends if the episodes last as long on the machine.
+    """
+    return play(task.deploy(task.device), task.episodes, max_steps=task.max_steps)
+
+
+def strategies(task: RunTask, forecasted: RunResult) -> list[Strategy]:
+    """The ways to run the task, the paper's first, for episodes as long as forecast.
+
+    All but the paper's and the twin's include the calibration of the task's mitigation.
+    """
+    policy, steps, shots = task.policy.policy(), forecasted.env_steps, task.shots
+    circuits = len(policy.program)
+    single = compile(policy.trained_program, task.device, task.level, policy.importance)
+    qubits = len(np.unique(single.qubits))
+    measured = Workload()
+    if forecasted.deployment.calibration_load.jobs:
+        part: Part = "readout" if task.mitigation == "readout" else "response"
+        measured = calibration_workload(qubits, CALIBRATION_SHOTS, [part])
+    step = Workload.of_batch(1, single.round_count, shots)
+    twin = calibration_workload(qubits, CALIBRATION_SHOTS, ["response"], len(LIVE_ANGLES_RAD))
+    return [
+        Strategy(PAPER, Workload.of_batch(1, 1, shots) * (steps * circuits)),
+        Strategy(PACKED, step * steps + measured),
+        Strategy(LOCKSTEP, forecasted.total_load),
+        Strategy(TWIN, twin),
+    ]

@@ -1,0 +1,136 @@
+"""Episodes on a live backend: recorded step by step, and played again from the record."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qcompile.calibration import Calibration
+from qcompile.errors import LiveError
+from qcompile.live.executor import IBMExecutor
+from qcompile.live.journal import Journal, Kind
+from qcompile.live.task import Session, Task
+from qcompile.policy.files import PolicyFile
+from qcompile.rl.evaluate import Deployment, play
+from qcompile.rl.lockstep import Act, Episode
+
+
+class RunTask(Task):
+    """Play `episodes` with a policy, as `qcompile run` does; the options are those of its command.
+
+    `calibration` mitigates instead of measuring first; `calibration_file` is the file it came from.
+    """
+
+    kind: ClassVar[Kind] = "run"
+
+    policy: PolicyFile
+    shots: int
+    episodes: int
+    seed: int
+    level: int
+    mitigation: str
+    calibration: Calibration | None = None
+    calibration_file: str | None = None
+    predistort: bool = False
+    greedy: bool = False
+    copies: int = 1
+    max_steps: int | None = None
+
+    @property
+    def name(self) -> str:
+        return self.policy.name
+
+    @property
+    def total(self) -> float:
+        return self.episodes
+
+    def perform(self, session: Session) -> dict[str, Any]:
+        """The figures of `qcompile run --json`.
+
+        Raises:
+            LiveError: a job cannot be had, or the environment does not repeat what is recorded.
+        """
+        deployment = self.deploy(IBMExecutor(self.device, session.jobs))
+        finished: list[Episode] = []
+
+        def note(episode: Episode) -> None:
+            finished.append(episode)
+            rewards = [episode.reward for episode in finished]
+            session.show(len(finished), f"mean reward {sum(rewards) / len(rewards):.1f}")
+
+        result = play(
+            deployment,
+            self.episodes,
+            max_steps=self.max_steps,
+            record=Steps(session.jobs.journal),
+            on_episode=note,
+        )
+        if result.interrupted:
+            raise KeyboardInterrupt
+        return result.summary(self.calibration_file)
+
+    def deploy(self, executor: Any) -> Deployment:
+        """The task's policy on an executor of the task's device."""
+        return Deployment(
+            self.policy.policy(),
+            executor,
+            shots=self.shots,
+            level=self.level,
+            mitigation=self.mitigation,
+            calibration=self.calibration,
+            predistort=self.predistort,
+            greedy=self.greedy,
+            seed=self.seed,
+            copies=self.copies,
+        )
+
+
+class Steps:
+    """Records the steps of a run; those that the journal has are played again and checked.
+
+    A recorded step takes its recorded actions. The deployment is asked for them all the same: its
+    counts come from the journal, and it draws what it drew then, so the next new step goes on as if
+    nothing had happened.
+    """
+
+    def __init__(self, journal: Journal):
+        self._journal, self._number = journal, 0
+
+    def act(self, act: Act, observations: NDArray[np.float64]) -> NDArray[np.intp]:
+        """The actions (B,) for observations (B, features).
+
+        Raises:
+            LiveError: the observations are not those recorded.
+        """
+        step = self._journal.step(self._number)
+        if step is None:
+            actions = act(observations)
+            self._journal.note_actions(self._number, observations, actions)
+            return actions
+        self._check("observations", step.observations, observations)
+        act(observations)
+        return step.actions.astype(np.intp)
+
+    def rewards(self, rewards: list[float]) -> None:
+        """What the last actions earned.
+
+        Raises:
+            LiveError: it is not what is recorded.
+        """
+        step = self._journal.step(self._number)
+        if step is None or step.rewards is None:
+            self._journal.note_rewards(self._number, rewards)
+        else:
+            self._check("rewards", step.rewards, np.array(rewards))
+        self._number += 1
+
+    def _check(self, what: str, recorded: NDArray[Any], found: NDArray[Any]) -> None:
+        if not np.array_equal(recorded, found, equal_nan=True):
+            raise LiveError(
+                f"The {what} of step {self._number} are not those recorded: the environment does "
+                "not repeat itself.",
+                "The versions of gymnasium and numpy must be those the run began with.",
+                f"`qcompile runs export {self._journal.id}` gives what was measured.",
+            )
