@@ -105,10 +105,11 @@ def spend(task: Task, load: Workload, live: Live, left_s: float | None) -> dict[
     """
     from qcompile.errors import BudgetError
     from qcompile.live.perform import begin
+    from qcompile.report.tables import plural
 
     seconds = load.qpu_seconds
     click.echo(
-        f"{task.backend}: {load.jobs} jobs, {load.executions:,} executions, about {seconds:.1f} "
+        f"{task.backend}: {plural(load.jobs, 'job')}, {load.executions:,} executions, about {seconds:.1f} "
         f"QPU seconds by IBM's estimate; the limit is {live.max_qpu_seconds:g}."
         + ("" if left_s is None else f" The plan has {left_s:.0f} s left."),
         err=True,
@@ -123,7 +124,6 @@ def spend(task: Task, load: Workload, live: Live, left_s: float | None) -> dict[
     if not live.yes:
         click.confirm("Spend them?", abort=True, err=True)
     journal = begin(live.runs, task, live.max_qpu_seconds)
-    click.echo(f"run {journal.id}", err=True)
     return follow(journal, live.max_wait_s)
 
 
@@ -133,5 +133,6 @@ def follow(journal: Any, max_wait_s: float | None) -> dict[str, Any]:
     from qcompile.report.progress import progress_bar
 
     task = task_of(journal)
+    click.echo(f"run {journal.id}", err=True)
     with progress_bar(f"{task.name} on {task.backend}", task.total) as show:
         return go_on(journal, max_wait_s=max_wait_s, show=show)

@@ -125,7 +125,7 @@ def command(
         )
         return
     print_table(
-        ["way", "jobs", "executions", "QPU seconds", "price USD", "of the free plan"],
+        ["way", "jobs", "executions", "QPU seconds", "USD", "of free plan"],
         [
             [
                 row["name"],
@@ -137,9 +137,10 @@ def command(
             ]
             for row in rows
         ],
-        f"{task.policy.name} on {device.name}: {plural(episodes, 'episode')} of {shots} shots, "
-        f"{forecasted.env_steps} steps on its noise model",
+        f"{task.policy.name} on {device.name}: {plural(episodes, 'episode')}, {shots} shots, "
+        f"{forecasted.env_steps} steps",
         right=range(1, 6),
+        tight=True,
     )
     click.echo(
         "seconds: IBM's published estimate, 2 for a job and 0.00035 for an execution; the free "

@@ -47,7 +47,7 @@ _HOURS = 24.0
     "--mitigation",
     type=click.Choice(["none", "readout", "response"]),
     help="Undo readout errors, or those of the gates as well.  [default: readout on a noisy "
-    "backend, none on ideal or with --predistort]",
+    "backend, response where only that is calibrated, none on ideal or with --predistort]",
 )
 @click.option(
     "--calibration",
@@ -130,6 +130,8 @@ def command(
     if calibration_file is not None:
         calibration = load_calibration(calibration_file)
         _report_age(calibration_file, calibration)
+    if mitigation is None and chosen == "readout":
+        chosen = _mitigation_of(calibration, backend)
     file = None if calibration_file is None else str(calibration_file)
     if live is not None:
         assert shots is not None
@@ -196,6 +198,16 @@ def command(
             "These are the shortest ones, so their mean is no estimate of the policy's score.",
             "Fewer --episodes end sooner.",
         )
+
+
+def _mitigation_of(calibration: Calibration | None, backend: str) -> str:
+    """`readout`, unless the calibration at hand, given or that of a twin, knows responses alone."""
+    from qcompile.calibration import is_calibration, load_calibration
+
+    if calibration is None and is_calibration(Path(backend)):
+        calibration = load_calibration(Path(backend))
+    responses_alone = calibration is not None and calibration.readout is None
+    return "response" if responses_alone else "readout"
 
 
 def _run_live(live: Live, as_json: bool, copies: int | None, **settings: Any) -> None:

@@ -36,10 +36,11 @@ def command(ctx: click.Context, runs: Path, as_json: bool) -> None:
         click.echo(f"There is no live run in {runs}.")
         return
     print_table(
-        ["run", "backend", "state", "jobs", "steps", "QPU s", "limit"],
+        ["run", "what", "backend", "state", "jobs", "steps", "QPU s", "limit"],
         [
             [
                 row["run"],
+                row["kind"],
                 row["backend"],
                 row["state"],
                 row["jobs_done"],
@@ -95,9 +96,9 @@ def export(runs: Path, run_id: str, out: Path | None) -> None:
 
     values = exported(find_journal(runs, run_id))
     if out is None:
-        echo_json(values)
+        click.echo(json.dumps(values))
         return
-    write_file(out, json.dumps(values, indent=1).encode() + b"\n")
+    write_file(out, json.dumps(values).encode() + b"\n")
     click.echo(f"{len(values['jobs'])} jobs and {len(values['steps'])} steps in {out}")
 
 

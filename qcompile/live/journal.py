@@ -112,14 +112,14 @@ class Journal:
     def create(
         cls, runs: Path, kind: Kind, name: str, settings: dict[str, Any], max_qpu_seconds: float
     ) -> Journal:
-        """A new run in a folder of its own below `runs`, named by time, kind and `name`.
+        """A new run in a folder of its own below `runs`, named by time and `name`.
 
         Raises:
             LiveError: the folder cannot be made.
         """
         now = datetime.now(UTC).replace(microsecond=0)
-        words = "".join(c if c.isascii() and c.isalnum() else "-" for c in name)[:30]
-        run_id = f"{now:%Y%m%d-%H%M%S}-{words}-{kind}-{secrets.token_hex(3)}"
+        words = "".join(c if c.isascii() and c.isalnum() else "-" for c in name)[:16]
+        run_id = f"{now:%Y%m%d-%H%M%S}-{words}-{secrets.token_hex(3)}"
         folder = runs / run_id
         try:
             folder.mkdir(parents=True)

@@ -15,9 +15,8 @@ from qcompile.mitigation.measure import LIVE_ANGLES_RAD, Part
 from qcompile.passes import compile
 from qcompile.rl.evaluate import RunResult, play
 
-PAPER, PACKED = "one circuit per job, as in the paper", "packed"
-LOCKSTEP = "packed, episodes in lockstep"
-TWIN = "response calibration, then its twin"
+PAPER, PACKED = "paper: one circuit a job", "packed"
+LOCKSTEP, TWIN = "packed, lockstep", "calibrate, play twin"
 
 
 @dataclass(frozen=True)
