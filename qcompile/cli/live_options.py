@@ -109,8 +109,8 @@ def spend(task: Task, load: Workload, live: Live, left_s: float | None) -> dict[
 
     seconds = load.qpu_seconds
     click.echo(
-        f"{task.backend}: {plural(load.jobs, 'job')}, {load.executions:,} executions, about {seconds:.1f} "
-        f"QPU seconds by IBM's estimate; the limit is {live.max_qpu_seconds:g}."
+        f"{task.backend}: {plural(load.jobs, 'job')}, {load.executions:,} executions, "
+        f"about {seconds:.1f} QPU seconds by IBM's estimate; the limit is {live.max_qpu_seconds:g}."
         + ("" if left_s is None else f" The plan has {left_s:.0f} s left."),
         err=True,
     )
