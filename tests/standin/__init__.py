@@ -1,0 +1,30 @@
+"""A stand-in of IBM's Quantum REST API, for tests of what runs on real machines.
+
+The unmodified client of qiskit-ibm-runtime talks to it over HTTP: service, backends, calibration,
+jobs of both samplers, batches, results and usage. Error codes other than 1305 (a job ran too long)
+and 1352 (no sessions on the Open Plan) are its own.
+"""
+
+from .errors import ApiError
+from .faults import Chance, Fault, Faults, Once, Orders
+from .identity import API_KEY, CRN
+from .jobs import MAX_EXECUTIONS, Entry, Ledger, usage_seconds
+from .settings import Settings
+from .stand_in import StandIn
+
+__all__ = [
+    "API_KEY",
+    "CRN",
+    "MAX_EXECUTIONS",
+    "ApiError",
+    "Chance",
+    "Entry",
+    "Fault",
+    "Faults",
+    "Ledger",
+    "Once",
+    "Orders",
+    "Settings",
+    "StandIn",
+    "usage_seconds",
+]

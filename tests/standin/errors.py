@@ -1,0 +1,18 @@
+"""What the service answers when it refuses."""
+
+from __future__ import annotations
+
+from typing import Any
+
+
+class ApiError(Exception):
+    """An answer with an HTTP status that is not a success, and IBM's body of an error."""
+
+    def __init__(self, status: int, code: int | str, message: str):
+        super().__init__(message)
+        self.status = status
+        self.code = code
+
+    def body(self) -> dict[str, Any]:
+        error = {"code": self.code, "message": str(self), "solution": "", "more_info": ""}
+        return {"errors": [error], "trace": "stand-in"}

@@ -1,0 +1,224 @@
+"""What goes wrong with a service, on request or at random, and how often it did."""
+
+from __future__ import annotations
+
+import threading
+from collections import Counter
+from enum import StrEnum
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+SUBMIT = "POST /jobs"
+RESULTS = "GET /jobs/{id}/results"
+
+
+class Fault(StrEnum):
+    """The faults that rules speak of, each at the moment it strikes."""
+
+    RATE_LIMITED = "rate_limited"
+    """429 with Retry-After, before the request is handled."""
+    SERVER_ERROR = "server_error"
+    """500, before the request is handled."""
+    BAD_GATEWAY = "bad_gateway"
+    """502, before the request is handled."""
+    UNAVAILABLE = "unavailable"
+    """503, before the request is handled."""
+    GATEWAY_TIMEOUT = "gateway_timeout"
+    """504, before the request is handled."""
+    DROPPED = "dropped"
+    """The connection ends without an answer, before the request is handled."""
+    ACCEPTED_504 = "accepted_504"
+    """504 to POST /jobs, although the job was accepted."""
+    ACCEPTED_DROPPED = "accepted_dropped"
+    """The connection ends without an answer to POST /jobs, although the job was accepted."""
+    CUT_ANSWER = "cut_answer"
+    """The answer breaks off half way: the request was handled, its body is not complete."""
+    JOB_FAILS = "job_fails"
+    """The job ends Failed by an error of the system, and is not charged."""
+    JOB_CANCELLED = "job_cancelled"
+    """Somebody else cancels the job while it waits."""
+    JOB_WAITS = "job_waits"
+    """The job is queued for `Faults.wait_seconds` longer."""
+    RESULTS_TRUNCATED = "results_truncated"
+    """The results are the first half of their JSON."""
+    RESULTS_MISSHAPEN = "results_misshapen"
+    """The results are valid JSON of another shape."""
+    RESULTS_EMPTY = "results_empty"
+    """The body of the results is empty."""
+
+
+STATUS = {
+    Fault.RATE_LIMITED: 429,
+    Fault.SERVER_ERROR: 500,
+    Fault.BAD_GATEWAY: 502,
+    Fault.UNAVAILABLE: 503,
+    Fault.GATEWAY_TIMEOUT: 504,
+}
+BEFORE = (*STATUS, Fault.DROPPED)
+AFTER_ACCEPTING = (Fault.ACCEPTED_504, Fault.ACCEPTED_DROPPED)
+OF_JOBS = (Fault.JOB_FAILS, Fault.JOB_CANCELLED, Fault.JOB_WAITS)
+OF_RESULTS = (Fault.RESULTS_TRUNCATED, Fault.RESULTS_MISSHAPEN, Fault.RESULTS_EMPTY)
+
+
+class _Record(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Once(_Record):
+    """`kind` strikes the next `times` requests that are `on` (None: any but the token's)."""
+
+    kind: Fault
+    on: str | None = None
+    times: int = Field(default=1, ge=1)
+
+
+class Chance(_Record):
+    """`kind` strikes each request that is `on` with a probability.
+
+    For malformed results the draw is once for a job, and spoils its first `fetches` fetches.
+    """
+
+    kind: Fault
+    probability: float = Field(ge=0, le=1)
+    on: str | None = None
+    fetches: int = Field(default=1, ge=1)
+
+
+class Orders(_Record):
+    """The body of POST /standin/faults: everything that is given is done, `clear` first."""
+
+    clear: bool = False
+    once: tuple[Once, ...] = ()
+    chance: tuple[Chance, ...] = ()
+    listing_lag_seconds: float | None = Field(default=None, ge=0)
+    wait_seconds: float | None = Field(default=None, ge=0)
+    retry_after_seconds: int | None = Field(default=None, ge=0)
+    expire_tokens: bool = False
+    refuse_key: bool | None = None
+    retire: tuple[str, ...] = ()
+    restore: tuple[str, ...] = ()
+
+
+class Faults:
+    """The rules by which requests go wrong; safe to change from any thread while they come in."""
+
+    def __init__(self, seed: int = 0):
+        self.listing_lag_seconds = 0.0
+        """How long a new job is missing from GET /jobs."""
+        self.wait_seconds = 3600.0
+        """How much longer JOB_WAITS keeps a job in the queue."""
+        self.retry_after_seconds = 1
+        self.key_refused = False
+        """Whether the API key is refused for good: no token is given, and none is taken."""
+        self.retired: set[str] = set()
+        """The backends that are gone; their old jobs can still be read."""
+        self.counts: Counter[str] = Counter()
+        """How often each kind of fault struck."""
+        self._expired = 0
+        self._once: list[tuple[Once, int]] = []
+        self._chance: list[Chance] = []
+        self._rng = np.random.default_rng(seed)
+        self._lock = threading.RLock()
+
+    def once(self, kind: Fault | str, *, on: str | None = None, times: int = 1) -> None:
+        """Make `kind` strike the next `times` requests that are `on`, such as "POST /jobs"."""
+        with self._lock:
+            rule = Once(kind=Fault(kind), on=on, times=times)
+            self._once.append((rule, times))
+
+    def chance(
+        self, kind: Fault | str, probability: float, *, on: str | None = None, fetches: int = 1
+    ) -> None:
+        """Make `kind` strike at random; a probability of 0 ends it."""
+        rule = Chance(kind=Fault(kind), probability=probability, on=on, fetches=fetches)
+        with self._lock:
+            self._chance = [r for r in self._chance if (r.kind, r.on) != (rule.kind, rule.on)]
+            if probability:
+                self._chance.append(rule)
+
+    def expire_tokens(self) -> None:
+        """Refuse every token that was given out so far; a new one is taken."""
+        with self._lock:
+            self._expired += 1
+
+    @property
+    def expired(self) -> int:
+        """How often the tokens were expired: one of an earlier generation is refused."""
+        return self._expired
+
+    def refuse_key(self, refused: bool = True) -> None:
+        self.key_refused = refused
+
+    def retire(self, backend: str) -> None:
+        with self._lock:
+            self.retired.add(backend)
+
+    def restore(self, backend: str) -> None:
+        with self._lock:
+            self.retired.discard(backend)
+
+    def clear(self) -> None:
+        """End all faults; the counts stay."""
+        with self._lock:
+            self._once, self._chance = [], []
+            self.listing_lag_seconds, self.key_refused = 0.0, False
+            self.retired.clear()
+
+    def order(self, orders: Orders) -> None:
+        """Do what a request to POST /standin/faults asks for."""
+        with self._lock:
+            if orders.clear:
+                self.clear()
+            for rule in orders.once:
+                self.once(rule.kind, on=rule.on, times=rule.times)
+            for chance in orders.chance:
+                self.chance(chance.kind, chance.probability, on=chance.on, fetches=chance.fetches)
+            for name in ("listing_lag_seconds", "wait_seconds", "retry_after_seconds"):
+                if (value := getattr(orders, name)) is not None:
+                    setattr(self, name, value)
+            if orders.expire_tokens:
+                self.expire_tokens()
+            if orders.refuse_key is not None:
+                self.refuse_key(orders.refuse_key)
+            self.retired |= set(orders.retire)
+            self.retired -= set(orders.restore)
+
+    def strike(self, kinds: tuple[Fault, ...], request: str) -> Fault | None:
+        """The one of `kinds` that strikes this request, if any; it is spent but not yet counted."""
+        with self._lock:
+            if kind := self._spend(kinds, request):
+                return kind
+            for chance in self._chance:
+                if chance.kind in kinds and _meets(chance.on, request) and self._hits(chance):
+                    return chance.kind
+        return None
+
+    def strike_results(self, first: bool) -> tuple[Fault | None, int]:
+        """What spoils a fetch of results, and how many of the job's fetches from this one on."""
+        with self._lock:
+            if kind := self._spend(OF_RESULTS, RESULTS):
+                return kind, 1
+            for chance in self._chance:
+                if first and chance.kind in OF_RESULTS and self._hits(chance):
+                    return chance.kind, chance.fetches
+        return None, 0
+
+    def _spend(self, kinds: tuple[Fault, ...], request: str) -> Fault | None:
+        for index, (rule, left) in enumerate(self._once):
+            if rule.kind in kinds and _meets(rule.on, request):
+                self._once[index : index + 1] = [(rule, left - 1)] if left > 1 else []
+                return rule.kind
+        return None
+
+    def record(self, kind: Fault | str) -> None:
+        """Count a fault that happened."""
+        with self._lock:
+            self.counts[str(kind)] += 1
+
+    def _hits(self, chance: Chance) -> bool:
+        return bool(self._rng.random() < chance.probability)
+
+
+def _meets(on: str | None, request: str) -> bool:
+    return request != "POST /identity/token" if on is None else on == request
