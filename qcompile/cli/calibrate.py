@@ -93,6 +93,7 @@ def command(
     import numpy as np
 
     from qcompile.calibration import Calibration, load_calibration
+    from qcompile.cli.runs import result_values
     from qcompile.errors import CalibrationError
     from qcompile.execution import open_executor
     from qcompile.live.connection import Connection
@@ -140,6 +141,7 @@ def command(
         )
         found = spend(task, task.load, live, connection.left_on_plan_s())
         calibration = Calibration.model_validate(found["calibration"])
+        values = result_values("calibrate", found)
     else:
         try:
             with progress_bar(f"calibrate {device.name}", 1) as show:
@@ -155,10 +157,10 @@ def command(
             raise CalibrationError("Interrupted: nothing was written.") from None
         if out is not None:
             calibration.save(out)
+        values = calibration_values(calibration) | {"file": None if out is None else str(out)}
     if calibration.unfitted:
         where = "Nothing was kept" if out is None else f"The counts are in {out}"
         raise CalibrationError(f"Not everything could be fitted. {where}.", *calibration.unfitted)
-    values = calibration_values(calibration) | {"file": None if out is None else str(out)}
     failures: list[str] = []
     if old is not None:
         drift = measure_drift(old, calibration)

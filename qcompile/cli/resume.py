@@ -36,7 +36,7 @@ def command(
     What was paid for is fetched and not paid again. The limit stays that of the run unless
     --max-qpu-seconds sets another; a higher one is confirmed. A finished run shows its result.
     """
-    from qcompile.cli.runs import print_result
+    from qcompile.cli.runs import print_result, result_values
     from qcompile.live.journal import find_journal
 
     journal = find_journal(runs, run_id)
@@ -51,6 +51,6 @@ def command(
             journal.allow(max_qpu_seconds)
     result = follow(journal, max_wait_seconds)
     if as_json:
-        echo_json(result)
+        echo_json(result_values(journal.kind, result))
     else:
         print_result(journal.kind, result)

@@ -66,7 +66,8 @@ def show(runs: Path, run_id: str, as_json: bool) -> None:
     journal = find_journal(runs, run_id)
     result = journal.result
     if as_json:
-        echo_json({**overview(journal), "result": result})
+        shown = None if result is None else result_values(journal.kind, result)
+        echo_json({**overview(journal), "result": shown})
     elif result is not None:
         print_result(journal.kind, result)
     else:
@@ -151,6 +152,17 @@ def exported(journal: Journal) -> dict[str, Any]:
     return overview(journal) | whole
 
 
+def result_values(kind: Kind, result: dict[str, Any]) -> dict[str, Any]:
+    """What the command that began the run prints with --json."""
+    if kind != "calibrate":
+        return result
+    from qcompile.calibration import Calibration
+    from qcompile.report.calibration_values import calibration_values
+
+    rest = {name: value for name, value in result.items() if name != "calibration"}
+    return calibration_values(Calibration.model_validate(result["calibration"])) | rest
+
+
 def print_result(kind: Kind, result: dict[str, Any]) -> None:
     """Print what a finished run found."""
     if kind == "run":
@@ -162,10 +174,9 @@ def print_result(kind: Kind, result: dict[str, Any]) -> None:
 
         print_validation(result)
     else:
-        from qcompile.calibration import Calibration
-        from qcompile.report.calibration_values import calibration_values, print_calibration
+        from qcompile.report.calibration_values import print_calibration
 
-        print_calibration(calibration_values(Calibration.model_validate(result["calibration"])))
+        print_calibration(result_values(kind, result))
         click.echo(
             f"calibration in {result['file']}" if result["file"] else "no file was asked for"
         )

@@ -15,7 +15,7 @@ from qcompile.mitigation.measure import LIVE_ANGLES_RAD, Part
 from qcompile.passes import compile
 from qcompile.rl.evaluate import RunResult, play
 
-PAPER, PACKED = "paper: one circuit a job", "packed"
+PAPER, PACKED = "as in the paper", "packed"
 LOCKSTEP, TWIN = "packed, lockstep", "calibrate, play twin"
 
 
