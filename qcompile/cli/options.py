@@ -4,11 +4,23 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from typing import Any, Protocol, TypeVar
+from datetime import UTC, datetime
+from itertools import chain
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import click
 
 from qcompile.limits import MAX_SHOTS
+
+if TYPE_CHECKING:
+    from qcompile.calibration import Calibration
+
+BACKEND_HELP = (
+    "Device by name or file (`qcompile backends` lists them), calibration file, or qiskit:NAME."
+)
+_HOURS = 24.0
+"""A calibration is trusted for so long; IBM's are measured anew every day."""
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -45,14 +57,33 @@ class Shots(click.ParamType[int | None]):
         return shots
 
 
+class Several(click.ParamType[tuple[Any, ...]]):
+    """Values of another type, set apart by commas."""
+
+    def __init__(self, inner: click.ParamType[Any]):
+        self.inner, self.name = inner, inner.name
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[Any, ...]:
+        parts = (part.strip() for part in str(value).split(","))
+        return tuple(self.inner.convert(part, param, ctx) for part in parts)
+
+
+def once(
+    ctx: click.Context, param: click.Parameter, values: tuple[tuple[Any, ...], ...]
+) -> tuple[Any, ...]:
+    """All values of a repeated option, each once."""
+    return tuple(dict.fromkeys(chain.from_iterable(values)))
+
+
 def backend_option(default: str = "ideal") -> Decorator:
     return click.option(
         "--backend",
         default=default,
         show_default=True,
         metavar="NAME",
-        help="Device by name or file (`qcompile backends` lists them), calibration file, or "
-        "qiskit:NAME.",
+        help=BACKEND_HELP,
     )
 
 
@@ -71,3 +102,14 @@ json_option: Decorator = click.option(
 def echo_json(values: Any) -> None:
     """Print `values` as the one JSON document of a command."""
     click.echo(json.dumps(values, indent=1, allow_nan=False))
+
+
+def report_age(path: Path, calibration: Calibration) -> None:
+    """Say so on standard error where the calibration of a file is old."""
+    age = calibration.age_hours(datetime.now(UTC))
+    if age > _HOURS:
+        click.echo(
+            f"{path} is {age:.0f} hours old; `qcompile calibrate --check {path}` says whether it "
+            "still holds.",
+            err=True,
+        )

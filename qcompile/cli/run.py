@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
-from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
-from qcompile.cli.options import Shots, backend_option, echo_json, json_option, level_option
+from qcompile.cli.options import (
+    Shots,
+    backend_option,
+    echo_json,
+    json_option,
+    level_option,
+    report_age,
+)
 from qcompile.limits import MAX_EPISODES
-
-if TYPE_CHECKING:
-    from qcompile.calibration import Calibration
-
-_HOURS = 24.0
-"""A calibration is trusted for so long; IBM's are measured anew every day."""
 
 
 @click.command("run")
@@ -112,7 +111,7 @@ def command(
     calibration = None
     if calibration_file is not None:
         calibration = load_calibration(calibration_file)
-        _report_age(calibration_file, calibration)
+        report_age(calibration_file, calibration)
     with (
         nullcontext() if video is None else Film(video) as film,
         progress_bar(f"{loaded.name} on {backend}", episodes) as show,
@@ -152,14 +151,4 @@ def command(
             f"Interrupted: {len(result.episodes)} of {episodes} episodes were finished.",
             "These are the shortest ones, so their mean is no estimate of the policy's score.",
             "Fewer --episodes end sooner.",
-        )
-
-
-def _report_age(path: Path, calibration: Calibration) -> None:
-    age = calibration.age_hours(datetime.now(UTC))
-    if age > _HOURS:
-        click.echo(
-            f"{path} is {age:.0f} hours old; `qcompile calibrate --check {path}` says whether it "
-            "still holds.",
-            err=True,
         )

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from qcompile.calibration import Calibration
 from qcompile.device import Device
 from qcompile.errors import CountsError
-from qcompile.execution import open_executor, qpu_seconds
+from qcompile.execution import Backend, open_executor, qpu_seconds
 from qcompile.limits import MAX_EPISODES, MAX_EXECUTIONS_PER_JOB
 from qcompile.policy import Policy
 from qcompile.rl.environments import (
@@ -49,7 +49,7 @@ class Deployment:
     def __init__(
         self,
         policy: Policy,
-        backend: str | Device,
+        backend: str | Device | Backend,
         *,
         shots: int | None = None,
         level: int = 2,

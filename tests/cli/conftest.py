@@ -79,6 +79,14 @@ def policy() -> Callable[..., str]:
 
 
 @pytest.fixture
+def calibration(qcompile: Callable[..., Answer]) -> str:
+    """A calibration of fake_lima in lima.json."""
+    words = ("calibrate", "--backend", "fake_lima", "--out", "lima.json", "--seed", 1)
+    assert qcompile(*words).code == 0
+    return "lima.json"
+
+
+@pytest.fixture
 def ctrl_c(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
     """Send SIGINT when the n-th episode is counted."""
 

@@ -124,14 +124,6 @@ def test_names_are_shown_as_they_are(qcompile: Call, policy: Call) -> None:
 # Calibrations, twins, predistortion, copies.
 
 
-@pytest.fixture
-def calibration(qcompile: Call) -> str:
-    """A calibration of fake_lima in lima.json."""
-    words = ("calibrate", "--backend", "fake_lima", "--out", "lima.json", "--seed", 1)
-    assert qcompile(*words).code == 0
-    return "lima.json"
-
-
 LIMA = ("--backend", "fake_lima", "--episodes", 2)
 
 
