@@ -252,7 +252,7 @@ def _read(path: Path) -> Device:
         if _CALIBRATION in text[:200]:
             raise DeviceError(
                 f"{path} is a calibration, no device file.",
-                "It is a --backend of `run`, `calibrate`, `show`, `export` and `compile`.",
+                "It is a --backend of `run`, `evaluate`, `calibrate`, `show`, `export`, `compile`.",
             )
         device = Device.model_validate_json(text, strict=True)
     except (OSError, ValidationError) as error:

@@ -25,6 +25,7 @@ ORDER = (
     {"mitigation"},
     {"policy"},
     {"jobs", "rl"},
+    {"live"},
     {"report"},
     {"study"},
     {"evaluation"},

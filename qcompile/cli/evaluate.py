@@ -2,32 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from qcompile.cli.options import Shots, echo_json, json_option
+from qcompile.cli.options import (
+    BACKEND_HELP,
+    Several,
+    Shots,
+    echo_json,
+    json_option,
+    once,
+    report_age,
+)
 from qcompile.limits import MAX_EPISODES
 
 if TYPE_CHECKING:
     from qcompile.evaluation.cell import CellFailure, CellResult
     from qcompile.evaluation.grid import Cell
-
-
-class _Several(click.ParamType[tuple[Any, ...]]):
-    """Values of another type, set apart by commas."""
-
-    def __init__(self, inner: click.ParamType[Any]):
-        self.inner, self.name = inner, inner.name
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[Any, ...]:
-        parts = (part.strip() for part in str(value).split(","))
-        return tuple(self.inner.convert(part, param, ctx) for part in parts)
 
 
 class _Mitigation(click.ParamType[str]):
@@ -43,45 +38,48 @@ class _Mitigation(click.ParamType[str]):
         return str(value)
 
 
-def _once(
-    ctx: click.Context, param: click.Parameter, values: tuple[tuple[Any, ...], ...]
-) -> tuple[Any, ...]:
-    """All values of a repeated option, each once."""
-    return tuple(dict.fromkeys(chain.from_iterable(values)))
-
-
 @click.command("evaluate")
 @click.argument("policies", nargs=-1, metavar="[POLICY]...")
 @click.option(
     "--backend",
     "backends",
-    type=_Several(click.STRING),
+    type=Several(click.STRING),
     multiple=True,
-    callback=_once,
+    callback=once,
     metavar="NAME",
-    help="Device by name or file.  [default: ibm_lima]",
+    help=f"{BACKEND_HELP}  [default: ibm_lima]",
 )
 @click.option(
     "--shots",
-    type=_Several(Shots()),
+    type=Several(Shots()),
     multiple=True,
-    callback=_once,
+    callback=once,
     help="Shots of each circuit.  [default: 1024, 8192]",
 )
 @click.option(
     "--mitigation",
     "mitigations",
-    type=_Several(_Mitigation()),
+    type=Several(_Mitigation()),
     multiple=True,
-    callback=_once,
+    callback=once,
     help="none, readout, ...: as for `qcompile run`.  [default: none, readout]",
+)
+@click.option(
+    "--calibration",
+    "calibrations",
+    type=Several(click.Path(dir_okay=False, path_type=Path)),
+    multiple=True,
+    callback=once,
+    metavar="FILE",
+    help="Mitigate with this file of `qcompile calibrate` instead of measuring first, on every "
+    "backend of its device.",
 )
 @click.option(
     "--level",
     "levels",
-    type=_Several(click.IntRange(0, 2)),
+    type=Several(click.IntRange(0, 2)),
     multiple=True,
-    callback=_once,
+    callback=once,
     metavar="0|1|2",
     help="What compilation keeps: as for `qcompile run`.  [default: 2]",
 )
@@ -125,6 +123,7 @@ def command(
     backends: tuple[str, ...],
     shots: tuple[int | None, ...],
     mitigations: tuple[str, ...],
+    calibrations: tuple[Path, ...],
     levels: tuple[int, ...],
     episodes: int,
     seed: int,
@@ -154,9 +153,10 @@ def command(
     )
     from qcompile.output import check_writable
     from qcompile.report.progress import progress_bar
+    from qcompile.report.tables import print_grid
     from qcompile.study.engine import run_all
 
-    if paper and (policies or backends or shots or mitigations or levels):
+    if paper and (policies or backends or shots or mitigations or calibrations or levels):
         raise click.UsageError("--paper has its own policies, backends, shots and mitigations.")
     if page is not None and not paper:
         raise click.UsageError("--page is the page of --paper.")
@@ -170,6 +170,7 @@ def command(
             backends or ("ibm_lima",),
             shots or (1024, 8192),
             mitigations or ("none", "readout"),
+            calibrations,
             levels or (2,),
             episodes,
             seed,
@@ -217,7 +218,7 @@ def command(
     if as_json:
         echo_json({"results": objects})
     else:
-        _show(objects)
+        print_grid(objects)
         written = ", ".join(map(str, paths))
         click.echo(f"{len(found) - there} cells played, {there} were there; written: {written}")
     if failures:
@@ -232,62 +233,39 @@ def _cells(
     backends: Sequence[str],
     shots: Sequence[int | None],
     mitigations: Sequence[str],
+    calibrations: Sequence[Path],
     levels: Sequence[int],
     episodes: int,
     seed: int,
 ) -> list[Cell]:
-    """The grid, after all that it names has been found and every policy fits its environment."""
-    from qcompile.device import load_device
-    from qcompile.evaluation.grid import grid, needless, told_apart
+    """The grid, after all that it names has been found, and what can be checked has been."""
+    from qcompile.calibration import load_calibration
+    from qcompile.evaluation.calibrations import CalibrationFile
+    from qcompile.evaluation.cell import check_calibrations
+    from qcompile.evaluation.grid import grid, left_out, told_apart
+    from qcompile.execution import load_backend
     from qcompile.policy import load_policy
     from qcompile.rl.environments import check_fit, make_environments
 
     loaded = told_apart(policies, [load_policy(name) for name in policies])
-    devices = [load_device(name) for name in backends]
-    cells = grid(loaded, devices, shots, mitigations, levels, episodes=episodes, seed=seed)
+    opened = [load_backend(name) for name in backends]
+    files = [CalibrationFile(str(path), load_calibration(path)) for path in calibrations]
+    settings = (shots, mitigations, levels)
+    cells = grid(loaded, opened, *settings, calibrations=files, episodes=episodes, seed=seed)
     for policy in loaded:
         (environment,) = make_environments(policy.environment, 1)
         try:
             check_fit(policy, environment)
         finally:
             environment.close()
-    if any(needless(device, mitigation) for device in devices for mitigation in mitigations):
-        click.echo("ideal has no errors to mitigate: it is played without mitigation.", err=True)
+    check_calibrations(cells)
+    for path, file in zip(calibrations, files, strict=True):
+        report_age(path, file.calibration)
+    for why in dict.fromkeys(left_out(opened, *settings).values()):
+        click.echo(f"left out: {why}.", err=True)
     return cells
 
 
 def _lines(failure: CellFailure) -> list[str]:
     first, *more = failure.words.splitlines()
     return [f"{failure.name}: {first}", *(f"  {line.strip()}" for line in more)]
-
-
-def _show(objects: Sequence[Mapping[str, Any]]) -> None:
-    from qcompile.report.tables import print_table
-
-    levels = len({values["level"] for values in objects}) > 1
-    header = ["backend", "shots", "mitigation", *["level"] * levels, "mean ± std", "95 % interval"]
-    for policy in dict.fromkeys(values["policy"] for values in objects):
-        shown = [values for values in objects if values["policy"] == policy]
-        title = f"{policy} in {shown[0]['environment']}, {len(shown[0]['episodes'])} episodes"
-        if not levels:
-            title += f", level {shown[0]['level']}"
-        print_table(
-            [*header, "to ideal", "solved"],
-            [_row(values, levels) for values in shown],
-            title,
-            tight=True,
-        )
-
-
-def _row(values: Mapping[str, Any], levels: bool) -> list[object]:
-    difference = values["paired_difference"]
-    return [
-        values["backend"],
-        str(values["shots"]),
-        values["mitigation"],
-        *[values["level"]] * levels,
-        f"{values['mean_reward']:.1f} ± {values['std_reward']:.1f}",
-        "{:.1f} to {:.1f}".format(*values["ci95"]),
-        "-" if values["reference"] or difference is None else f"{difference:+.1f}",
-        {True: "yes", False: "no", None: "-"}[values["solved"]],
-    ]

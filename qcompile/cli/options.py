@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from datetime import UTC, datetime
+from itertools import chain
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import click
@@ -11,10 +14,16 @@ import click
 from qcompile.limits import MAX_SHOTS
 
 if TYPE_CHECKING:
+    from qcompile.calibration import Calibration
     from qcompile.mitigation.measure import Part
 
 PARTS: tuple[Part, ...] = ("readout", "response")
 """What of a device can be measured."""
+BACKEND_HELP = (
+    "Device by name or file (`qcompile backends` lists them), calibration file, or qiskit:NAME."
+)
+_HOURS = 24.0
+"""A calibration is trusted for so long; IBM's are measured anew every day."""
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -80,14 +89,33 @@ class Parts(click.ParamType["tuple[Part, ...]"]):
         return tuple(part for part in PARTS if part in asked)
 
 
+class Several(click.ParamType[tuple[Any, ...]]):
+    """Values of another type, set apart by commas."""
+
+    def __init__(self, inner: click.ParamType[Any]):
+        self.inner, self.name = inner, inner.name
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[Any, ...]:
+        parts = (part.strip() for part in str(value).split(","))
+        return tuple(self.inner.convert(part, param, ctx) for part in parts)
+
+
+def once(
+    ctx: click.Context, param: click.Parameter, values: tuple[tuple[Any, ...], ...]
+) -> tuple[Any, ...]:
+    """All values of a repeated option, each once."""
+    return tuple(dict.fromkeys(chain.from_iterable(values)))
+
+
 def backend_option(default: str = "ideal") -> Decorator:
     return click.option(
         "--backend",
         default=default,
         show_default=True,
         metavar="NAME",
-        help="Device by name or file (`qcompile backends` lists them), calibration file, or "
-        "qiskit:NAME.",
+        help=BACKEND_HELP,
     )
 
 
@@ -111,3 +139,14 @@ json_option: Decorator = click.option(
 def echo_json(values: Any) -> None:
     """Print `values` as the one JSON document of a command."""
     click.echo(json.dumps(values, indent=1, allow_nan=False))
+
+
+def report_age(path: Path, calibration: Calibration) -> None:
+    """Say so on standard error where the calibration of a file is old."""
+    age = calibration.age_hours(datetime.now(UTC))
+    if age > _HOURS:
+        click.echo(
+            f"{path} is {age:.0f} hours old; `qcompile calibrate --check {path}` says whether it "
+            "still holds.",
+            err=True,
+        )

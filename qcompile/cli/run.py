@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
-from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -17,14 +16,9 @@ from qcompile.cli.options import (
     json_option,
     level_option,
     max_steps_option,
+    report_age,
 )
 from qcompile.limits import MAX_EPISODES
-
-if TYPE_CHECKING:
-    from qcompile.calibration import Calibration
-
-_HOURS = 24.0
-"""A calibration is trusted for so long; IBM's are measured anew every day."""
 
 
 @click.command("run")
@@ -101,6 +95,7 @@ def command(
     from qcompile.calibration import load_calibration
     from qcompile.device import IDEAL_NAME
     from qcompile.errors import QcompileError
+    from qcompile.execution import load_backend
     from qcompile.policy import load_policy
     from qcompile.policy.files import policy_values
     from qcompile.report.film import SUFFIXES, Film
@@ -129,12 +124,19 @@ def command(
     calibration = None
     if calibration_file is not None:
         calibration = load_calibration(calibration_file)
-        _report_age(calibration_file, calibration)
-    if mitigation is None and chosen == "readout":
-        chosen = _mitigation_of(calibration, backend)
+        report_age(calibration_file, calibration)
+    opened = backend if live is not None else load_backend(backend)
+    known = calibration if isinstance(opened, str) else calibration or opened.calibration
+    if (
+        mitigation is None
+        and chosen == "readout"
+        and known
+        and not known.readout
+        and known.response
+    ):
+        chosen = "response"
     file = None if calibration_file is None else str(calibration_file)
     if live is not None:
-        assert shots is not None
         _run_live(
             live,
             as_json,
@@ -161,7 +163,7 @@ def command(
         show(0, "calibrating" if measures else "compiling")
         deployment = Deployment(
             loaded,
-            backend,
+            opened,
             shots=shots,
             level=level,
             mitigation=chosen,
@@ -200,16 +202,6 @@ def command(
         )
 
 
-def _mitigation_of(calibration: Calibration | None, backend: str) -> str:
-    """`readout`, unless the calibration at hand, given or that of a twin, knows responses alone."""
-    from qcompile.calibration import is_calibration, load_calibration
-
-    if calibration is None and is_calibration(Path(backend)):
-        calibration = load_calibration(Path(backend))
-    responses_alone = calibration is not None and calibration.readout is None
-    return "response" if responses_alone else "readout"
-
-
 def _run_live(live: Live, as_json: bool, copies: int | None, **settings: Any) -> None:
     """Plan the run on the noise model of the backend of now, have it confirmed, and play it."""
     from qcompile.cli.live_options import spend
@@ -227,13 +219,3 @@ def _run_live(live: Live, as_json: bool, copies: int | None, **settings: Any) ->
         echo_json(summary)
     else:
         print_run(summary)
-
-
-def _report_age(path: Path, calibration: Calibration) -> None:
-    age = calibration.age_hours(datetime.now(UTC))
-    if age > _HOURS:
-        click.echo(
-            f"{path} is {age:.0f} hours old; `qcompile calibrate --check {path}` says whether it "
-            "still holds.",
-            err=True,
-        )

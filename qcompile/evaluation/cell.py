@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib import metadata
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -12,7 +14,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from qcompile import __version__
-from qcompile.errors import QcompileError
+from qcompile.errors import CalibrationError, QcompileError
 from qcompile.evaluation.grid import Cell
 from qcompile.output import write_file
 from qcompile.rl.evaluate import Deployment, play
@@ -83,19 +85,44 @@ class CellFailure:
 
 
 def deploy(cell: Cell) -> Deployment:
-    """The cell's policy, compiled for its device.
+    """The cell's policy, compiled for its backend.
 
     Raises:
         QcompileError: the policy does not fit the device, or a qubit cannot be calibrated.
     """
+    file = cell.calibration
     return Deployment(
         cell.policy,
-        cell.device,
+        cell.backend,
         shots=cell.shots,
         level=cell.level,
         mitigation=cell.mitigation,
+        calibration=None if file is None else file.calibration,
         seed=cell.seed,
     )
+
+
+def check_calibrations(cells: Sequence[Cell]) -> None:
+    """Nothing, if every calibration that is known by now has what its cells need.
+
+    Raises:
+        CalibrationError: one lacks a part or a qubit; the message names it.
+    """
+    known = {
+        (cell.policy, cell.backend, cell.mitigation, cell.level): cell
+        for cell in cells
+        if cell.mitigation != "none" and (cell.calibration or cell.backend.calibration)
+    }
+    for cell in known.values():
+        try:
+            deploy(cell)
+        except CalibrationError as error:
+            file = cell.calibration.name if cell.calibration else cell.backend.name
+            raise CalibrationError(
+                f"{file} does not do for mitigation {cell.mitigation} of {cell.policy.name} "
+                f"on {cell.backend.name}.",
+                *(line.strip() for line in str(error).splitlines()),
+            ) from error
 
 
 def run_cell(cell: Cell) -> CellResult | CellFailure:
@@ -110,17 +137,18 @@ def run_cell(cell: Cell) -> CellResult | CellFailure:
         return CellFailure(cell.name, str(error))
     if result.interrupted:
         raise KeyboardInterrupt
+    file = cell.calibration
     return CellResult(
         name=cell.name,
         settings=cell.settings(),
-        versions=versions(),
+        versions=versions() | {name: metadata.version(name) for name in cell.backend.packages},
         threshold=result.threshold,
-        summary=result.summary(),
+        summary=result.summary(None if file is None else file.name),
     )
 
 
 def versions() -> dict[str, str]:
-    """Package and version of all that the rewards depend on."""
+    """Package and version of all that the rewards of every cell depend on."""
     return {
         "qcompile": __version__,
         "numpy": np.__version__,
@@ -138,7 +166,7 @@ def write_cell(result: CellResult, folder: Path) -> None:
 
 
 def read_cell(cell: Cell, folder: Path) -> CellResult | None:
-    """The result of the cell, if `folder` has it with these settings, this policy and device."""
+    """The result of the cell, if `folder` has it with these settings, this policy and backend."""
     try:
         path = folder / f"{cell.name}.json"
         result = CellResult.model_validate_json(path.read_bytes())

@@ -1,4 +1,4 @@
-"""A grid is policies x devices x shots x mitigations x levels; a cell is one of each."""
+"""A grid is policies x backends x shots x mitigations x levels; a cell is one of each."""
 
 from __future__ import annotations
 
@@ -10,97 +10,137 @@ from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
 
-from qcompile.device import IDEAL, Device
+from qcompile.device import IDEAL, IDEAL_NAME
 from qcompile.errors import StudyError
+from qcompile.evaluation.calibrations import CalibrationFile, by_device, check_needed
+from qcompile.execution import Backend, DeviceBackend
 from qcompile.policy import Policy
 from qcompile.policy.files import policy_values
 
 _SAFE = re.compile(r"[\w.-]{1,80}", re.ASCII)
 
 
+Combination = tuple[Backend, int | None, str, int]
+"""Backend, shots, mitigation and level."""
+
+
 @dataclass(frozen=True, eq=False)
 class Cell:
-    """A policy on a device, with all that its rewards depend on; `shots` None is exact.
+    """A policy on a backend, with all that its rewards depend on; `shots` None is exact.
 
-    Episode i resets with `seed` + i, in every cell alike.
+    Episode i resets with `seed` + i, in every cell alike. `calibration` is what mitigates; without
+    it a twin takes its own and any other backend is measured first.
     """
 
     policy: Policy
-    device: Device
+    backend: Backend
     shots: int | None
     mitigation: str
     level: int
     episodes: int
     seed: int
+    calibration: CalibrationFile | None = None
 
     @property
     def name(self) -> str:
         """The name of its file: unlike that of any other cell of a grid."""
         shots = "exact" if self.shots is None else self.shots
+        by = f"-by-{_sha256(self.calibration.contents)[:8]}" if self.calibration else ""
         return (
-            f"{file_name(self.policy.name)}-{self.device.name}-{shots}-{self.mitigation}"
-            f"-level{self.level}-episodes{self.episodes}-seed{self.seed}"
+            f"{file_name(self.policy.name)}-{file_name(self.backend.name)}-{shots}"
+            f"-{self.mitigation}{by}-level{self.level}-episodes{self.episodes}-seed{self.seed}"
         )
 
     @property
     def is_reference(self) -> bool:
         """Whether the other cells of its policy are compared with this one."""
-        settings = (self.shots, self.mitigation, self.level)
-        return self.device.is_ideal and settings == (None, "none", 2)
+        settings = (self.backend.name, self.shots, self.mitigation, self.level)
+        return settings == (IDEAL_NAME, None, "none", 2)
 
     def settings(self) -> dict[str, Any]:
-        """All that the rewards depend on, as plain values; policy and device by SHA-256."""
-        return {
+        """All that the rewards depend on, as plain values; what comes from files by SHA-256."""
+        values = {
             "policy": policy_sha256(self.policy),
-            "device": _sha256(self.device.to_json()),
+            "device": _sha256(self.backend.contents),
             "shots": "exact" if self.shots is None else self.shots,
             "mitigation": self.mitigation,
             "level": self.level,
             "episodes": self.episodes,
             "seed": self.seed,
         }
+        if self.calibration is not None:
+            values["calibration"] = _sha256(self.calibration.contents)
+        return values
 
 
 def grid(
     policies: Sequence[Policy],
-    devices: Sequence[Device],
+    backends: Sequence[Backend],
     shots: Sequence[int | None],
     mitigations: Sequence[str],
     levels: Sequence[int] = (2,),
     *,
+    calibrations: Sequence[CalibrationFile] = (),
     episodes: int = 100,
     seed: int = 0,
 ) -> list[Cell]:
     """For each policy its reference (`ideal`, exact, level 2), then every combination, once.
 
-    `ideal` has nothing to mitigate: its combinations with a mitigation are left out.
+    Those of `left_out` are not there. A calibration mitigates on every backend whose device it was
+    measured on.
 
     Raises:
-        StudyError: no combination is left, or two devices or policies share a name.
+        CalibrationError: two calibrations are of one device, or one is not needed.
+        StudyError: no combination is left, or two backends, policies or cells share a name.
     """
-    _check_names("devices", [(device.name, device.to_json()) for device in devices])
+    ideal = DeviceBackend(IDEAL)
+    _check_names("backends", [(own.name, own.contents) for own in (ideal, *backends)])
     _check_names("policies", [(policy.name, policy_sha256(policy)) for policy in policies])
+    words = left_out(backends, shots, mitigations, levels)
     settings = [
         combination
-        for combination in product(devices, shots, mitigations, levels)
-        if not needless(combination[0], combination[2])
+        for combination in product(backends, shots, mitigations, levels)
+        if combination not in words
     ]
     if not settings:
         raise StudyError(
-            "No cell is left to play: ideal has no errors to mitigate.",
-            "Say --mitigation none, or another --backend.",
+            "No cell is left to play.",
+            *(f"Left out: {why}." for why in dict.fromkeys(words.values())),
+            "Add a --backend, --shots, --mitigation or --level that goes with the others.",
         )
+    files = by_device(calibrations)
+    mitigated = {backend.device.name for backend, _, name, _ in settings if name != "none"}
+    check_needed(calibrations, {backend.device.name for backend in backends}, mitigated)
     cells = [
-        Cell(policy, *combination, episodes, seed)
+        Cell(policy, backend, count, mitigation, level, episodes, seed, calibration)
         for policy in policies
-        for combination in [(IDEAL, None, "none", 2), *settings]
+        for backend, count, mitigation, level in [(ideal, None, "none", 2), *settings]
+        for calibration in [files.get(backend.device.name) if mitigation != "none" else None]
     ]
+    _check_names("cells", [(cell.name, json.dumps(cell.settings())) for cell in cells])
     return list({cell.name: cell for cell in cells}.values())
 
 
-def needless(device: Device, mitigation: str) -> bool:
-    """Whether the device has nothing that the mitigation could undo."""
-    return device.is_ideal and mitigation != "none"
+def left_out(
+    backends: Sequence[Backend],
+    shots: Sequence[int | None],
+    mitigations: Sequence[str],
+    levels: Sequence[int],
+) -> dict[Combination, str]:
+    """The combinations that a grid leaves out, each with the reason in words."""
+    reasons = {
+        combination: _why_not(*combination)
+        for combination in product(backends, shots, mitigations, levels)
+    }
+    return {combination: why for combination, why in reasons.items() if why is not None}
+
+
+def _why_not(backend: Backend, shots: int | None, mitigation: str, level: int) -> str | None:
+    if mitigation != "none" and backend.name == IDEAL_NAME:
+        return f"mitigation {mitigation} on ideal: it has no errors to mitigate"
+    if mitigation == "response" and level != 2:
+        return f"mitigation response at level {level}: response curves are those of level 2"
+    return backend.cannot_play(shots, level)
 
 
 def told_apart(words: Sequence[str], policies: Sequence[Policy]) -> list[Policy]:
@@ -142,5 +182,5 @@ def _check_names(what: str, named: list[tuple[str, str]]) -> None:
         if known.setdefault(name, contents) != contents:
             raise StudyError(
                 f"Two of the {what} are called {name!r}.",
-                "Results tell them apart by name: change `name` in one of the files.",
+                "Results tell them apart by name: rename one, or evaluate them apart.",
             )

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 from qcompile.device import load_device
 from qcompile.evaluation.grid import Cell, grid
+from qcompile.execution import DeviceBackend
 from qcompile.policy import load_policy
 
 
@@ -78,7 +79,7 @@ def paper_cells(episodes: int, seed: int) -> list[Cell]:
     cells = []
     for task in TASKS:
         policy = replace(load_policy(task.policy), environment=task.environment)
-        devices = [load_device(name) for name in task.devices]
+        backends = [DeviceBackend(load_device(name)) for name in task.devices]
         mitigations = ("none", "readout")
-        cells += grid([policy], devices, [task.shots], mitigations, episodes=episodes, seed=seed)
+        cells += grid([policy], backends, [task.shots], mitigations, episodes=episodes, seed=seed)
     return cells

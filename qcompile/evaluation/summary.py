@@ -17,10 +17,12 @@ _COLUMNS = (
     "policy",
     "environment",
     "backend",
+    "device",
     "kind",
     "reference",
     "shots",
     "mitigation",
+    "calibration",
     "level",
     "seed",
     "episodes",
@@ -80,7 +82,9 @@ def compare(
 def results(cells: Sequence[Cell], found: Mapping[str, CellResult]) -> list[dict[str, Any]]:
     """One object a cell, in the order of `cells`: `qcompile run --json` and the comparison.
 
-    `found` holds what was played, by the names of the cells; a cell that it lacks is left out.
+    `backend` and `calibration` are called as the cell calls them; `device` is the name of the
+    backend's device, which a twin or a sampler may share with others. `found` holds what was
+    played, by the names of the cells; a cell that it lacks is left out.
     """
     ideals = {cell.policy.name: found.get(cell.name) for cell in cells if cell.is_reference}
     objects = []
@@ -91,6 +95,9 @@ def results(cells: Sequence[Cell], found: Mapping[str, CellResult]) -> list[dict
         objects.append(
             {
                 **result.summary,
+                "backend": cell.backend.name,
+                "device": cell.backend.device.name,
+                "calibration": None if cell.calibration is None else cell.calibration.name,
                 "reference": cell.is_reference,
                 **compare(result.rewards, ideal.rewards if ideal else None, cell.seed),
                 "threshold": result.threshold,

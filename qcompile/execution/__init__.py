@@ -1,5 +1,6 @@
 """Executors: from an executable and a batch of inputs to counts."""
 
+from qcompile.execution.backend import Backend, DeviceBackend
 from qcompile.execution.cost import Workload, portions, qpu_seconds
 from qcompile.execution.executor import (
     Executor,
@@ -8,11 +9,13 @@ from qcompile.execution.executor import (
     expectation_from_ones,
 )
 from qcompile.execution.offline import OfflineExecutor
-from qcompile.execution.open import open_device, open_executor
+from qcompile.execution.open import load_backend, open_device, open_executor
 from qcompile.execution.primitive import PrimitiveExecutor
 from qcompile.execution.twin import TwinExecutor
 
 __all__ = [
+    "Backend",
+    "DeviceBackend",
     "Executor",
     "Kind",
     "OfflineExecutor",
@@ -21,6 +24,7 @@ __all__ = [
     "Workload",
     "check_shots",
     "expectation_from_ones",
+    "load_backend",
     "open_device",
     "open_executor",
     "portions",

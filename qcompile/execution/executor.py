@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal, Protocol
+from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ IntArray = NDArray[np.intp]
 Kind = Literal["ideal", "noise-model", "measured-response", "hardware"]
 
 
+@runtime_checkable
 class Executor(Protocol):
     """Runs executables; `kind` says what the results are worth."""
 

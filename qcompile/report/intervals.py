@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from io import BytesIO
+from textwrap import wrap
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +19,8 @@ _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 _MARKERS = "osD^vP"
 _GREY = "0.45"
 _SPREAD = 0.6
+_LETTERS_PER_INCH = 12
+"""Of a column's name; twelve at least are left together."""
 _LINES = {"ideal": "ideal, exact expectations", "solved": "solved"}
 
 
@@ -61,6 +64,7 @@ def draw_intervals(title: str, panels: Sequence[Panel], *, same_scale: bool = Tr
     densest = max(Counter((id(p), i.column) for p in panels for i in p.intervals).values())
     width = min(max(7.0, sum(columns) * (0.5 + 0.16 * densest) + 1.2 * len(panels)), 24.0)
     figure = Figure(figsize=(width, 4.8), layout="constrained")
+    letters = max(int(_LETTERS_PER_INCH * width / sum(columns)), _LETTERS_PER_INCH)
     made = figure.subplots(
         1, len(panels), squeeze=False, sharey=same_scale, width_ratios=[n + 0.5 for n in columns]
     )[0]
@@ -69,6 +73,9 @@ def draw_intervals(title: str, panels: Sequence[Panel], *, same_scale: bool = Tr
     variants = list(dict.fromkeys(i.variant for panel in panels for i in panel.intervals))
     for axes, panel in zip(made, panels, strict=True):
         _draw(axes, panel, labels, groups, variants)
+        axes.set_xticks(
+            range(len(_columns(panel))), [_wrapped(name, letters) for name in _columns(panel)]
+        )
     made[0].set_ylabel("mean reward, 95 % interval")
     figure.suptitle(title, x=0.01, ha="left", fontsize=11)
     entries = {
@@ -136,8 +143,7 @@ def _draw(
             annotation_clip=False,
         )
     axes.set_xlim(-0.5, len(columns) - 0.5)
-    axes.set_xticks(range(len(columns)), columns, fontsize=9)
-    axes.tick_params(axis="x", length=0)
+    axes.tick_params(axis="x", length=0, labelsize=9)
     axes.grid(axis="y", color="0.92", linewidth=0.8)
     axes.set_axisbelow(True)
     axes.set_title(panel.title, loc="left", fontsize=10)
@@ -146,6 +152,11 @@ def _draw(
 
 def _columns(panel: Panel) -> list[str]:
     return list(dict.fromkeys(interval.column for interval in panel.intervals))
+
+
+def _wrapped(name: str, letters: int) -> str:
+    """`name` in lines of so many letters: the path of a calibration file may be long."""
+    return "\n".join(line for part in name.splitlines() for line in wrap(part, letters))
 
 
 def _labels(panels: Sequence[Panel]) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from typing import Any
 
 from rich import box
@@ -113,6 +113,37 @@ def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
             "on hardware",
             f"{summary['executions']:,} executions, about {hours:,.1f} QPU hours",
         )
+
+
+def print_grid(objects: Sequence[Mapping[str, Any]]) -> None:
+    """Print the results of `qcompile evaluate --json`, a table for each policy."""
+    levels = len({values["level"] for values in objects}) > 1
+    header = ["backend", "shots", "mitigation", *["level"] * levels, "mean ± std", "95 % interval"]
+    for policy in dict.fromkeys(values["policy"] for values in objects):
+        shown = [values for values in objects if values["policy"] == policy]
+        title = f"{policy} in {shown[0]['environment']}, {len(shown[0]['episodes'])} episodes"
+        if not levels:
+            title += f", level {shown[0]['level']}"
+        print_table(
+            [*header, "to ideal", "solved"],
+            [_grid_row(values, levels) for values in shown],
+            title,
+            tight=True,
+        )
+
+
+def _grid_row(values: Mapping[str, Any], levels: bool) -> list[object]:
+    difference = values["paired_difference"]
+    return [
+        values["backend"],
+        str(values["shots"]),
+        values["mitigation"],
+        *[values["level"]] * levels,
+        f"{values['mean_reward']:.1f} ± {values['std_reward']:.1f}",
+        "{:.1f} to {:.1f}".format(*values["ci95"]),
+        "-" if values["reference"] or difference is None else f"{difference:+.1f}",
+        {True: "yes", False: "no", None: "-"}[values["solved"]],
+    ]
 
 
 def _shots(shots: int | str) -> str:

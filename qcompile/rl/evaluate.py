@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from qcompile.calibration import Calibration
 from qcompile.device import Device
 from qcompile.errors import CountsError
-from qcompile.execution import Executor, Workload, open_executor
+from qcompile.execution import Backend, Executor, Workload, open_executor
 from qcompile.limits import MAX_EPISODES
 from qcompile.policy import Policy
 from qcompile.rl.environments import (
@@ -50,7 +50,7 @@ class Deployment:
     def __init__(
         self,
         policy: Policy,
-        backend: str | Device | Executor,
+        backend: str | Device | Backend | Executor,
         *,
         shots: int | None = None,
         level: int = 2,

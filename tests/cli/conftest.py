@@ -79,6 +79,26 @@ def policy() -> Callable[..., str]:
 
 
 @pytest.fixture
+def calibration(qcompile: Callable[..., Answer]) -> str:
+    """A calibration of fake_lima in lima.json."""
+    words = ("calibrate", "--backend", "fake_lima", "--out", "lima.json", "--seed", 1)
+    assert qcompile(*words).code == 0
+    return "lima.json"
+
+
+@pytest.fixture
+def run_keys() -> set[str]:
+    """The keys of `qcompile run --json`: the contract, and those that came later."""
+    documented = """policy environment backend kind shots mitigation level seed episodes mean_reward
+        std_reward ci95 solved gates_per_circuit circuits_per_step rounds_per_step executions
+        qpu_seconds_estimate env_steps wall_seconds"""
+    return {*documented.split(), "greedy", "interrupted", "predistort", "calibration", "copies"} | {
+        "jobs",
+        "max_steps",
+    }
+
+
+@pytest.fixture
 def ctrl_c(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
     """Send SIGINT when the n-th episode is counted."""
 

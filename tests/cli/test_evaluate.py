@@ -67,8 +67,9 @@ def test_a_cell_is_what_run_plays(qcompile: Call, policy: Call) -> None:
     assert document == json.loads(Path("e/results.json").read_text())
     reference, cell = document["results"]
     run = qcompile("run", name, "--backend", "ibm_lima", "--episodes", 2, *settings, "--json")
-    new = ["reference", "ideal_mean_reward", "paired_difference", "paired_std", "paired_ci95"]
-    assert [*cell][len(run.json()) :] == [*new, "ratio_to_ideal", "threshold"]
+    new = ["device", "reference", "ideal_mean_reward", "paired_difference", "paired_std"]
+    new += ["paired_ci95", "ratio_to_ideal", "threshold"]
+    assert [*cell][len(run.json()) :] == new
     assert without_time(run.json()).items() <= cell.items()
     ideal = qcompile("run", name, "--shots", "exact", "--episodes", 2, "--seed", 3, "--json")
     assert without_time(ideal.json()).items() <= reference.items()
@@ -140,13 +141,14 @@ def test_the_ideal_is_not_mitigated(qcompile: Call, policy: Call) -> None:
     words = ("evaluate", policy(), "--backend", "ideal", *FEW[2:], "--shots", 16, "--json")
     answer = qcompile(*words)
     assert answer.code == 0
-    assert answer.err == ("ideal has no errors to mitigate: it is played without mitigation.\n")
+    why = "mitigation readout on ideal: it has no errors to mitigate.\n"
+    assert answer.err == f"left out: {why}"
     assert [o["mitigation"] for o in answer.json()["results"]] == ["none", "none"]
     refused = qcompile(*words, "--mitigation", "readout")
     assert (refused.code, refused.out) == (1, "")
     assert refused.err == (
-        "Error: No cell is left to play: ideal has no errors to mitigate.\n"
-        "  Say --mitigation none, or another --backend.\n"
+        f"Error: No cell is left to play.\n  Left out: {why}"
+        "  Add a --backend, --shots, --mitigation or --level that goes with the others.\n"
     )
 
 
@@ -210,6 +212,8 @@ def test_what_cannot_be_done_is_refused(
         (("--workers", 0), "0 is not in the range"),
         (("--out", "file"), "'file' is a file"),
         (("--paper", "--shots", 8), "--paper has its own policies"),
+        (("--paper", "--calibration", "lima.json"), "--paper has its own policies"),
+        (("--calibration", "."), "'.' is a directory"),
         (("--paper", "--page", "devices.txt"), "devices.txt must end with .md"),
         (("--page", "devices.md"), "--page is the page of --paper"),
     ],

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from qcompile.device import load_device
 from qcompile.evaluation.grid import Cell
+from qcompile.execution import load_backend
 from qcompile.policy import Policy, load_policy
 
 
@@ -26,7 +26,7 @@ def cell(policy: Policy) -> Callable[..., Cell]:
     """A cell of three episodes on ibm_lima, with these changes."""
 
     def make(**changes: Any) -> Cell:
-        plain = Cell(policy, load_device("ibm_lima"), 16, "none", 2, 3, 5)
+        plain = Cell(policy, load_backend("ibm_lima"), 16, "none", 2, 3, 5)
         return replace(plain, **changes)
 
     return make

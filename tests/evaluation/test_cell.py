@@ -14,6 +14,7 @@ from qcompile.errors import CalibrationError, OutputError
 from qcompile.evaluation import cell as module
 from qcompile.evaluation.cell import CellFailure, CellResult, read_cell, run_cell, write_cell
 from qcompile.evaluation.grid import Cell
+from qcompile.execution import DeviceBackend
 from qcompile.policy import Policy
 from qcompile.rl.evaluate import Deployment, RunResult, play
 
@@ -35,7 +36,7 @@ def test_a_cell_is_a_run(cell: MakeCell, mitigation: str) -> None:
     made = cell(mitigation=mitigation, level=1)
     result = played(made)
     deployment = Deployment(
-        made.policy, made.device, shots=16, level=1, mitigation=mitigation, seed=5
+        made.policy, made.backend.device, shots=16, level=1, mitigation=mitigation, seed=5
     )
     run = play(deployment, 3).summary()
     assert numbers(result) == {k: v for k, v in run.items() if k != "wall_seconds"}
@@ -87,12 +88,12 @@ def test_a_result_is_read_back(kept: tuple[Cell, Path]) -> None:
 
 def test_a_result_is_that_of_its_cell_alone(kept: tuple[Cell, Path], policy: Policy) -> None:
     cell, file = kept
-    other = cell.device.model_copy(update={"source": "elsewhere"})
+    other = DeviceBackend(cell.backend.device.model_copy(update={"source": "elsewhere"}))
     assert (
         read_cell(replace(cell, policy=replace(policy, theta=policy.theta + 1)), file.parent)
         is None
     )
-    assert read_cell(replace(cell, device=other), file.parent) is None
+    assert read_cell(replace(cell, backend=other), file.parent) is None
     more = replace(cell, seed=6)
     (file.parent / f"{more.name}.json").write_bytes(file.read_bytes())
     assert read_cell(more, file.parent) is None

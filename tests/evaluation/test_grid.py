@@ -7,24 +7,27 @@ from dataclasses import replace
 
 import pytest
 
-from qcompile.device import IDEAL, Device, load_device
+from qcompile.device import IDEAL
 from qcompile.errors import StudyError
 from qcompile.evaluation.grid import Cell, file_name, grid, policy_sha256, told_apart
+from qcompile.execution import Backend, DeviceBackend, load_backend
 from qcompile.policy import Policy
 
 MakeCell = Callable[..., Cell]
 
+PERFECT = DeviceBackend(IDEAL)
+
 
 @pytest.fixture
-def lima() -> Device:
-    return load_device("ibm_lima")
+def lima() -> Backend:
+    return load_backend("ibm_lima")
 
 
 def settings(cells: list[Cell]) -> list[tuple[str, str, int | None, str, int]]:
-    return [(c.policy.name, c.device.name, c.shots, c.mitigation, c.level) for c in cells]
+    return [(c.policy.name, c.backend.name, c.shots, c.mitigation, c.level) for c in cells]
 
 
-def test_every_combination_and_a_reference_for_each_policy(policy: Policy, lima: Device) -> None:
+def test_every_combination_and_a_reference_for_each_policy(policy: Policy, lima: Backend) -> None:
     other = replace(policy, name="other")
     cells = grid([policy, other], [lima], [8, None], ["none", "readout"], [0, 2], episodes=3)
     assert len(cells) == 2 * (1 + 8)
@@ -39,27 +42,27 @@ def test_every_combination_and_a_reference_for_each_policy(policy: Policy, lima:
 
 
 def test_the_reference_is_played_once(policy: Policy) -> None:
-    cells = grid([policy], [IDEAL, IDEAL], [None, 8], ["none"])
+    cells = grid([policy], [PERFECT, DeviceBackend(IDEAL)], [None, 8], ["none"])
     assert settings(cells) == [
         ("tiny", "ideal", None, "none", 2),
         ("tiny", "ideal", 8, "none", 2),
     ]
 
 
-def test_the_ideal_is_not_mitigated(policy: Policy, lima: Device) -> None:
-    cells = grid([policy], [IDEAL, lima], [8], ["none", "readout"])
+def test_the_ideal_is_not_mitigated(policy: Policy, lima: Backend) -> None:
+    cells = grid([policy], [PERFECT, lima], [8], ["none", "readout"])
     assert settings(cells)[1:] == [
         ("tiny", "ideal", 8, "none", 2),
         ("tiny", "ibm_lima", 8, "none", 2),
         ("tiny", "ibm_lima", 8, "readout", 2),
     ]
-    with pytest.raises(StudyError, match=r"^No cell is left to play: ideal has no errors"):
-        grid([policy], [IDEAL], [8], ["readout"])
+    with pytest.raises(StudyError, match=r"(?s)^No cell is left.*ideal: it has no errors"):
+        grid([policy], [PERFECT], [8], ["readout"])
 
 
-def test_two_devices_of_one_name_are_refused(policy: Policy, lima: Device) -> None:
-    other = lima.model_copy(update={"source": "elsewhere"})
-    with pytest.raises(StudyError, match=r"^Two of the devices are called 'ibm_lima'\."):
+def test_two_backends_of_one_name_are_refused(policy: Policy, lima: Backend) -> None:
+    other = DeviceBackend(lima.device.model_copy(update={"source": "elsewhere"}))
+    with pytest.raises(StudyError, match=r"^Two of the backends are called 'ibm_lima'\."):
         grid([policy], [lima, other], [8], ["none"])
 
 
@@ -73,7 +76,7 @@ def test_policies_of_one_name_are_called_as_they_were_asked_for(policy: Policy) 
     assert named[1].bias.tolist() == other.bias.tolist()
     assert [p.name for p in told_apart(["a", "b"], [policy, policy])] == ["tiny"]
     with pytest.raises(StudyError, match=r"^Two of the policies are called 'tiny'\."):
-        grid([policy, other], [IDEAL], [8], ["none"])
+        grid([policy, other], [PERFECT], [8], ["none"])
 
 
 def test_any_policy_name_gives_a_file_name() -> None:
@@ -88,7 +91,7 @@ def test_settings_change_with_all_that_matters(cell: MakeCell, policy: Policy) -
     plain = cell()
     changed = [
         cell(policy=replace(policy, bias=policy.bias + 1e-9)),
-        cell(device=load_device("ibm_belem")),
+        cell(backend=load_backend("ibm_belem")),
         cell(shots=None),
         cell(mitigation="readout"),
         cell(level=1),

@@ -10,18 +10,23 @@ from io import BytesIO, StringIO
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from joblib.externals.loky import get_reusable_executor
 from PIL import Image
 
 from qcompile.device import load_device
 from qcompile.errors import StudyError
+from qcompile.evaluation.calibrations import CalibrationFile
 from qcompile.evaluation.cell import CellResult, run_cell
 from qcompile.evaluation.grid import Cell, grid
 from qcompile.evaluation.page import write_devices
 from qcompile.evaluation.paper import TASKS, paper_cells
 from qcompile.evaluation.summary import compare, results, results_csv
 from qcompile.evaluation.write_up import kept_results, write_figures, write_results
+from qcompile.execution import DeviceBackend, OfflineExecutor, load_backend
+from qcompile.execution.backend import TwinBackend
+from qcompile.mitigation import calibrate
 from qcompile.policy import Policy
 from qcompile.report.intervals import Interval, Panel, draw_intervals
 from qcompile.study.engine import run_all
@@ -45,7 +50,7 @@ def by_hand(cell: Cell, rewards: list[float], **changes: Any) -> CellResult:
     summary = {
         "policy": cell.policy.name,
         "environment": cell.policy.environment,
-        "backend": cell.device.name,
+        "backend": cell.backend.device.name,
         "kind": "noise-model",
         "shots": "exact" if cell.shots is None else cell.shots,
         "mitigation": cell.mitigation,
@@ -97,7 +102,7 @@ def test_a_ratio_needs_a_positive_ideal() -> None:
 
 def test_each_policy_has_its_own_ideal(policy: Policy) -> None:
     other = replace(policy, name="other")
-    cells = grid([policy, other], [load_device("ibm_lima")], [8], ["none"], episodes=2)
+    cells = grid([policy, other], [load_backend("ibm_lima")], [8], ["none"], episodes=2)
     rewards = dict(
         zip([cell.name for cell in cells], ([10, 20], [9, 18], [4, 4], [5, 6]), strict=True)
     )
@@ -114,7 +119,7 @@ def test_each_policy_has_its_own_ideal(policy: Policy) -> None:
 
 
 def test_a_row_for_each_cell(policy: Policy) -> None:
-    cells = grid([policy], [load_device("ibm_lima")], [8], ["none"], episodes=2)
+    cells = grid([policy], [load_backend("ibm_lima")], [8], ["none"], episodes=2)
     found = {cell.name: by_hand(cell, [1.0, 2.0]) for cell in cells}
     lines = list(csv.DictReader(StringIO(results_csv(results(cells, found)))))
     assert [(line["backend"], line["shots"], line["reference"]) for line in lines] == [
@@ -131,7 +136,18 @@ def test_a_row_for_each_cell(policy: Policy) -> None:
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_results_do_not_depend_on_the_workers(policy: Policy, workers: int) -> None:
-    cells = grid([policy], [load_device("ibm_lima")], [8, 64], ["none"], episodes=2)
+    """Noise models, a twin, a sampler; a calibration that is given and one that is measured."""
+    lima, belem = load_device("ibm_lima"), load_device("ibm_belem")
+    measured = calibrate(OfflineExecutor(lima, 1), np.arange(5), 64)
+    backends = [
+        DeviceBackend(lima),
+        DeviceBackend(belem),
+        TwinBackend("lima.json", measured),
+        load_backend("qiskit:FakeLimaV2"),
+    ]
+    files = [CalibrationFile("lima.json", measured)]
+    cells = grid([policy], backends, [8], ["readout"], calibrations=files, episodes=2)
+    assert len(cells) == 5
     found: dict[str, Any] = {}
 
     def keep(result: Any) -> None:
@@ -149,7 +165,7 @@ def test_a_picture_for_each_policy(policy: Policy, tmp_path: Path) -> None:
     names = ("ibm_lagos", "ibm_belem", "ibm_lima", "ibm_jakarta", "ibm_toronto")
     cells = grid(
         [policy, replace(policy, name="a/b")],
-        [load_device(name) for name in names],
+        [load_backend(name) for name in names],
         [1024, 8192],
         ["none", "readout"],
         [0, 2],

@@ -1,14 +1,24 @@
-"""Environments whose rewards and ends are known in advance."""
+"""Environments whose rewards and ends are known in advance, and policies to play them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import gymnasium
 import numpy as np
 import pytest
 from gymnasium.spaces import Box, Discrete
+
+from qcompile.device import load_device
+from qcompile.policy import Encoder, Policy
+from qcompile.policy.layouts import parallel
+from qcompile.rl.checkpoint import save_checkpoint
+from qcompile.rl.evaluate import Deployment
+from qcompile.rl.ppo import Trainer
+from qcompile.rl.settings import Settings
+from qcompile.simulate import Simulator
 
 
 class Clock(gymnasium.Env[Any, Any]):
@@ -84,3 +94,89 @@ def known_environments() -> Iterator[None]:
     yield
     for name in made:
         del gymnasium.registry[name]
+
+
+@pytest.fixture
+def cartpole() -> Callable[..., Policy]:
+    """Pushes mostly towards the side the pole leans to: y = -sin(x), action 1 is to the right.
+
+    x = arctan(u), u the observation times 1, 1, 4 and 2; the weights are 0.5, -0.8, 3 and -0.5.
+    """
+    scale, weights = np.array([1.0, 1.0, 4.0, 2.0]), np.array([0.5, -0.8, 3.0, -0.5])
+
+    def make(copies: int = 1) -> Policy:
+        program, feature = parallel(4, copies)
+        right = np.tile(-weights / copies, copies)
+        return Policy(
+            "leaning",
+            "CartPole-v1",
+            Encoder("arctan", np.array(feature), np.tile(scale, copies)),
+            program,
+            np.zeros(4 * copies),
+            np.stack([-right, right]),
+            np.zeros(2),
+        )
+
+    return make
+
+
+@pytest.fixture
+def stubborn() -> Callable[..., Policy]:
+    """Takes the same action whatever it sees."""
+
+    def make(name: str, features: int, actions: int, choice: int = 0) -> Policy:
+        program, feature = parallel(features, 1)
+        bias = np.zeros(actions)
+        bias[choice] = 100.0
+        return Policy(
+            "stubborn",
+            name,
+            Encoder("arctan", np.array(feature), np.ones(features)),
+            program,
+            np.zeros(features),
+            np.zeros((actions, features)),
+            bias,
+        )
+
+    return make
+
+
+@pytest.fixture
+def deploy() -> Callable[..., Deployment]:
+    """A policy on a backend by name, with these settings."""
+
+    def make(policy: Policy, backend: str = "ideal", **settings: Any) -> Deployment:
+        return Deployment(policy, load_device(backend), **settings)
+
+    return make
+
+
+@pytest.fixture
+def outputs() -> Callable[[Policy, np.ndarray], np.ndarray]:
+    """Logits (B, actions) of a policy as it is, for observations (B, features)."""
+
+    def make(policy: Policy, observations: np.ndarray) -> np.ndarray:
+        z = Simulator(policy.program).expectation(policy.encode(observations), policy.theta)
+        return policy.logits(z)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def saved_at() -> Callable[..., None]:
+    """Train as far as the n-th update, write a checkpoint there and press Ctrl-C."""
+
+    def make(update: int, environment: str, settings: Settings, path: Path, seed: int = 3) -> None:
+        trainer, updates = Trainer(environment, settings, seed), 0
+
+        def stop() -> None:
+            nonlocal updates
+            updates += 1
+            if updates == update:
+                save_checkpoint(trainer, path)
+                raise KeyboardInterrupt
+
+        assert trainer.train(on_update=stop).interrupted
+        assert updates == update
+
+    return make

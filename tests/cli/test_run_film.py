@@ -1,0 +1,89 @@
+"""`qcompile run --video`: what is filmed, and what is refused before anything is played."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import imageio_ffmpeg
+import pytest
+
+Call = Callable[..., Any]
+
+
+def test_a_film_is_written_whole(qcompile: Call, policy: Call, left: Call) -> None:
+    words = ("run", policy(), "--episodes", 2, "--json", "--video", "films/a.gif")
+    answer = qcompile(*words)
+    assert (answer.code, answer.err) == (0, "film of the first episode in films/a.gif\n")
+    assert len(answer.json()["episodes"]) == 2
+    assert left() == ["films", "films/a.gif", "tiny.json"]
+    assert Path("films/a.gif").read_bytes()[:6] == b"GIF89a"
+
+
+def test_a_film_has_the_rate_of_the_environment(qcompile: Call, policy: Call) -> None:
+    acrobot = policy(
+        environment="Acrobot-v1", weights=[[1.0] * 4, [0.0] * 4, [0.0] * 4], bias=[0.0] * 3
+    )
+    assert qcompile("run", acrobot, "--episodes", 1, "--video", "a.mp4").code == 0
+    frames, seconds = imageio_ffmpeg.count_frames_and_secs("a.mp4")
+    assert frames / seconds == pytest.approx(15, rel=1e-3)
+
+
+def test_without_a_frame_there_is_no_film(
+    qcompile: Call, policy: Call, left: Call, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def act(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("qcompile.rl.evaluate.Deployment.act", act)
+    answer = qcompile("run", policy(), "--video", "a.gif")
+    assert answer.code == 1
+    assert answer.err.startswith("Error: Interrupted: 0 of 20 episodes were finished.")
+    assert left() == ["tiny.json"]
+
+
+BAD_FILMS = {
+    "tiny.json/a.gif": """\
+Error: Cannot write tiny.json/a.gif.
+  tiny.json is no folder.
+  Choose another path.
+""",
+}
+
+
+@pytest.fixture
+def nothing_is_played(monkeypatch: pytest.MonkeyPatch) -> None:
+    def play(*_: object, **__: object) -> None:
+        pytest.fail("played before the output was checked")
+
+    monkeypatch.setattr("qcompile.rl.evaluate.play", play)
+
+
+@pytest.mark.usefixtures("nothing_is_played")
+@pytest.mark.parametrize("name", BAD_FILMS)
+def test_a_film_that_cannot_be_written_is_refused_at_once(
+    qcompile: Call, policy: Call, left: Call, name: str
+) -> None:
+    answer = qcompile("run", policy(), "--video", name)
+    assert (answer.code, answer.out, answer.err) == (1, "", BAD_FILMS[name])
+    assert left() == ["tiny.json"]
+
+
+@pytest.mark.usefixtures("nothing_is_played")
+@pytest.mark.parametrize("film", ["a.gif", "a.mp4"])
+@pytest.mark.parametrize("package", ["imageio", "imageio_ffmpeg"])
+def test_a_missing_extra_is_named_at_once(
+    qcompile: Call, policy: Call, monkeypatch: pytest.MonkeyPatch, package: str, film: str
+) -> None:
+    monkeypatch.setitem(sys.modules, package, None)
+    answer = qcompile("run", policy(), "--video", film)
+    assert (answer.code, answer.out) == (1, "")
+    assert (
+        answer.err
+        == """\
+Error: A film needs packages that are not installed.
+  Install them with: pip install 'qcompile[video]'
+"""
+    )

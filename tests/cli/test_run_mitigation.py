@@ -1,0 +1,130 @@
+"""`qcompile run` with calibrations, twins, bent angles and copies."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+Call = Callable[..., Any]
+
+LIMA = ("--backend", "fake_lima", "--episodes", 2)
+
+
+@pytest.mark.parametrize("mitigation", ["readout", "response"])
+def test_a_calibration_of_a_file_costs_nothing_again(
+    qcompile: Call, policy: Call, calibration: str, mitigation: str
+) -> None:
+    words = ("run", policy(), *LIMA, "--mitigation", mitigation, "--json")
+    answer = qcompile(*words, "--calibration", calibration)
+    assert (answer.code, answer.err) == (0, "")
+    found = answer.json()
+    assert (found["mitigation"], found["calibration"]) == (mitigation, calibration)
+    assert found["executions"] == 8192 * found["env_steps"]
+    measured = qcompile(*words).json()
+    assert measured["calibration"] is None
+    circuits = {"readout": 6, "response": 8}[mitigation]  # 4 qubits: 2 + 2 log2(4) patterns
+    assert measured["executions"] == 8192 * (measured["env_steps"] + circuits)
+
+
+def test_a_twin_plays_its_calibration(qcompile: Call, policy: Call, calibration: str) -> None:
+    words = ("run", policy(), "--backend", calibration, "--episodes", 2)
+    found = qcompile(*words, "--json").json()
+    assert (found["backend"], found["kind"]) == ("fake_lima", "measured-response")
+    assert found["mitigation"] == "readout"
+    assert found["executions"] == 8192 * found["env_steps"]  # its own calibration mitigates
+    again = qcompile(*words, "--json", "--shots", "exact", "--mitigation", "response").json()
+    assert (again["shots"], again["mitigation"]) == ("exact", "response")
+    assert "on fake_lima (twin of its calibration)" in qcompile(*words).out
+
+
+def test_bent_angles_are_not_undone(qcompile: Call, policy: Call, calibration: str) -> None:
+    words = ("run", policy(), *LIMA, "--predistort", "--calibration", calibration)
+    found = qcompile(*words, "--json").json()
+    assert (found["predistort"], found["mitigation"]) == (True, "none")
+    assert "bent angles by lima.json" in qcompile(*words).out
+
+
+def test_copies_share_executions(qcompile: Call, policy: Call) -> None:
+    narrow = policy(
+        circuits=[[["ry", "x0"]]] * 2, weights=[[1.0] * 2, [0.0] * 2], theta=[], bias=[0.0, 0.0]
+    )
+    words = ("run", narrow, "--backend", "fake_lima", "--mitigation", "none", "--episodes", 2)
+    found = qcompile(*words, "--copies", 2, "--shots", 100, "--json").json()
+    assert (found["copies"], found["rounds_per_step"]) == (2, 1)
+    longest = max(episode["length"] for episode in found["episodes"])
+    assert found["executions"] == 100 * longest
+    assert "side by side  2 episodes" in qcompile(*words, "--copies", 2).out
+
+
+def test_an_old_calibration_is_reported(qcompile: Call, policy: Call, calibration: str) -> None:
+    values = json.loads(Path(calibration).read_text())
+    Path("old.json").write_text(json.dumps(values | {"created": "2020-01-01T00:00:00Z"}))
+    answer = qcompile("run", policy(), *LIMA, "--calibration", "old.json", "--json")
+    assert answer.code == 0
+    assert answer.err.startswith("old.json is ")
+    assert " hours old; `qcompile calibrate " in answer.err
+    assert answer.json()["calibration"] == "old.json"
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (("--predistort", "--mitigation", "readout"), "--predistort and --mitigation readout excl"),
+        (("--calibration", "lima.json", "--mitigation", "none"), "--calibration needs --mitigati"),
+        (("--calibration", "lima.json"), "--calibration needs --mitigation"),  # ideal has none
+        (("--copies", "0"), "0 is not in the range 1<=x<=10000"),
+    ],
+)
+def test_contradictions_are_wrong_usage(
+    qcompile: Call, policy: Call, words: tuple[str, ...], text: str
+) -> None:
+    answer = qcompile("run", policy(), *words)
+    assert (answer.code, answer.out) == (2, "")
+    assert text in answer.err
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (
+            ("--backend", "ibm_lima", "--calibration", "lima.json"),
+            "The calibration is of fake_lima, the backend is ibm_lima.\n  Measure one with",
+        ),
+        (
+            ("--mitigation", "response", "--level", "1", "--calibration", "lima.json"),
+            "Response curves need level 2, found level 1.",
+        ),
+        (("--predistort", "--level", "1"), "Response curves need level 2, found level 1."),
+        (("--calibration", "bad.json"), "bad.json is no calibration.\n  the file: invalid JSON: "),
+        (("--calibration", "nosuch.json"), "nosuch.json is no calibration.\n"),
+        (
+            ("--calibration", "two.json"),
+            "Qubit 2 has no calibration.\n  Calibrated on fake_lima: 0",
+        ),
+        (
+            ("--calibration", "two.json", "--mitigation", "response"),
+            "Qubit 2 has no calibration.\n",
+        ),
+        (("--backend", "two.json"), "The calibration of fake_lima holds no response curves.\n"),
+        (("--backend", "lima.json", "--level", "1"), "A measured response knows sx rz sx, found "),
+    ],
+)
+def test_calibrations_that_do_not_fit_are_explained(
+    qcompile: Call, policy: Call, calibration: str, words: tuple[str, ...], text: str
+) -> None:
+    two = ("calibrate", "--backend", "fake_lima", "--qubits", "0,1", "--parts", "readout")
+    assert qcompile(*two, "--out", "two.json").code == 0
+    Path("bad.json").write_text(Path(calibration).read_text()[:300])
+    answer = qcompile("run", policy(), *LIMA, *words)
+    assert (answer.code, answer.out) == (1, "")
+    assert answer.err.startswith(f"Error: {text}")
+
+
+def test_a_sampler_has_shots_alone(qcompile: Call, policy: Call) -> None:
+    answer = qcompile("run", policy(), "--backend", "qiskit:FakeLimaV2", "--shots", "exact")
+    assert (answer.code, answer.out) == (1, "")
+    assert answer.err.startswith("Error: fake_lima runs through a sampler, which only has shots.\n")
