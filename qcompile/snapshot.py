@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import statistics
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from importlib import metadata
 from typing import Any
 
@@ -62,10 +62,11 @@ def device_from_backend(backend: Any, name: str) -> Device:
 
     It is read from `backend.properties()`, or from `backend.target` where there are none; a target
     knows one readout error for both states. Values that look wrong are kept and flagged, in
-    `Qubit.doubtful` and `Device.notes`.
+    `Qubit.doubtful` and `Device.notes`. Qubits that IBM marks as faulty, or that lack a value or
+    have an impossible one, are in `Device.left_out`.
 
     Raises:
-        DeviceError: a value is missing or impossible; the message names qubit and property.
+        DeviceError: other gates, an unknown unit, or no qubit is left.
     """
     properties = getattr(backend, "properties", None)
     properties = properties() if callable(properties) else properties
@@ -83,15 +84,31 @@ def device_from_backend(backend: Any, name: str) -> Device:
         calibrations = _of_target(backend.target, basis)
         calibrated = None
         notes = ("Readout errors are symmetric: the backend's target holds one number a qubit.",)
+    faulty = set(properties.faulty_qubits()) if properties is not None else set()
+    qubits: list[Qubit] = []
+    left_out: dict[int, str] = {}
+    for index, values in enumerate(calibrations):
+        try:
+            qubits.append(_qubit(index, values))
+        except _UnknownQubitError as unknown:
+            qubits.append(_nothing_known(unknown))
+            left_out[index] = str(unknown)
+        if index in faulty:
+            left_out.setdefault(index, f"Qubit {index} is marked as faulty by IBM.")
+    if left_out and len(left_out) == len(qubits):
+        raise DeviceError(
+            f"{name} has no qubit with all its values. {left_out[0]}",
+            "A device needs one; write the file by hand or try another backend.",
+        )
     try:
-        qubits = tuple(_qubit(i, values) for i, values in enumerate(calibrations))
         return Device(
             name=name,
             source=_source(backend),
             calibrated=calibrated.isoformat() if calibrated else None,
             basis_gates=basis,
-            notes=(*notes, *_notes(qubits)),
-            qubits=qubits,
+            notes=(*notes, *_notes(qubits, left_out), *_left_out_notes(left_out)),
+            qubits=tuple(qubits),
+            left_out=tuple(left_out),
         )
     except ValidationError as error:
         raise DeviceError(f"{name} cannot be made a device.", *explain(error)) from error
@@ -171,16 +188,28 @@ def _scaled(value: float | None, factor: float) -> float | None:
     return None if value is None else value * factor
 
 
+class _UnknownQubitError(Exception):
+    """A qubit's calibration lacks a value, or has an impossible one."""
+
+
+def _nothing_known(unknown: _UnknownQubitError) -> Qubit:
+    """A qubit that is left out: its numbers are those of noise, and stand for nothing."""
+    return Qubit(t1_us=1.0, t2_us=1.0, p10=0.5, p01=0.5, doubtful=(str(unknown)[:500],))
+
+
+def _left_out_notes(left_out: Mapping[int, str]) -> Iterator[str]:
+    if left_out:
+        qubits = ", ".join(map(str, left_out))
+        yield f"Left out, faulty or without all values: {qubits}."[:500]
+
+
 def _qubit(index: int, calibration: _Calibration) -> Qubit:
     values, gate_values = calibration
 
     def need(found: Mapping[str, float | None], key: str, of: str = "") -> float:
         value = found.get(key)
         if value is None:
-            raise DeviceError(
-                f"Qubit {index} has no {key}{of} in the backend's calibration.",
-                "A device needs it for every qubit; write the file by hand or try another backend.",
-            )
+            raise _UnknownQubitError(f"Qubit {index} has no {key}{of} in its calibration.")
         return value
 
     gates = {}
@@ -201,7 +230,8 @@ def _qubit(index: int, calibration: _Calibration) -> Qubit:
             gates={gate: GateCalibration(**found) for gate, found in gates.items()},
         )
     except ValidationError as error:
-        raise DeviceError(f"Qubit {index} has an impossible value.", *explain(error)) from error
+        words = f"Qubit {index} has an impossible value: {'; '.join(explain(error))}"
+        raise _UnknownQubitError(words) from error
     return qubit.model_copy(update={"doubtful": tuple(_doubts(qubit))})
 
 
@@ -221,14 +251,18 @@ def _doubts(qubit: Qubit) -> Iterator[str]:
             yield f"{name} error {gate.error:.3g} is below the {least:.3g} of relaxation alone"
 
 
-def _notes(qubits: tuple[Qubit, ...]) -> Iterator[str]:
+def _notes(qubits: Sequence[Qubit], left_out: Collection[int]) -> Iterator[str]:
     lengths = [q.gates["sx"].length_ns for q in qubits if "sx" in q.gates]
     if lengths and (median := statistics.median(lengths)) > _MOST_SX_NS:
         yield (
             f"Durations are doubtful: the median sx takes {median:.4g} ns, "
             f"{median / USUAL_SX_NS:.3g} times the usual {USUAL_SX_NS:.4g} ns."
         )
-    unreadable = [i for i, q in enumerate(qubits) if (q.p10 + q.p01) / 2 > _MOST_READOUT_ERROR]
+    unreadable = [
+        i
+        for i, q in enumerate(qubits)
+        if i not in left_out and (q.p10 + q.p01) / 2 > _MOST_READOUT_ERROR
+    ]
     if unreadable:
         yield (
             f"{len(unreadable)} of {len(qubits)} qubits have a readout error above "
