@@ -199,7 +199,7 @@ def main(kills: int, faults: int, seed: int, keep: bool) -> None:
     folder = Path(tempfile.mkdtemp(prefix="chaos-"))
     wrong: Counter[str] = Counter()
     stops: Counter[str] = Counter()
-    with StandIn(run_seconds=0.02) as stand_in:
+    with StandIn(run_seconds=0.02, usage_limit_seconds=1e9) as stand_in:
         chaos = Chaos(stand_in, np.random.default_rng(seed), folder)
         subprocess.run(
             (sys.executable, "-m", *TWIN.split()),

@@ -121,6 +121,12 @@ def spend(task: Task, load: Workload, live: Live, left_s: float | None) -> dict[
             "Raise --max-qpu-seconds, or take fewer shots, episodes or steps; "
             "`qcompile plan` shows cheaper ways.",
         )
+    if left_s is not None and seconds > left_s:
+        raise BudgetError(
+            f"The plan needs {seconds:.1f} QPU seconds, IBM's plan has {left_s:.0f} left: its jobs "
+            "would wait in the queue. Nothing was sent.",
+            "The Open Plan gives 600 in 28 days; --instance names another instance.",
+        )
     if not live.yes:
         click.confirm("Spend them?", abort=True, err=True)
     journal = begin(live.runs, task, live.max_qpu_seconds)

@@ -6,6 +6,7 @@ import logging
 import os
 import warnings
 from collections.abc import Callable
+from importlib.util import find_spec
 from typing import Any, TypeVar
 
 from qcompile.device import Device
@@ -48,6 +49,7 @@ class Connection:
             MissingExtraError: qiskit-ibm-runtime is not installed.
         """
         if self._service is None:
+            _check_extra()
             self._service = self._patient(self._open)
         return self._service
 
@@ -106,10 +108,8 @@ class Connection:
         return None if left is None else float(left)
 
     def _open(self) -> Any:
-        try:
-            from qiskit_ibm_runtime import QiskitRuntimeService
-        except ImportError as error:
-            raise MissingExtraError("A run on real hardware", "ibm") from error
+        from qiskit_ibm_runtime import QiskitRuntimeService
+
         logging.getLogger("qiskit_ibm_runtime").setLevel(logging.CRITICAL)
         service = QiskitRuntimeService(
             name=self._account, instance=self._instance, plans_preference=_FREE
@@ -154,6 +154,12 @@ class Connection:
             raise
         except (QiskitError, RequestException, OSError) as error:
             raise in_words(error) from error
+
+
+def _check_extra() -> None:
+    for package in ("qiskit_ibm_runtime", "tenacity"):
+        if find_spec(package) is None:
+            raise MissingExtraError("A run on real hardware", "ibm")
 
 
 def transient(error: BaseException) -> bool:
