@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import time
 import warnings
 from collections.abc import Callable
 from importlib.util import find_spec
@@ -17,6 +18,7 @@ T = TypeVar("T")
 
 PATIENCE_S = float(os.environ.get("QCOMPILE_PATIENCE_SECONDS", "300"))
 """A service that does not answer is asked again for so long."""
+_LOOKS, _PAUSE_S = 3, 0.5
 _REFUSED = range(400, 500)
 _BUSY = 429
 _FREE = ["open"]
@@ -120,19 +122,21 @@ class Connection:
     def _find(self, service: Any) -> Any:
         from qiskit.providers.exceptions import QiskitBackendNotFoundError
 
-        try:
-            backend = service.backend(self.name)
-        except QiskitBackendNotFoundError as error:
-            if transient(error):
-                raise
-            known = sorted(backend.name for backend in service.backends())
-            raise LiveError(
-                f"The account has no backend {self.name!r}.",
-                f"It has: {', '.join(known)}." if known else "It has none.",
-                "A backend that was there may be retired; what it measured is kept.",
-            ) from error
-        _never_repeat_submissions(service)  # the client may have made another session for it
-        return backend
+        for _ in range(_LOOKS):  # the client takes any answer it cannot read for a missing backend
+            try:
+                backend = service.backend(self.name)
+            except QiskitBackendNotFoundError as error:
+                missing = error
+                time.sleep(_PAUSE_S)
+            else:
+                _never_repeat_submissions(service)  # the client may have made another session
+                return backend
+        known = sorted(backend.name for backend in service.backends())
+        raise LiveError(
+            f"The account has no backend {self.name!r}.",
+            f"It has: {', '.join(known)}." if known else "It has none.",
+            "A backend that was there may be retired; what it measured is kept.",
+        ) from missing
 
     def _patient(self, call: Callable[[], T]) -> T:
         """What `call` gives, called again while its errors are transient."""
