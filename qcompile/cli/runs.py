@@ -28,7 +28,9 @@ def command(ctx: click.Context, runs: Path, as_json: bool) -> None:
         if as_json:
             raise click.UsageError("--json goes behind the name: runs show ID --json")
         return
-    found = [overview(journal) for journal in journals(runs)]
+    found = [
+        overview(journal) for journal in journals(runs, lambda words: click.echo(words, err=True))
+    ]
     if as_json:
         echo_json(found)
         return

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from qcompile.errors import BudgetError
 from qcompile.execution import qpu_seconds
-from qcompile.live.journal import Charge, Journal
+from qcompile.live.journal import Journal
+from qcompile.live.records import Charge
 
 
 class Budget:

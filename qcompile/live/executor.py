@@ -51,7 +51,7 @@ class IBMExecutor:
             return ones
         for portion in portions(len(angles), executable.round_count, shots):
             rows = slice(portion.rows.start, portion.rows.stop)
-            part = _Batch(self, executable, angles[rows], portion.rounds, shots)
+            part = _Request(self, executable, angles[rows], portion.rounds, shots)
             ones[rows, part.circuits] = self._jobs.ones(part)
         return ones
 
@@ -76,7 +76,7 @@ class IBMExecutor:
 
 
 @dataclass(frozen=True)
-class _Batch:
+class _Request:
     """Some rounds of an executable, for the angles (rows, circuits, slots)."""
 
     executor: IBMExecutor

@@ -9,11 +9,9 @@ from __future__ import annotations
 import json
 import secrets
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from datetime import UTC, datetime
-from io import BytesIO
 from pathlib import Path
 from typing import Any, Literal
 
@@ -22,11 +20,9 @@ from filelock import FileLock, Timeout
 from numpy.typing import NDArray
 
 from qcompile.errors import LiveError
-
-IntArray = NDArray[np.int64]
+from qcompile.live.records import Charge, IntArray, Step, Submission, to_bytes
 
 Kind = Literal["run", "calibrate", "validate"]
-State = Literal["intended", "sent", "done", "failed"]
 
 FORMAT = "qcompile-journal-1"
 FILE = "journal.sqlite"
@@ -42,48 +38,8 @@ CREATE TABLE step (number INTEGER PRIMARY KEY, observations BLOB, actions BLOB, 
 """
 
 
-@dataclass(frozen=True)
-class Submission:
-    """One attempt at one job of a run.
-
-    `digest` is that of all it measures; `created` is when it was last sent; `ones` (rows, circuits)
-    are its counts once it is done; `usage_s` is what IBM charged, None as long as it has not said
-    so; `words` say why it failed.
-    """
-
-    number: int
-    attempt: int
-    tag: str
-    digest: str
-    executions: int
-    created: datetime
-    state: State
-    job_id: str | None
-    usage_s: float | None
-    ones: IntArray | None
-    words: str | None
-
-
-@dataclass(frozen=True)
-class Charge:
-    """What one attempt costs: its executions, and what IBM charged, as far as it is known."""
-
-    executions: int
-    usage_s: float | None
-    state: State
-
-
-@dataclass(frozen=True)
-class Step:
-    """Observations (B, features) of a step, the actions (B,) taken, the rewards (B,) earned."""
-
-    observations: NDArray[np.float64]
-    actions: IntArray
-    rewards: NDArray[np.float64] | None
-
-
 class Journal:
-    """The record of one run in `folder`; `create` starts one, `reopen` goes on with one.
+    """The record of one run in `folder`; `create` starts one.
 
     It is held by one process at a time: `held` is the block in which it may be written.
     """
@@ -124,11 +80,13 @@ class Journal:
         try:
             folder.mkdir(parents=True)
             db = sqlite3.connect(folder / FILE, isolation_level=None)
-            with db:
-                db.execute("PRAGMA journal_mode = WAL")
-                db.executescript(f"BEGIN; {_SCHEMA} COMMIT;")
-                values = (FORMAT, run_id, kind, now.isoformat(), json.dumps(settings))
-                db.execute("INSERT INTO run VALUES (?,?,?,?,?,?,NULL)", (*values, max_qpu_seconds))
+            db.execute("PRAGMA journal_mode = WAL")
+            db.execute("BEGIN")  # the tables come with the run, or not at all
+            for statement in _SCHEMA.split(";"):
+                db.execute(statement)
+            values = (FORMAT, run_id, kind, now.isoformat(), json.dumps(settings))
+            db.execute("INSERT INTO run VALUES (?,?,?,?,?,?,NULL)", (*values, max_qpu_seconds))
+            db.execute("COMMIT")
             db.close()
         except (OSError, sqlite3.Error) as error:
             raise LiveError(
@@ -160,7 +118,7 @@ class Journal:
 
     def allow(self, max_qpu_seconds: float) -> None:
         """Set another limit."""
-        self._db.execute("UPDATE run SET max_qpu_seconds = ?", (max_qpu_seconds,))
+        self._write("UPDATE run SET max_qpu_seconds = ?", max_qpu_seconds)
 
     @property
     def result(self) -> dict[str, Any] | None:
@@ -169,14 +127,14 @@ class Journal:
         return None if text is None else dict(json.loads(text))
 
     def finish(self, result: dict[str, Any]) -> None:
-        self._db.execute("UPDATE run SET result = ?", (json.dumps(result),))
+        self._write("UPDATE run SET result = ?", json.dumps(result))
 
     # Its submissions
 
     def submissions(self) -> list[Submission]:
         """Every attempt, in order."""
         rows = self._db.execute("SELECT * FROM submission ORDER BY number, attempt")
-        return [_submission(row) for row in rows]
+        return [Submission.of_row(row) for row in rows]
 
     def charges(self) -> list[Charge]:
         """What every attempt costs, in order."""
@@ -185,12 +143,19 @@ class Journal:
         )
         return [Charge(*row) for row in rows]
 
+    def uncharged(self) -> list[Submission]:
+        """Ended attempts whose charge is not known."""
+        rows = self._db.execute(
+            "SELECT * FROM submission WHERE usage_s IS NULL AND state IN ('done', 'failed')"
+        )
+        return [Submission.of_row(row) for row in rows]
+
     def latest(self, number: int) -> Submission | None:
         """The last attempt at job `number` of the run."""
         row = self._db.execute(
             "SELECT * FROM submission WHERE number = ? ORDER BY attempt DESC LIMIT 1", (number,)
         ).fetchone()
-        return None if row is None else _submission(row)
+        return None if row is None else Submission.of_row(row)
 
     def intend(self, number: int, digest: str, executions: int) -> Submission:
         """Write down that job `number` is about to be sent, once more where it failed before."""
@@ -198,9 +163,9 @@ class Journal:
         attempt = 0 if last is None else last.attempt + 1
         tag = f"qcompile-{self.id}-{number}-{attempt}"
         now = datetime.now(UTC).isoformat()
-        self._db.execute(
+        self._write(
             "INSERT INTO submission VALUES (?,?,?,?,?,?,'intended',NULL,NULL,NULL,NULL)",
-            (number, attempt, tag, digest, executions, now),
+            *(number, attempt, tag, digest, executions, now),
         )
         made = self.latest(number)
         assert made is not None
@@ -216,14 +181,18 @@ class Journal:
 
     def note_done(self, made: Submission, ones: IntArray, usage_s: float | None) -> None:
         """Its counts are here."""
-        self._update(made, "state = 'done', ones = ?, usage_s = ?", _bytes(ones), usage_s)
+        self._update(made, "state = 'done', ones = ?, usage_s = ?", to_bytes(ones), usage_s)
+
+    def note_charge(self, made: Submission, usage_s: float) -> None:
+        """What IBM charged for it is known now."""
+        self._update(made, "usage_s = ?", usage_s)
 
     def note_failed(self, made: Submission, words: str, usage_s: float | None) -> None:
         """It ended without counts."""
         self._update(made, "state = 'failed', words = ?, usage_s = ?", words, usage_s)
 
     def _update(self, made: Submission, what: str, *values: object) -> None:
-        self._db.execute(f"UPDATE submission SET {what} WHERE tag = ?", (*values, made.tag))
+        self._write(f"UPDATE submission SET {what} WHERE tag = ?", *values, made.tag)
 
     # Its steps
 
@@ -232,19 +201,19 @@ class Journal:
         row = self._db.execute(
             "SELECT observations, actions, rewards FROM step WHERE number = ?", (number,)
         ).fetchone()
-        return None if row is None else Step(*(None if b is None else _array(b) for b in row))  # type: ignore[arg-type]
+        return None if row is None else Step.of_row(row)
 
     def note_actions(
         self, number: int, observations: NDArray[np.float64], actions: NDArray[np.intp]
     ) -> None:
         """The actions (B,) of a step for its observations (B, features)."""
-        values = (number, _bytes(observations), _bytes(actions.astype(np.int64)))
-        self._db.execute("INSERT INTO step VALUES (?,?,?,NULL)", values)
+        values = (number, to_bytes(observations), to_bytes(actions.astype(np.int64)))
+        self._write("INSERT INTO step VALUES (?,?,?,NULL)", *values)
 
     def note_rewards(self, number: int, rewards: list[float]) -> None:
         """What the actions of a step earned."""
-        values = (_bytes(np.array(rewards)), number)
-        self._db.execute("UPDATE step SET rewards = ? WHERE number = ?", values)
+        earned = to_bytes(np.array(rewards))
+        self._write("UPDATE step SET rewards = ? WHERE number = ?", earned, number)
 
     def step_count(self) -> int:
         return int(self._db.execute("SELECT COUNT(*) FROM step").fetchone()[0])
@@ -252,38 +221,31 @@ class Journal:
     def close(self) -> None:
         self._db.close()
 
+    def _write(self, statement: str, *values: object) -> None:
+        """Have it on the disk before anything else happens.
 
-def _submission(row: tuple[Any, ...]) -> Submission:
-    number, attempt, tag, digest, executions, created, state, job_id, usage_s, ones, words = row
-    return Submission(
-        number,
-        attempt,
-        tag,
-        digest,
-        executions,
-        datetime.fromisoformat(created),
-        state,
-        job_id,
-        usage_s,
-        None if ones is None else _array(ones),
-        words,
-    )
+        Raises:
+            LiveError: it cannot be written.
+        """
+        try:
+            self._db.execute(statement, values)
+        except sqlite3.Error as error:
+            raise LiveError(
+                f"The run's journal in {self.folder} cannot be written: {error}.",
+                "What was sent has its tag in it, and is found again: make room, then",
+                f"`qcompile resume {self.id}` goes on.",
+            ) from error
 
 
-def _bytes(array: NDArray[Any]) -> bytes:
-    file = BytesIO()
-    np.save(file, array, allow_pickle=False)
-    return file.getvalue()
-
-
-def _array(contents: bytes) -> NDArray[Any]:
-    return np.asarray(np.load(BytesIO(contents), allow_pickle=False))
-
-
-def journals(runs: Path) -> list[Journal]:
-    """Every run below `runs`, the newest last; folders without a journal are passed over."""
-    folders = sorted(path.parent for path in runs.glob(f"*/{FILE}"))
-    return [Journal(folder) for folder in folders]
+def journals(
+    runs: Path, on_damage: Callable[[str], None] = lambda words: None
+) -> Iterator[Journal]:
+    """Every run below `runs`, the newest last; `on_damage` gets words on those without a record."""
+    for path in sorted(runs.glob(f"*/{FILE}")):
+        try:
+            yield Journal(path.parent)
+        except LiveError as error:
+            on_damage(str(error))
 
 
 def find_journal(runs: Path, run_id: str) -> Journal:
@@ -292,7 +254,10 @@ def find_journal(runs: Path, run_id: str) -> Journal:
     Raises:
         LiveError: there is none, or there are several.
     """
-    known = [path.parent.name for path in sorted(runs.glob(f"*/{FILE}"))]
+    known = []
+    for journal in journals(runs):
+        known.append(journal.id)
+        journal.close()
     if run_id in known:
         return Journal(runs / run_id)
     if run_id == "last":

@@ -77,9 +77,10 @@ def go_on(
             show(done, f"{words}; {budget.spent_s():.0f} of {budget.limit_s:g} QPU s")
 
         connection = Connection(task.backend, task.account, task.instance)
-        jobs = Jobs(journal, connection, batch_mode=task.batch, max_wait_s=max_wait_s, say=say)
+        jobs = Jobs(journal, connection, batch=task.batch, max_wait_s=max_wait_s, say=say)
         try:
             found = task.perform(Session(jobs, shown))
+            jobs.learn_charges()
         except KeyboardInterrupt:
             raise LiveError(
                 "Interrupted.", where_it_stands(journal), f"`qcompile resume {journal.id}` goes on."
@@ -91,7 +92,7 @@ def go_on(
             raise type(error)(str(error), where_it_stands(journal), hint) from error
         finally:
             jobs.close()
-        charges = {"qpu_seconds": budget.charged_s(), "max_qpu_seconds": budget.limit_s}
+        charges = {"qpu_seconds": budget.spent_s(), "max_qpu_seconds": budget.limit_s}
         result = {**found, "run": journal.id, **charges}
         journal.finish(result)
         write_file(journal.folder / "result.json", json.dumps(result, indent=1).encode() + b"\n")
