@@ -97,7 +97,7 @@ class Jobs:
             ones = self._fetched(job, request)
             self.journal.note_done(made, ones, self._usage_s(job))
             return
-        words = self._connection.ask(lambda service: job.error_message()) or "it was cancelled"
+        words = self._connection.ask(lambda service: job.error_message()) or f"it is {status}"
         words = " ".join(words.split())[:300]
         usage_s = self._usage_s(job)
         self.journal.note_failed(made, words, usage_s)
