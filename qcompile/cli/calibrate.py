@@ -93,7 +93,7 @@ def command(
     import numpy as np
 
     from qcompile.calibration import Calibration, load_calibration
-    from qcompile.cli.runs import result_values
+    from qcompile.cli.runs import charged, result_values
     from qcompile.errors import CalibrationError
     from qcompile.execution import open_executor
     from qcompile.live.connection import Connection
@@ -187,6 +187,8 @@ def command(
         for what, path in (("calibration", out), ("picture", plot)):
             if path is not None:
                 click.echo(f"{what} in {path}")
+        if live is not None:
+            click.echo(charged(values))
     if failures:
         raise CalibrationError(
             f"{check} no longer holds.", *failures, f"Use a new one: --backend {backend} --out FILE"

@@ -165,6 +165,11 @@ def result_values(kind: Kind, result: dict[str, Any]) -> dict[str, Any]:
     return calibration_values(Calibration.model_validate(result["calibration"])) | rest
 
 
+def charged(result: dict[str, Any]) -> str:
+    """A line on what a finished run was charged."""
+    return f"run {result['run']} was charged {result['qpu_seconds']:.1f} QPU seconds"
+
+
 def print_result(kind: Kind, result: dict[str, Any]) -> None:
     """Print what a finished run found."""
     if kind == "run":
@@ -175,6 +180,7 @@ def print_result(kind: Kind, result: dict[str, Any]) -> None:
         from qcompile.cli.validate import print_validation
 
         print_validation(result)
+        click.echo(charged(result))
     else:
         from qcompile.report.calibration_values import print_calibration
 

@@ -58,6 +58,7 @@ def command(
     if live is not None and backend is not None:
         raise click.UsageError("--backend and --live exclude each other: FILE names the machine.")
     from qcompile.calibration import load_calibration
+    from qcompile.cli.runs import charged
     from qcompile.errors import CalibrationError
     from qcompile.live.validate import random_observations
     from qcompile.policy import load_policy
@@ -90,6 +91,8 @@ def command(
         echo_json(found)
     else:
         print_validation(found)
+        if live is not None:
+            click.echo(charged(found))
     if not found["passed"]:
         raise CalibrationError(
             f"The twin of {file} is not its machine any more: qubit "
