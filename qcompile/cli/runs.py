@@ -38,17 +38,14 @@ def command(ctx: click.Context, runs: Path, as_json: bool) -> None:
         click.echo(f"There is no live run in {runs}.")
         return
     print_table(
-        ["run", "what", "backend", "state", "jobs", "steps", "QPU s", "limit"],
+        ["run", "what", "backend", "state", "QPU seconds"],
         [
             [
                 row["run"],
                 row["kind"],
                 row["backend"],
                 row["state"],
-                row["jobs_done"],
-                row["steps"],
-                f"{row['qpu_seconds']:.1f}",
-                f"{row['max_qpu_seconds']:g}",
+                f"{row['qpu_seconds']:.1f} of {row['max_qpu_seconds']:g}",
             ]
             for row in found
         ],
@@ -185,7 +182,6 @@ def print_result(kind: Kind, result: dict[str, Any]) -> None:
         from qcompile.report.calibration_values import print_calibration
 
         print_calibration(result_values(kind, result))
-        click.echo(
-            f"calibration in {result['file']}" if result["file"] else "no file was asked for"
-        )
-    click.echo(f"{result['qpu_seconds']:.1f} QPU seconds were charged")
+        if result["file"]:
+            click.echo(f"calibration in {result['file']}")
+        click.echo(charged(result))

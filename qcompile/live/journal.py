@@ -74,8 +74,8 @@ class Journal:
             LiveError: the folder cannot be made.
         """
         now = datetime.now(UTC).replace(microsecond=0)
-        words = "".join(c if c.isascii() and c.isalnum() else "-" for c in name)[:16]
-        run_id = f"{now:%Y%m%d-%H%M%S}-{words}-{secrets.token_hex(3)}"
+        words = "".join(c if c.isascii() and c.isalnum() else "-" for c in name)[:12]
+        run_id = f"{now:%y%m%d-%H%M%S}-{words}-{secrets.token_hex(2)}"
         folder = runs / run_id
         try:
             folder.mkdir(parents=True)
