@@ -103,6 +103,8 @@ class Application:
             answer = self._handlers[name](request, **found)
         except ApiError as error:
             return _json(error.body(), error.status)
+        except HTTPException as error:  # werkzeug's own, of a body that is not JSON
+            return Response(error.description, status=error.code)
         except Exception as error:
             self.defects.append(error)
             return _failed(500, repr(error))
