@@ -123,14 +123,15 @@ class Connection:
         try:
             backend = service.backend(self.name)
         except QiskitBackendNotFoundError as error:
-            if transient(error):
-                raise
-            known = sorted(backend.name for backend in service.backends())
-            raise LiveError(
-                f"The account has no backend {self.name!r}.",
-                f"It has: {', '.join(known)}." if known else "It has none.",
-                "A backend that was there may be retired; what it measured is kept.",
-            ) from error
+            # The client says so as well where the backend's configuration did not arrive.
+            known = {backend.name: backend for backend in service.backends()}
+            if self.name not in known:
+                raise LiveError(
+                    f"The account has no backend {self.name!r}.",
+                    f"It has: {', '.join(sorted(known))}." if known else "It has none.",
+                    "A backend that was there may be retired; what it measured is kept.",
+                ) from error
+            backend = known[self.name]
         _never_repeat_submissions(service)  # the client may have made another session for it
         return backend
 
