@@ -127,6 +127,7 @@ class Connection:
                 backend = service.backend(self.name)
             except QiskitBackendNotFoundError as error:
                 missing = error
+                service.usage()  # says what is wrong, a token that expired for instance
                 time.sleep(_PAUSE_S)
             else:
                 _never_repeat_submissions(service)  # the client may have made another session

@@ -256,7 +256,7 @@ def find_journal(runs: Path, run_id: str) -> Journal:
     """
     known = []
     for journal in journals(runs):
-        known.append(journal.id)
+        known.append(journal.folder.name)
         journal.close()
     if run_id in known:
         return Journal(runs / run_id)

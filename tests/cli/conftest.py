@@ -1,32 +1,15 @@
-"""The command line, called as a user calls it, in an empty folder with a tiny policy in it."""
+"""An empty folder to call the command line in, and a tiny policy."""
 
 from __future__ import annotations
 
 import json
 import signal
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pytest
-
-from qcompile.cli import main
-
-
-@dataclass
-class Answer:
-    """What a command left: exit code, standard output, standard error."""
-
-    code: int
-    out: str
-    err: str
-
-    def json(self) -> Any:
-        """The one JSON document on standard output."""
-        return json.loads(self.out)
 
 
 @pytest.fixture(autouse=True)
@@ -34,22 +17,6 @@ def empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Every test works in an empty folder, so that messages show short paths."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
-
-
-@pytest.fixture
-def qcompile(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Callable[..., Answer]:
-    """Call the command line with these words."""
-
-    def call(*words: object) -> Answer:
-        monkeypatch.setattr(sys, "argv", ["qcompile", *map(str, words)])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        assert ended.value.code is None or isinstance(ended.value.code, int)
-        return Answer(ended.value.code or 0, *capsys.readouterr())
-
-    return call
 
 
 def tiny(**changes: Any) -> dict[str, Any]:
@@ -79,7 +46,7 @@ def policy() -> Callable[..., str]:
 
 
 @pytest.fixture
-def calibration(qcompile: Callable[..., Answer]) -> str:
+def calibration(qcompile: Callable[..., Any]) -> str:
     """A calibration of fake_lima in lima.json."""
     words = ("calibrate", "--backend", "fake_lima", "--out", "lima.json", "--seed", 1)
     assert qcompile(*words).code == 0

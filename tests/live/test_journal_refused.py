@@ -1,0 +1,108 @@
+"""Journals that cannot be used: held by another process, damaged, foreign, not to be written."""
+
+from __future__ import annotations
+
+import sqlite3
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from qcompile.errors import LiveError
+from qcompile.live.journal import FILE, Journal
+
+HOLD = """
+import sys
+from pathlib import Path
+from qcompile.live.journal import Journal
+with Journal(Path(sys.argv[1])).held():
+    print("held", flush=True)
+    sys.stdin.read()
+"""
+
+
+def new() -> Journal:
+    return Journal.create(Path("runs"), "run", "cart", {}, 10.0)
+
+
+def test_one_process_at_a_time_goes_on_with_a_run() -> None:
+    journal = new()
+    holder = subprocess.Popen(
+        [sys.executable, "-c", HOLD, str(journal.folder)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert holder.stdout is not None
+    assert holder.stdout.readline() == "held\n"
+    with pytest.raises(LiveError) as caught, journal.held():
+        pass
+    assert str(caught.value) == (
+        f"Run {journal.id} is going on in another process.\n  Wait for it, or stop it."
+    )
+    assert Journal(journal.folder).submissions() == []  # it can be looked at meanwhile
+    holder.kill()  # and a process that dies holds nothing
+    holder.communicate()
+    with journal.held():
+        pass
+
+
+def test_a_folder_without_a_journal() -> None:
+    Path("empty").mkdir()
+    with pytest.raises(LiveError, match=r"^empty holds no run\.\n  `qcompile runs` lists the runs"):
+        Journal(Path("empty"))
+
+
+@pytest.mark.parametrize("contents", [b"not a database, but long enough to be one" * 100, b""])
+def test_a_damaged_journal_is_explained(contents: bytes) -> None:
+    journal = new()
+    journal.close()
+    for path in journal.folder.glob(f"{FILE}-*"):
+        path.unlink()
+    (journal.folder / FILE).write_bytes(contents)
+    with pytest.raises(LiveError, match=r"journal\.sqlite cannot be read: .*\n  Restore it"):
+        Journal(journal.folder)
+
+
+def test_a_journal_cut_in_half_is_explained() -> None:
+    journal = new()
+    for number in range(50):
+        journal.intend(number, "d" * 500, 1)
+    journal.close()
+    path = journal.folder / FILE
+    path.write_bytes(path.read_bytes()[:20_000])
+    with pytest.raises(LiveError, match=r"journal\.sqlite cannot be read"):
+        Journal(journal.folder).submissions()
+
+
+@pytest.mark.parametrize(
+    "change", ["UPDATE run SET format = 'qcompile-journal-9'", "DELETE FROM run"]
+)
+def test_a_foreign_format_is_refused(change: str) -> None:
+    journal = new()
+    with sqlite3.connect(journal.folder / FILE) as db:
+        db.execute(change)
+    with pytest.raises(LiveError, match="is no journal that this version of qcompile can read"):
+        Journal(journal.folder)
+
+
+def test_a_folder_that_cannot_be_made_is_explained_before_anything_is_sent() -> None:
+    Path("runs").write_text("a file stands where the folder should be")
+    with pytest.raises(LiveError) as caught:
+        new()
+    assert "The run's journal cannot be written to runs/" in str(caught.value)
+    assert "\n  Nothing was sent. Choose another folder with --runs." in str(caught.value)
+
+
+def test_a_tag_cannot_be_written_twice() -> None:
+    """The database itself keeps tags and attempts unique."""
+    journal = new()
+    made = journal.intend(0, "d", 1)
+    with sqlite3.connect(journal.folder / FILE) as db:
+        for number in (0, 7):
+            with pytest.raises(sqlite3.IntegrityError, match="UNIQUE"):
+                db.execute(
+                    "INSERT INTO submission (number, attempt, tag) VALUES (?, 0, ?)",
+                    (number, made.tag if number else "another"),
+                )
