@@ -77,8 +77,8 @@ def command(
     for option, value in (("--account", account), ("--instance", instance)):
         if value is not None and not live:
             raise click.UsageError(f"{option} is for --live.")
-    from qcompile.device import load_device
     from qcompile.errors import DeviceError
+    from qcompile.execution import load_backend
     from qcompile.execution.cost import FREE_SECONDS
     from qcompile.live.connection import Connection
     from qcompile.live.plan import copies_that_fit, forecast, strategies
@@ -87,7 +87,9 @@ def command(
     from qcompile.policy.files import policy_values
     from qcompile.report.tables import plural, print_table
 
-    device = Connection(backend, account, instance).device() if live else load_device(backend)
+    device = (
+        Connection(backend, account, instance).device() if live else load_backend(backend).device
+    )
     if device.is_ideal:
         raise DeviceError(
             "ideal is no machine: it costs nothing.",
