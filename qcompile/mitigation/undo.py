@@ -86,7 +86,8 @@ def readout_mitigation(calibration: Calibration, executable: Executable) -> Miti
     if fit is None:
         raise CalibrationError(
             "The calibration holds no assignment matrices.",
-            *(calibration.unfitted or ["Use mitigation response, or calibrate the readout."]),
+            *calibration.unfitted,
+            _instead("response", calibration.response, "readout"),
         )
     p10, p01, v10, v01 = (
         np.array(column)[rows]
@@ -117,7 +118,8 @@ def response_mitigation(
     if fit is None:
         raise CalibrationError(
             "The calibration holds no response curves.",
-            *(calibration.unfitted or ["Use mitigation readout, or calibrate the response."]),
+            *calibration.unfitted,
+            _instead("readout", calibration.readout, "response"),
         )
     curve, covariance = np.array(fit.curves)[rows], np.array(fit.covariance)[rows]
     sign = math.cos(executable.angle_offset_rad)
@@ -132,6 +134,13 @@ def response_mitigation(
     jacobian[:, 2, 1:] = sign * np.stack([-s, c], axis=1) / contrast[:, None] ** 2
     turned = jacobian @ covariance @ jacobian.transpose(0, 2, 1)
     return Mitigation(b, contrast, tilt, turned)
+
+
+def _instead(other: str, fit: object, part: str) -> str:
+    """What to try where a calibration lacks a part: the other, if it has that."""
+    if fit is None:
+        return f"Calibrate the {part}: `qcompile calibrate`."
+    return f"Use mitigation {other}, or calibrate the {part}."
 
 
 def check_response_level(level: int) -> None:

@@ -103,6 +103,11 @@ class Measurement:
             measured = calibrate(self.executor, self.executable.qubits, shots, parts=[part])
             if shots is not None:
                 self.calibration_load = calibration_workload(len(measured.qubits), shots, [part])
+            if measured.unfitted:
+                raise CalibrationError(
+                    f"The {part} of {self.executor.device.name} cannot be calibrated.",
+                    *measured.unfitted,
+                )
             return measured
         name = self.executor.device.name
         if given.backend != name:
