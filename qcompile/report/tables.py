@@ -70,10 +70,8 @@ def print_run(summary: dict[str, Any]) -> None:
 def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
     rewards = [episode["reward"] for episode in summary["episodes"]]
     if rewards:
-        interval = ""
-        if summary["ci95"] is not None and len(rewards) >= _LEAST_FOR_INTERVAL:
-            low, high = summary["ci95"]
-            interval = f" (95 % interval {low:.1f} to {high:.1f})"
+        interval = interval_words(summary)
+        interval = f" (95 % interval {interval})" if interval else ""
         yield (
             "mean reward",
             f"[bold]{summary['mean_reward']:.1f}[/] ± {summary['std_reward']:.1f} over "
@@ -121,7 +119,8 @@ def print_grid(objects: Sequence[Mapping[str, Any]]) -> None:
     header = ["backend", "shots", "mitigation", *["level"] * levels, "mean ± std", "95 % interval"]
     for policy in dict.fromkeys(values["policy"] for values in objects):
         shown = [values for values in objects if values["policy"] == policy]
-        title = f"{policy} in {shown[0]['environment']}, {len(shown[0]['episodes'])} episodes"
+        played = plural(len(shown[0]["episodes"]), "episode")
+        title = f"{policy} in {shown[0]['environment']}, {played}"
         if not levels:
             title += f", level {shown[0]['level']}"
         print_table(
@@ -140,10 +139,18 @@ def _grid_row(values: Mapping[str, Any], levels: bool) -> list[object]:
         values["mitigation"],
         *[values["level"]] * levels,
         f"{values['mean_reward']:.1f} ± {values['std_reward']:.1f}",
-        "{:.1f} to {:.1f}".format(*values["ci95"]),
+        interval_words(values) or "-",
         "-" if values["reference"] or difference is None else f"{difference:+.1f}",
         {True: "yes", False: "no", None: "-"}[values["solved"]],
     ]
+
+
+def interval_words(summary: Mapping[str, Any]) -> str:
+    """The 95 % interval of the mean reward; empty where too few episodes say how they scatter."""
+    if summary["ci95"] is None or len(summary["episodes"]) < _LEAST_FOR_INTERVAL:
+        return ""
+    low, high = summary["ci95"]
+    return f"{low:.1f} to {high:.1f}"
 
 
 def _shots(shots: int | str) -> str:

@@ -94,6 +94,7 @@ def run_all(
     if not waiting:
         return
     losses = 0
+    workers = None if workers is None else min(workers, len(waiting))
     with _engine(engine, address, workers) as jobs:
         found = _outcomes(list(waiting.values()), run, engine, jobs)
         while waiting:
