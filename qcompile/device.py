@@ -105,7 +105,7 @@ class Device(_Record):
     """
 
     format: Literal["qcompile-device-1"] = "qcompile-device-1"
-    name: Annotated[str, Field(pattern=r"^[\w.-]+$")]
+    name: Annotated[str, Field(pattern=r"^[\w.-]+$", max_length=100)]
     aliases: tuple[Line, ...] = ()
     source: Line
     calibrated: Line | None = None

@@ -117,7 +117,9 @@ class Several(click.ParamType[tuple[Any, ...]]):
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> tuple[Any, ...]:
-        parts = (part.strip() for part in str(value).split(","))
+        parts = [part.strip() for part in str(value).split(",")]
+        if not all(parts):
+            self.fail(f"{value!r} has nothing before or after a comma.", param, ctx)
         return tuple(self.inner.convert(part, param, ctx) for part in parts)
 
 

@@ -113,7 +113,7 @@ def response_mitigation(
         CalibrationError: the executable is not of level 2, a qubit was not calibrated, or no
             response was.
     """
-    check_response_level(executable.level)
+    check_response_level(executable.level, bent=any_side)
     fit, rows = calibration.response, calibration.rows(executable.qubits)
     if fit is None:
         raise CalibrationError(
@@ -143,10 +143,18 @@ def _instead(other: str, fit: object, part: str) -> str:
     return f"Use mitigation {other}, or calibrate the {part}."
 
 
-def check_response_level(level: int) -> None:
-    """Raise CalibrationError where response curves say nothing of the circuits of a level."""
+def check_response_level(level: int, *, bent: bool = False) -> None:
+    """Raise CalibrationError where response curves say nothing of the circuits of a level.
+
+    `bent` says that angles are to be bent by the curves, to which there is no other way.
+    """
     if level != 2:
         raise CalibrationError(
             f"Response curves need level 2, found level {level}.",
-            "They are those of sx rz sx; take --level 2 or --mitigation readout.",
+            "They are those of sx rz sx; take --level 2"
+            + (
+                ", or --mitigation readout without --predistort."
+                if bent
+                else " or --mitigation readout."
+            ),
         )

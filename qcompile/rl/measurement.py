@@ -74,7 +74,7 @@ class Measurement:
                 "Bent angles make the device show the ideal <Z>: take --mitigation none.",
             )
         if predistort or mitigation == "response":
-            check_response_level(level)  # before anything is measured
+            check_response_level(level, bent=predistort)  # before anything is measured
         self.shots, self.copies, self.executor = shots, copies, executor
         self.executable: Executable = compile(
             program, executor.device, level, importance, copies=copies

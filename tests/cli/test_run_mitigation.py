@@ -99,7 +99,11 @@ def test_contradictions_are_wrong_usage(
             ("--mitigation", "response", "--level", "1", "--calibration", "lima.json"),
             "Response curves need level 2, found level 1.",
         ),
-        (("--predistort", "--level", "1"), "Response curves need level 2, found level 1."),
+        (
+            ("--predistort", "--level", "1"),
+            "Response curves need level 2, found level 1.\n  They are those of sx rz sx; take "
+            "--level 2, or --mitigation readout without --predistort.",
+        ),
         (("--calibration", "bad.json"), "bad.json is no calibration.\n  the file: invalid JSON: "),
         (("--calibration", "nosuch.json"), "nosuch.json is no calibration.\n"),
         (
