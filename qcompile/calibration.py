@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Sequence
 from datetime import datetime
 from functools import cached_property
 from pathlib import Path
@@ -13,21 +14,28 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from qcompile.device import Device
+from qcompile.device import Device, Probability
 from qcompile.errors import CalibrationError
+from qcompile.limits import MAX_SHOTS
 from qcompile.output import write_file
-from qcompile.validation import Line, explain
+from qcompile.validation import Line, explain, listed, read_file
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
-FORMAT = "qcompile-calibration-1"
+LEAST_CONTRAST = 0.02
+"""A qubit that shows less of <Z> cannot be undone."""
+MOST_ERROR = 0.1
+"""A contrast, or an offset, that is known less well needs more shots."""
+MARK = b'"qcompile-calibration-'
 _ROUNDING = 1e-6
 
 Count = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
-Triple = tuple[Finite, Finite, Finite]
-Shots = Annotated[int, Field(ge=1)]
+Bounded = Annotated[float, Field(ge=-1e6, le=1e6)]
+Triple = tuple[Bounded, Bounded, Bounded]
+Shots = Annotated[int, Field(ge=1, le=MAX_SHOTS)]
+Degrees = Annotated[int, Field(ge=0, le=1_000_000)]
 
 
 class _Record(BaseModel):
@@ -48,6 +56,8 @@ class ReadoutCounts(_Record):
     def _check(self) -> ReadoutCounts:
         if [len(row) for row in self.prepared] != [len(row) for row in self.ones]:
             raise ValueError("prepared and ones have not the same shape")
+        if not self.ones or any(set(bits) != {0, 1} for bits in zip(*self.prepared, strict=False)):
+            raise ValueError("a qubit was not prepared in both |0> and |1>")
         _check_ones(self.ones, self.shots)
         return self
 
@@ -64,8 +74,8 @@ class ResponseCounts(_Record):
 
     @model_validator(mode="after")
     def _check(self) -> ResponseCounts:
-        if len(self.angles_rad) != len(self.ones):
-            raise ValueError("ones has not one row for each angle")
+        if len(self.angles_rad) != len(self.ones) or not self.ones:
+            raise ValueError("ones has not one row for each angle, of which there is one at least")
         _check_ones(self.ones, self.shots)
         return self
 
@@ -79,18 +89,22 @@ def _check_ones(ones: tuple[tuple[float, ...], ...], shots: int | None) -> None:
 class ReadoutFit(_Record):
     """p10 = P(1 | 0) and p01 = P(0 | 1) of each qubit, with their standard errors."""
 
-    p10: tuple[Annotated[float, Field(ge=0, le=1)], ...]
-    p01: tuple[Annotated[float, Field(ge=0, le=1)], ...]
-    p10_error: tuple[Count, ...]
-    p01_error: tuple[Count, ...]
+    p10: tuple[Probability, ...]
+    p01: tuple[Probability, ...]
+    p10_error: tuple[Probability, ...]
+    p01_error: tuple[Probability, ...]
     chi_square: tuple[Count, ...]
-    degrees_of_freedom: int
+    degrees_of_freedom: Degrees
 
-    @model_validator(mode="after")
-    def _check(self) -> ReadoutFit:
-        if any(p10 + p01 >= 1 for p10, p01 in zip(self.p10, self.p01, strict=False)):
-            raise ValueError("p10 + p01 of a qubit is 1 or more, it tells nothing")
-        return self
+    @property
+    def contrast(self) -> FloatArray:
+        """How much of <Z> is left of each qubit, (qubits,)."""
+        return np.asarray(1.0 - np.array(self.p10) - np.array(self.p01))
+
+    @property
+    def error(self) -> FloatArray:
+        """The standard error of `contrast`, and of the offset, (qubits,)."""
+        return np.asarray(np.hypot(self.p10_error, self.p01_error))
 
 
 class ResponseFit(_Record):
@@ -102,14 +116,74 @@ class ResponseFit(_Record):
     curves: tuple[Triple, ...]
     covariance: tuple[tuple[Triple, Triple, Triple], ...]
     chi_square: tuple[Count, ...]
-    degrees_of_freedom: int
+    degrees_of_freedom: Degrees
 
     @model_validator(mode="after")
     def _check(self) -> ResponseFit:
-        for b, c, s in self.curves:
-            if not 0 < math.hypot(c, s) <= 1 - abs(b) + _ROUNDING:
-                raise ValueError(f"the curve {b:g}, {c:g}, {s:g} is flat or leaves [-1, 1]")
+        for (b, c, s), contrast in zip(self.curves, self.contrast, strict=True):
+            if contrast > 1 - abs(b) + _ROUNDING:
+                raise ValueError(f"the curve {b:g}, {c:g}, {s:g} leaves [-1, 1]")
+        if not all(map(_is_covariance, self._covariance)):
+            raise ValueError("a covariance is not symmetric, or gives a negative variance")
         return self
+
+    @property
+    def contrast(self) -> FloatArray:
+        """How much of <Z> is left of each qubit, (qubits,)."""
+        _, c, s = np.array(self.curves).reshape(-1, 3).T
+        return np.asarray(np.hypot(c, s))
+
+    @property
+    def error(self) -> FloatArray:
+        """The larger of the standard errors of `contrast` and of the offset b, (qubits,)."""
+        curves, covariance = np.array(self.curves), self._covariance
+        along = curves[:, 1:] / np.maximum(self.contrast, 1e-12)[:, None]
+        contrast = np.einsum("qi,qij,qj->q", along, covariance[:, 1:, 1:], along)
+        return np.asarray(np.sqrt(np.maximum(contrast, covariance[:, 0, 0])))
+
+    @property
+    def _covariance(self) -> FloatArray:
+        return np.array(self.covariance).reshape(-1, 3, 3)
+
+
+def _is_covariance(matrix: FloatArray) -> bool:
+    least: float = np.linalg.eigvalsh(matrix).min()
+    rounding = _ROUNDING * np.abs(matrix).max()
+    symmetric = bool((np.abs(matrix - matrix.T) <= rounding).all())
+    return symmetric and least >= -rounding and bool((matrix.diagonal() >= 0).all())
+
+
+def weakness(fit: ReadoutFit | ResponseFit, qubits: Sequence[int]) -> list[str]:
+    """Why the fit of a qubit undoes nothing, and what to try; empty where every fit does.
+
+    Numbers are rounded towards the failing side, so that they never read as the limit itself.
+    """
+    part = "readout" if isinstance(fit, ReadoutFit) else "response"
+    kept, error = fit.contrast, fit.error
+    weak = [
+        f"{q} ({math.floor(1e4 * c) / 1e4:g})"
+        for q, c in zip(qubits, kept, strict=True)
+        if c < LEAST_CONTRAST
+    ]
+    if weak:
+        return [
+            f"The {part} of qubit {listed(weak)} shows less than {LEAST_CONTRAST} of <Z>: its "
+            "errors cannot be undone.",
+            "Leave it out (`left_out` in the device file), or run with --mitigation none.",
+        ]
+    unknown = [
+        f"{q} ({math.ceil(1e3 * e) / 1e3:g})"
+        for q, e in zip(qubits, error, strict=True)
+        if e > MOST_ERROR
+    ]
+    if unknown:
+        times = math.ceil(10 * (error.max() / MOST_ERROR) ** 2) / 10
+        return [
+            f"Too few shots: the {part} of qubit {listed(unknown)} is not known to {MOST_ERROR} "
+            "of <Z>.",
+            f"Take {times:g} times the shots or more.",
+        ]
+    return []
 
 
 class Calibration(_Record):
@@ -124,7 +198,7 @@ class Calibration(_Record):
     kind: Literal["ideal", "noise-model", "measured-response", "hardware"]
     created: AwareDatetime
     device: Device
-    qubits: tuple[Annotated[int, Field(ge=0)], ...]
+    qubits: tuple[Annotated[int, Field(ge=0, le=1_000_000)], ...]
     readout_counts: ReadoutCounts | None = None
     readout: ReadoutFit | None = None
     response_counts: ResponseCounts | None = None
@@ -138,6 +212,8 @@ class Calibration(_Record):
             raise ValueError("qubits must be there, each once")
         if not self.device.is_ideal and max(self.qubits) >= len(self.device.qubits):
             raise ValueError(f"{self.device.name} has no qubit {max(self.qubits)}")
+        if self.backend != self.device.name:
+            raise ValueError(f"backend is {self.backend!r}, its device is {self.device.name!r}")
         parts = (self.readout, self.readout_counts, self.response, self.response_counts)
         if not any(parts):
             raise ValueError("neither readout nor response was measured")
@@ -146,6 +222,8 @@ class Calibration(_Record):
                 len(column) != count for column in vars(fit).values() if isinstance(column, tuple)
             ):
                 raise ValueError(f"a fit has not one entry for each of {count} qubits")
+            if fit is not None and (words := weakness(fit, self.qubits)):
+                raise ValueError(words[0])
         for counts in (self.readout_counts, self.response_counts):
             if counts is not None and any(len(row) != count for row in counts.ones):
                 raise ValueError(f"a row of counts has not one entry for each of {count} qubits")
@@ -168,6 +246,7 @@ class Calibration(_Record):
             raise CalibrationError(
                 f"Qubit {missing[0]} has no calibration.",
                 f"Calibrated on {self.backend}: {' '.join(map(str, self.qubits))}.",
+                "Calibrate it too (`qcompile calibrate --policy` measures a policy's qubits).",
             )
         order = np.argsort(self.qubits)
         rows: IntArray = order[np.searchsorted(self.qubits, qubits, sorter=order)]
@@ -193,17 +272,16 @@ def load_calibration(path: Path) -> Calibration:
         CalibrationError: there is no such file, or it is no calibration.
     """
     try:
-        return Calibration.model_validate_json(path.read_bytes())
+        return Calibration.model_validate_json(read_file(path))
     except (OSError, ValidationError) as error:
         raise CalibrationError(f"{path} is no calibration.", *explain(error)) from error
 
 
 def is_calibration(path: Path) -> bool:
-    """Whether a file says that it is one."""
+    """Whether a file says that it is one, wherever in it."""
     if not os.path.isfile(path):  # unlike Path.is_file, False for a name too long to be one
         return False
     try:
-        with path.open("rb") as file:
-            return f'"{FORMAT}"'.encode() in file.read(200)
+        return MARK in path.read_bytes()
     except OSError:
         return False

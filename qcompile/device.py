@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from qcompile.catalogue import find, names, nearest
 from qcompile.errors import DeviceError
-from qcompile.validation import Line, explain
+from qcompile.validation import Line, explain, read_file
 
 IDEAL_NAME = "ideal"
 LEAST_CONTRAST = 0.8
@@ -105,7 +105,7 @@ class Device(_Record):
     """
 
     format: Literal["qcompile-device-1"] = "qcompile-device-1"
-    name: Annotated[str, Field(pattern=r"^[\w.-]+$")]
+    name: Annotated[str, Field(pattern=r"^[\w.-]+$", max_length=100)]
     aliases: tuple[Line, ...] = ()
     source: Line
     calibrated: Line | None = None
@@ -248,8 +248,8 @@ def load_device(name: str | Path) -> Device:
 
 def _read(path: Path) -> Device:
     try:
-        text = path.read_bytes()
-        if _CALIBRATION in text[:200]:
+        text = read_file(path)
+        if _CALIBRATION in text:
             raise DeviceError(
                 f"{path} is a calibration, no device file.",
                 "It is a --backend of `run`, `evaluate`, `calibrate`, `show`, `export`, `compile`.",

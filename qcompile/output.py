@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from qcompile.errors import OutputError
+from qcompile.errors import OutputError, QcompileError
 
 
 def write_file(path: Path, contents: bytes) -> None:
@@ -22,10 +22,10 @@ def write_file(path: Path, contents: bytes) -> None:
         OutputError: the file cannot be written.
     """
     try:
-        target = path.resolve()
-        if _is_special(target):
-            target.write_bytes(contents)
+        if _is_special(path):
+            path.write_bytes(contents)
             return
+        target = path.resolve()
         target.parent.mkdir(parents=True, exist_ok=True)
         handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
         try:
@@ -36,12 +36,17 @@ def write_file(path: Path, contents: bytes) -> None:
         except BaseException:
             Path(temporary).unlink(missing_ok=True)
             raise
+    except BrokenPipeError:
+        raise  # the reader has had enough
     except OSError as error:
         raise _cannot_write(path, error) from error
 
 
 def _is_special(path: Path) -> bool:
-    """Whether there is something that is neither a file nor a folder, such as a device."""
+    """Whether there is something that is neither a file nor a folder, such as a device.
+
+    Asked before links are resolved: /dev/stdout links to no path where it is a pipe.
+    """
     return path.exists() and not path.is_file() and not path.is_dir()
 
 
@@ -65,9 +70,9 @@ def check_writable(path: Path) -> None:
         OutputError: it cannot; nothing has been made.
     """
     try:
-        target = path.resolve()
-        if _is_special(target):
+        if _is_special(path):
             return
+        target = path.resolve()
         folder = next(p for p in target.parents if os.path.lexists(p))
         if path.is_dir():
             raise IsADirectoryError(errno.EISDIR, "It is a folder")
@@ -102,10 +107,11 @@ def new_folder(path: Path) -> Iterator[Path]:
         raise _cannot_write(path, error) from error
     try:
         yield temporary
-        try:
-            temporary.chmod(0o777 & ~_umask())
-            os.replace(temporary, path)
-        except OSError as error:
-            raise _cannot_write(path, error) from error
+        temporary.chmod(0o777 & ~_umask())
+        os.replace(temporary, path)
+    except QcompileError:
+        raise
+    except OSError as error:
+        raise _cannot_write(path, error) from error
     finally:
         shutil.rmtree(temporary, ignore_errors=True)

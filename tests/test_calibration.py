@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
@@ -14,7 +15,7 @@ import pytest
 from qcompile.calibration import Calibration, is_calibration, load_calibration
 from qcompile.device import IDEAL, load_device
 from qcompile.errors import CalibrationError
-from qcompile.execution import OfflineExecutor
+from qcompile.execution import OfflineExecutor, load_backend
 from qcompile.mitigation import calibrate
 
 LIMA = calibrate(OfflineExecutor(load_device("fake_lima"), 0), np.array([4, 1, 2]), 1000)
@@ -44,6 +45,26 @@ def test_other_files_are_none(tmp_path: Path) -> None:
     assert not is_calibration(Path("/dev/stdin"))
 
 
+def test_a_calibration_is_known_by_its_format_wherever_that_stands(tmp_path: Path) -> None:
+    contents = json.loads(LIMA.model_dump_json())
+    path = tmp_path / "sorted.json"
+    path.write_text(json.dumps(dict(reversed(contents.items()))))
+    assert is_calibration(path)
+    backend = load_backend(str(path))
+    assert (backend.name, backend.calibration) == (str(path), LIMA)
+
+
+@pytest.mark.parametrize("kind", ["a pipe", "a device", "a folder"])
+def test_what_is_no_regular_file_is_not_read(tmp_path: Path, kind: str) -> None:
+    path = tmp_path / "pipe"
+    if kind == "a pipe":
+        os.mkfifo(path)
+    else:
+        path = Path("/dev/zero") if kind == "a device" else tmp_path
+    with pytest.raises(CalibrationError, match=r"is no calibration\.\n  it is no regular file"):
+        load_calibration(path)
+
+
 Change = Callable[[dict[str, Any]], Any]
 DAMAGES: dict[str, Change] = {
     "qubits must be there, each once": lambda c: c.update(qubits=[1, 1, 4]),
@@ -55,10 +76,42 @@ DAMAGES: dict[str, Change] = {
     "1001 ones in 1000 shots": lambda c: c["readout_counts"]["ones"][0].__setitem__(0, 1001),
     "readout_counts.prepared.0.0": lambda c: c["readout_counts"]["prepared"][0].__setitem__(0, 2),
     "readout.p10.1": lambda c: c["readout"]["p10"].__setitem__(1, 1.5),
-    "it tells nothing": lambda c: c["readout"]["p01"].__setitem__(1, 1.0),
+    "readout of qubit 2 .* shows less than 0.02": lambda c: c["readout"]["p01"].__setitem__(1, 1),
+    "readout of qubit 4 .*0.0099.* less than": lambda c: c["readout"].update(
+        p10=[0.5] * 3, p01=[0.4, 0.4, 0.49001]
+    ),
+    "readout of qubit 1 \\(0.201\\) is not known to 0.1": lambda c: c["readout"].update(
+        p10_error=[0.2001, 0, 0]
+    ),
+    "p10_error.0: .* less than or equal to 1": lambda c: c["readout"].update(
+        p10_error=[1e300, 0, 0]
+    ),
+    "degrees_of_freedom: .*greater than or equal to 0": lambda c: c["readout"].update(
+        degrees_of_freedom=-1
+    ),
+    "readout_counts.shots: .*less than or equal to": lambda c: c["readout_counts"].update(
+        shots=10**400
+    ),
+    "prepared in both": lambda c: c["readout_counts"].update(prepared=[], ones=[]),
+    "was not prepared in both": lambda c: c["readout_counts"].update(prepared=[[0, 0, 1]] * 6),
+    "one row for each angle, of which there is one at least": lambda c: c["response_counts"].update(
+        angles_rad=[], ones=[]
+    ),
+    "a covariance is not symmetric": lambda c: c["response"]["covariance"][1][0].__setitem__(2, 1),
+    "negative variance": lambda c: c["response"]["covariance"][1][0].__setitem__(0, -1e-9),
+    "or gives a negative": lambda c: c["response"]["covariance"].__setitem__(
+        1, [[1e-4, 2e-4, 0], [2e-4, 1e-4, 0], [0, 0, 1e-4]]
+    ),
+    "response of qubit 2 \\(0.0141\\) shows less": lambda c: c["response"]["curves"].__setitem__(
+        1, [0, 0.01, 0.01]
+    ),
+    "response of qubit 4 .* is not known": lambda c: c["response"]["covariance"].__setitem__(
+        2, [[0.04, 0, 0], [0, 0, 0], [0, 0, 0]]
+    ),
+    "its device is 'fake_lima'": lambda c: c.update(backend="ibm_lima"),
     "fit has not one entry": lambda c: c["readout"]["chi_square"].append(0),
     "leaves \\[-1, 1\\]": lambda c: c["response"]["curves"][0].__setitem__(0, 0.5),
-    "is flat": lambda c: c["response"]["curves"].__setitem__(0, [0, 0, 0]),
+    "response of qubit 1 \\(0\\) shows": lambda c: c["response"]["curves"].__setitem__(0, [0] * 3),
     "response.covariance.0": lambda c: c["response"]["covariance"][0].pop(),
     "neither readout nor response": lambda c: c.update(
         readout=None, response=None, readout_counts=None, response_counts=None

@@ -414,3 +414,11 @@ def test_a_foreign_file_in_hardware_is_no_device(tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert device_names() == before
     assert load_device("ibmq_lima").name == "ibm_lima"  # an alias: the search reads every device
+
+
+@pytest.mark.parametrize("name", ["", "a b", "../x", "n" * 101])
+def test_a_name_can_be_part_of_a_files_name(tmp_path, name: str) -> None:
+    def change(device: dict) -> None:
+        device["name"] = name
+
+    test_a_wrong_file_names_what_is_wrong(tmp_path, change, ["name"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import stat
 import threading
@@ -97,3 +98,37 @@ def test_a_folder_is_no_file(tmp_path: Path) -> None:
         with pytest.raises(OutputError, match="Cannot write"):
             act(tmp_path)
     assert names(tmp_path) == []
+
+
+def test_a_link_to_a_pipe_is_written_to(tmp_path: Path) -> None:
+    """/dev/stdout of a pipeline: what it links to is no path."""
+    read, write = os.pipe()
+    link = tmp_path / "stdout"
+    link.symlink_to(f"/proc/self/fd/{write}")
+    check_writable(link)
+    write_file(link, b"new")
+    os.close(write)
+    with os.fdopen(read, "rb") as reader:
+        assert reader.read() == b"new"
+    assert link.is_symlink()
+
+
+def test_a_reader_who_has_had_enough_is_no_error_of_the_file() -> None:
+    read, write = os.pipe()
+    os.close(read)
+    with pytest.raises(BrokenPipeError):
+        write_file(Path(f"/proc/self/fd/{write}"), b"new")
+    os.close(write)
+
+
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT, errno.EIO])
+def test_what_stops_the_filling_of_a_folder_is_named(tmp_path: Path, number: int) -> None:
+    folder = tmp_path / "job"
+
+    def fill() -> None:
+        with new_folder(folder):
+            raise OSError(number, os.strerror(number))
+
+    with pytest.raises(OutputError, match=f"Cannot write {folder}.\n  {os.strerror(number)}"):
+        fill()
+    assert list(tmp_path.iterdir()) == []

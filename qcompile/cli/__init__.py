@@ -31,6 +31,10 @@ COMMANDS = {
 """Name and first help line of every command, so that --help loads none of them."""
 
 
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+"""What a device says that standard output cannot be written to any more."""
+
+
 class _LazyGroup(click.Group):
     """Loads the module of a command when the command is used."""
 
@@ -84,10 +88,10 @@ def main() -> None:
             "  Install it with: pip install qcompile"
         )
     except OSError as error:
-        if error.errno != errno.ENOSPC:
+        if error.errno not in _FULL:
             raise
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        _fail("The answer cannot be written: no space left on the device.")
+        _fail(f"The answer cannot be written: {os.strerror(error.errno).lower()}.")
 
 
 def _fail(message: str) -> None:

@@ -56,10 +56,10 @@ def command(ctx: click.Context, as_json: bool) -> None:
 @json_option
 def show(name: str, as_json: bool) -> None:
     """Show the calibration of every qubit of a device."""
-    from qcompile.device import load_device
+    from qcompile.execution import open_device
     from qcompile.report.tables import print_table
 
-    device = load_device(name)
+    device = open_device(name)
     if as_json:
         echo_json(device.model_dump())
         return

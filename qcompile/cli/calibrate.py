@@ -10,12 +10,25 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from qcompile.cli.live_options import Live, live_options, spend
-from qcompile.cli.options import PARTS, Parts, Qubits, Shots, echo_json, json_option
+from qcompile.cli.options import (
+    CLOCK_HOURS,
+    PARTS,
+    Hours,
+    Parts,
+    Qubits,
+    Shots,
+    check_distinct,
+    echo_json,
+    json_option,
+)
 
 if TYPE_CHECKING:
     from qcompile.calibration import Calibration
     from qcompile.device import Device
     from qcompile.mitigation.measure import Part
+
+
+_MAX_AGE_HOURS = 24.0
 
 
 @click.command("calibrate")
@@ -51,10 +64,8 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--max-age-hours",
-    type=click.FloatRange(0, min_open=True),
-    default=24.0,
-    show_default=True,
-    help="For --check: an older calibration does not hold.",
+    type=Hours(),
+    help="For --check: an older calibration does not hold.  [default: 24]",
 )
 @click.option(
     "--seed", type=click.IntRange(0), help="Draw the same shots again.  [default: new ones]"
@@ -71,7 +82,7 @@ def command(
     force: bool,
     plot: Path | None,
     check: Path | None,
-    max_age_hours: float,
+    max_age_hours: float | None,
     seed: int | None,
     as_json: bool,
     live: Live | None,
@@ -85,11 +96,16 @@ def command(
         raise click.UsageError("--qubits and --policy exclude each other: both name the qubits.")
     if plot is not None and plot.suffix != ".png":
         raise click.BadParameter(f"{plot} must end with .png.", param_hint="'--plot'")
+    if max_age_hours is not None and check is None:
+        raise click.UsageError("--max-age-hours is for --check: nothing else looks at the age.")
+    if force and check is not None and out is None:
+        raise click.UsageError("--force overwrites a file: --check writes none without --out.")
     if check is not None and shots is None:
         raise click.UsageError("--check compares counts: --shots exact has none.")
     if live is not None and (shots is None or seed is not None):
         wrong = "--seed" if seed is not None else "--shots exact"
         raise click.UsageError(f"{wrong} and --live exclude each other.")
+    check_distinct({"--check": check, "--plot": plot})
     import numpy as np
 
     from qcompile.calibration import Calibration, load_calibration
@@ -103,6 +119,7 @@ def command(
     from qcompile.output import check_writable, write_file
     from qcompile.report.calibration import draw_calibration
     from qcompile.report.calibration_values import calibration_values, misfits, print_calibration
+    from qcompile.report.placement import left_out_words
     from qcompile.report.progress import progress_bar
 
     old = None if check is None else load_calibration(check)
@@ -114,6 +131,8 @@ def command(
         executor = open_executor(backend, seed)
         device = executor.device
     measured = _qubits(device, qubits, policy, old)
+    if qubits is None and policy is None and old is None and device.unusable:
+        click.echo(left_out_words(device.unusable), err=True)
     angles_rad = RESPONSE_ANGLES_RAD if live is None else LIVE_ANGLES_RAD
     if old is not None:
         parts = _comparable(old, device, measured, parts)
@@ -121,6 +140,7 @@ def command(
             angles_rad = np.array(old.response_counts.angles_rad)
     if out is None and check is None:
         out = Path(f"{device.name}-calibration.json")
+    check_distinct({"--out": out, "--plot": plot})
     _check_out(out, force)
     if plot is not None:
         check_writable(plot)
@@ -173,9 +193,13 @@ def command(
             "chi_square": drift.chi_square.tolist(),
             "p_value": drift.p_value.tolist(),
         }
-        failures = _failures(values, max_age_hours)
+        failures = _failures(values, max_age_hours or _MAX_AGE_HOURS)
     if plot is not None:
-        write_file(plot, draw_calibration(calibration))
+        try:
+            write_file(plot, draw_calibration(calibration))
+        except KeyboardInterrupt:
+            where = "" if out is None else f" The calibration is in {out}."
+            raise CalibrationError(f"Interrupted: {plot} was not drawn.{where}") from None
     if as_json:
         echo_json(values)
     else:
@@ -239,12 +263,19 @@ def _comparable(
     old.rows(np.array(qubits))
     counts = zip(PARTS, (old.readout_counts, old.response_counts), strict=True)
     there = {part: found for part, found in counts if found is not None}
+    fits = dict(zip(PARTS, (old.readout, old.response), strict=True))
     parts = asked or tuple(there)
     for part in parts:
         if part not in there:
             raise CalibrationError(
                 f"The calibration has no counts of the {part}.",
                 f"It has: {', '.join(there) or 'none'}.",
+            )
+        if fits[part] is None:
+            raise CalibrationError(
+                f"The calibration has no fit of its {part}, there is nothing that could hold.",
+                *old.unfitted,
+                "Calibrate anew, into another file.",
             )
         if there[part].shots is None:
             raise CalibrationError("A calibration without shots has no scatter to compare.")
@@ -268,6 +299,10 @@ def _check_out(out: Path | None, force: bool) -> None:
 def _failures(values: dict[str, Any], max_age_hours: float) -> list[str]:
     """Why the calibration that was checked does not hold; empty where it does."""
     check, lines = values["check"], []
+    if check["age_hours"] < -CLOCK_HOURS:
+        lines.append(
+            f"It is from the future, by {-check['age_hours']:.1f} hours: a clock is wrong."
+        )
     if check["age_hours"] > max_age_hours:
         lines.append(f"It is {check['age_hours']:.1f} hours old, more than {max_age_hours:g}.")
     if check["drifted"]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Container, Mapping
 from datetime import UTC, datetime
 from itertools import chain
 from pathlib import Path
@@ -24,6 +25,9 @@ BACKEND_HELP = (
 )
 _HOURS = 24.0
 """A calibration is trusted for so long; IBM's are measured anew every day."""
+
+CLOCK_HOURS = 1.0
+"""The clocks of two machines may differ by as much."""
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -58,6 +62,21 @@ class Shots(click.ParamType[int | None]):
                 ctx,
             )
         return shots
+
+
+class Hours(click.FloatRange):
+    """A positive number of hours, infinitely many among them."""
+
+    def __init__(self) -> None:
+        super().__init__(0, min_open=True)
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        hours: float = super().convert(value, param, ctx)
+        if math.isnan(hours):
+            self.fail(f"{value!r} is no number of hours.", param, ctx)
+        return hours
 
 
 class Qubits(click.ParamType[tuple[int, ...]]):
@@ -98,8 +117,28 @@ class Several(click.ParamType[tuple[Any, ...]]):
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> tuple[Any, ...]:
-        parts = (part.strip() for part in str(value).split(","))
+        parts = [part.strip() for part in str(value).split(",")]
+        if not all(parts):
+            self.fail(f"{value!r} has nothing before or after a comma.", param, ctx)
         return tuple(self.inner.convert(part, param, ctx) for part in parts)
+
+
+def check_distinct(
+    named: Mapping[str, Path | None], allowed: Container[frozenset[str]] = ()
+) -> dict[Path, str]:
+    """The options by the files they name, if no two name the same one but those of `allowed`.
+
+    Raises:
+        click.BadParameter: two name the same file, by whatever path.
+    """
+    taken: dict[Path, str] = {}
+    for option, path in named.items():
+        if path is None:
+            continue
+        other = taken.setdefault(path.resolve(), option)
+        if other != option and frozenset({other, option}) not in allowed:
+            raise click.BadParameter(f"{path} is the file of {other}.", param_hint=f"'{option}'")
+    return taken
 
 
 def once(
@@ -144,6 +183,8 @@ def echo_json(values: Any) -> None:
 def report_age(path: Path, calibration: Calibration) -> None:
     """Say so on standard error where the calibration of a file is old."""
     age = calibration.age_hours(datetime.now(UTC))
+    if age < -CLOCK_HOURS:
+        click.echo(f"{path} is from the future, by {-age:.0f} hours: a clock is wrong.", err=True)
     if age > _HOURS:
         click.echo(
             f"{path} is {age:.0f} hours old; `qcompile calibrate --check {path}` says whether it "

@@ -117,6 +117,11 @@ def command(
             "--calibration needs --mitigation readout or response, or "
             "--predistort: nothing else reads it."
         )
+    if copies is not None and copies > episodes:
+        raise click.UsageError(
+            f"--copies {copies} are more than the --episodes {episodes} there are to share an "
+            "execution."
+        )
     if live is not None and (video is not None or shots is None):
         wrong = "--video" if video is not None else "--shots exact"
         raise click.UsageError(f"{wrong} and --live exclude each other.")

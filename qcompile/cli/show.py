@@ -37,14 +37,15 @@ def command(
         _check_surrogate(ctx, subject)
         _show_surrogate(subject, as_json)
         return
-    from qcompile.execution import open_device
+    from qcompile.execution import load_backend
     from qcompile.passes import LEVELS, compile
     from qcompile.policy import load_policy
     from qcompile.report.placement import print_placement
     from qcompile.report.tables import print_table
     from qcompile.report.wires import executable_values, wire
 
-    device = open_device(backend)
+    opened = load_backend(backend)
+    device = opened.device
     if Path(subject).suffix == ".qasm":
         from qcompile.jobs.program_file import compile_source
         from qcompile.qasm.read import read_file
@@ -57,6 +58,10 @@ def command(
         executable = compile(policy.program, device, level, importance)
     program = executable.source
     values = executable_values(executable, importance)
+    if opened.calibration is not None:
+        for row in values["left_out"]:
+            if row["qubit"] not in opened.calibration.qubits:
+                row["reason"] = "was not calibrated"
     if policy is not None:
         values["policy"] = {
             "name": policy.name,

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from qcompile.cli.options import check_distinct
+
 if TYPE_CHECKING:
     from qcompile.report.watch import Watch
     from qcompile.rl.ppo import Trainer, TrainingResult
@@ -52,16 +54,10 @@ def check_outputs(
         "--log": log,
         "--tensorboard": tensorboard,
     }
-    allowed = [{"--resume", "--checkpoint"}]
+    allowed = [frozenset({"--resume", "--checkpoint"})]
     if not has_policy:
-        allowed += [{"--out", "--resume"}, {"--out", "--checkpoint"}]
-    taken: dict[Path, str] = {}
-    for option, path in named.items():
-        if path is None:
-            continue
-        other = taken.setdefault(path.resolve(), option)
-        if other != option and {other, option} not in allowed:
-            raise click.BadParameter(f"{path} is the file of {other}.", param_hint=f"'{option}'")
+        allowed += [frozenset({"--out", other}) for other in ("--resume", "--checkpoint")]
+    taken = check_distinct(named, allowed)
     for inner, option in taken.items():
         for outer in inner.parents:
             if outer in taken and taken[outer] != "--tensorboard" and not outer.is_dir():

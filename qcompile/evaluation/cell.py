@@ -16,36 +16,55 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 from qcompile import __version__
 from qcompile.errors import CalibrationError, QcompileError
 from qcompile.evaluation.grid import Cell
+from qcompile.execution.executor import Kind
 from qcompile.output import write_file
-from qcompile.rl.evaluate import Deployment, play
+from qcompile.rl.environments import threshold_of
+from qcompile.rl.evaluate import Deployment, bootstrap_ci95, is_solved, play
+
+Whole = Annotated[int, Field(ge=0)]
+Amount = Annotated[float, Field(ge=0)]
 
 
-class _Episode(BaseModel):
-    model_config = ConfigDict(allow_inf_nan=False)
+class _Record(BaseModel):
+    model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False)
 
-    seed: int
+
+class _Episode(_Record):
+    seed: Whole
     reward: float
-    length: int
+    length: Annotated[int, Field(ge=1)]
 
 
-class _Summary(BaseModel):
-    """What of `qcompile run --json` an evaluation relies on; a summary may hold more."""
-
-    model_config = ConfigDict(allow_inf_nan=False)
+class _Summary(_Record):
+    """The object of `qcompile run --json` for a cell; earlier ones lack the keys with a default."""
 
     policy: str
     environment: str
     backend: str
-    kind: str
+    kind: Kind
     shots: int | Literal["exact"]
     mitigation: str
+    predistort: Literal[False]
+    calibration: str | None
+    copies: Literal[1]
     level: int
+    greedy: Literal[False]
     seed: int
     episodes: Annotated[list[_Episode], Field(min_length=1)]
     mean_reward: float
     std_reward: float
-    ci95: tuple[float, float]
+    ci95: Annotated[list[float], Field(min_length=2, max_length=2)]
     solved: bool | None
+    gates_per_circuit: dict[str, Whole]
+    circuits_per_step: Whole
+    rounds_per_step: Whole
+    max_steps: None = None
+    jobs: Whole = 0
+    executions: Whole
+    qpu_seconds_estimate: Amount | None
+    env_steps: Whole
+    wall_seconds: Amount
+    interrupted: Literal[False]
 
 
 class CellResult(BaseModel):
@@ -166,16 +185,42 @@ def write_cell(result: CellResult, folder: Path) -> None:
 
 
 def read_cell(cell: Cell, folder: Path) -> CellResult | None:
-    """The result of the cell, if `folder` has it with these settings, this policy and backend."""
+    """The result of the cell, if `folder` has it with these settings, this policy and backend.
+
+    A file whose figures are not those of its episodes, or of another cell, is damaged: no result.
+    """
     try:
         path = folder / f"{cell.name}.json"
         result = CellResult.model_validate_json(path.read_bytes())
     except (OSError, ValidationError):
         return None
-    seeds = [cell.seed + i for i in range(cell.episodes)]
-    fits = (result.name, result.settings, list(result.rewards)) == (
-        cell.name,
-        cell.settings(),
-        seeds,
-    )
-    return result if fits else None
+    same = (result.name, result.settings) == (cell.name, cell.settings())
+    return result if same and _is_consistent(result, cell) else None
+
+
+def _is_consistent(result: CellResult, cell: Cell) -> bool:
+    """Whether the summary is of this cell, and its figures are those of its episodes."""
+    summary = result.summary
+    episodes, rewards = summary["episodes"], np.array([*result.rewards.values()])
+    expected = {
+        "policy": cell.policy.name,
+        "environment": cell.policy.environment,
+        "backend": cell.backend.device.name,
+        "shots": "exact" if cell.shots is None else cell.shots,
+        "mitigation": cell.mitigation,
+        "level": cell.level,
+        "seed": cell.seed,
+        "solved": is_solved(rewards, result.threshold),
+        "env_steps": sum(episode["length"] for episode in episodes),
+    }
+    if (
+        any(summary[key] != value for key, value in expected.items())
+        or [episode["seed"] for episode in episodes]
+        != [cell.seed + i for i in range(cell.episodes)]
+        or result.threshold != threshold_of(cell.policy.environment)
+    ):
+        return False
+    told = [summary["mean_reward"], summary["std_reward"], *summary["ci95"]]
+    interval = bootstrap_ci95(rewards, cell.seed)
+    assert interval is not None
+    return np.allclose(told, [rewards.mean(), rewards.std(), *interval], rtol=1e-9, atol=1e-9)

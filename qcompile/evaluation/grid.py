@@ -17,7 +17,7 @@ from qcompile.execution import Backend, DeviceBackend
 from qcompile.policy import Policy
 from qcompile.policy.files import policy_values
 
-_SAFE = re.compile(r"[\w.-]{1,80}", re.ASCII)
+_SAFE = re.compile(r"\w[\w.-]{0,79}", re.ASCII)
 
 
 Combination = tuple[Backend, int | None, str, int]
@@ -162,7 +162,8 @@ def file_name(name: str) -> str:
     """`name` where it can be part of a file's name; else what can, and a few digits of its hash."""
     if _SAFE.fullmatch(name):
         return name
-    return f"{re.sub(r'[^A-Za-z0-9_.-]+', '-', name)[:60]}-{_sha256(name)[:8]}"
+    rest = re.sub(r"[^A-Za-z0-9_.-]+", "-", name).lstrip(".-")  # else the file would be hidden
+    return f"{rest[:60]}-{_sha256(name)[:8]}" if rest else _sha256(name)[:8]
 
 
 def policy_sha256(policy: Policy) -> str:

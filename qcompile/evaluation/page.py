@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +17,7 @@ from qcompile.evaluation.summary import results
 from qcompile.evaluation.write_up import interval, mitigation_words, reference_line
 from qcompile.output import write_file
 from qcompile.report.intervals import Interval, Panel, draw_intervals
+from qcompile.report.tables import interval_words, plural
 
 Objects = Sequence[Mapping[str, Any]]
 
@@ -30,7 +32,7 @@ Written by `qcompile evaluate --paper` from the cells in {folder};
 nothing on this page is typed by hand.
 
 The paper (arXiv 2203.14348) tests its policies on five IBM devices that no longer run. Here the
-shipped policies play {episodes} episodes on noise models of the same devices, made from the
+shipped policies play {episodes} on noise models of the same devices, made from the
 numbers the paper prints for them, at the paper's numbers of shots, without mitigation and with
 `readout`. Three things differ from the paper, so its scores stand beside ours and are not ours to
 match: these are noise models and no machines, the policies are our own, and LunarLander-v2 has
@@ -65,7 +67,8 @@ def write_devices(
     link = Path(os.path.relpath(folder.resolve(), page_path.resolve().parent)).as_posix()
     figure = folder / "devices.png"
     write_file(figure, draw_intervals(_TITLE, panels(objects), same_scale=False))
-    write_file(page_path, page(cells, objects, link, found[cells[0].name].versions).encode())
+    text = page(cells, objects, link, found[cells[0].name].versions, (folder, page_path))
+    write_file(page_path, text.encode())
     return [figure, page_path]
 
 
@@ -98,31 +101,45 @@ def _of_task(task: Task, objects: Objects) -> list[Mapping[str, Any]]:
     return [values for values in objects if (values["policy"], values["environment"]) == key]
 
 
-def page(cells: Sequence[Cell], objects: Objects, link: str, versions: Mapping[str, str]) -> str:
-    """The page, in Markdown; `link` is the folder of the figure, as seen from the page."""
+def page(
+    cells: Sequence[Cell],
+    objects: Objects,
+    link: str,
+    versions: Mapping[str, str],
+    written: tuple[Path, Path],
+) -> str:
+    """The page, in Markdown; `link` is the folder of the figure, as seen from the page.
+
+    `written` are the folder and the page as the command that is running was told.
+    """
     inside = "" if link == "." else f"{link}/"
     where = f"[{link if inside else 'this folder'}]({inside}results.csv)"
     first = cells[0]
     figure = f"{inside}devices.png"
-    parts = [_HEAD.format(folder=where, episodes=first.episodes, figure=figure)]
+    parts = [_HEAD.format(folder=where, episodes=plural(first.episodes, "episode"), figure=figure)]
     for task in TASKS:
         own = next(cell.policy for cell in cells if cell.policy.name == task.policy)
         threshold = _of_task(task, objects)[0]["threshold"]
         solved = "has no threshold" if threshold is None else f"counts as solved at {threshold:g}"
         parts.append(
             f"## {task.title}\n\nThe policy `{task.policy}` plays {task.environment}, which "
-            f"{solved}.\nIt has {_count(len(own.program), 'circuit')} and {own.parameter_count} "
-            f"trained numbers; the paper's has {_count(task.circuits, 'circuit')} and "
+            f"{solved}.\nIt has {plural(len(own.program), 'circuit')} and {own.parameter_count} "
+            f"trained numbers; the paper's has {plural(task.circuits, 'circuit')} and "
             f"{task.parameters}.\n"
         )
         parts.append(_table(task, objects))
     made = ", ".join(f"{name} {version}" for name, version in versions.items())
     parts.append(
-        "## Repeat it\n\n```\nqcompile evaluate --paper --out devices\n```\n\n"
+        f"## Repeat it\n\n```\n{_command(first, *written)}\n```\n\n"
         f"Made with {made}, seed {first.seed};\nthe same versions on the same machine give the "
         "same numbers, whatever the number of workers.\n"
     )
     return "\n".join(parts)
+
+
+def _command(cell: Cell, folder: Path, page: Path) -> str:
+    words = ["--episodes", cell.episodes, "--seed", cell.seed, "--out", folder, "--page", page]
+    return shlex.join(["qcompile", "evaluate", "--paper", *map(str, words)])
 
 
 def _table(task: Task, objects: Objects) -> str:
@@ -143,7 +160,6 @@ def _table(task: Task, objects: Objects) -> str:
 
 
 def _cells(values: Mapping[str, Any]) -> tuple[str, ...]:
-    low, high = values["ci95"]
     difference = "-"
     if not values["reference"]:
         least, most = values["paired_ci95"]
@@ -153,10 +169,6 @@ def _cells(values: Mapping[str, Any]) -> tuple[str, ...]:
         f"{values['shots']}",
         "-" if values["reference"] else mitigation_words(values["mitigation"]),
         f"{values['mean_reward']:.1f} ± {values['std_reward']:.1f}",
-        f"{low:.1f} to {high:.1f}",
+        interval_words(values) or "-",
         difference,
     )
-
-
-def _count(number: int, word: str) -> str:
-    return f"{number} {word}" if number == 1 else f"{number} {word}s"

@@ -12,6 +12,7 @@ from qcompile.evaluation.grid import Cell, file_name
 from qcompile.evaluation.summary import results_csv
 from qcompile.output import write_file
 from qcompile.report.intervals import Interval, Panel, draw_intervals
+from qcompile.report.tables import plural
 
 
 def cells_folder(folder: Path) -> Path:
@@ -71,7 +72,8 @@ def _figure(objects: Sequence[Mapping[str, Any]]) -> bytes:
         )
         for level in levels
     ]
-    title = f"{first['policy']} in {first['environment']}, {len(first['episodes'])} episodes"
+    episodes = plural(len(first["episodes"]), "episode")
+    title = f"{first['policy']} in {first['environment']}, {episodes}"
     return draw_intervals(title, panels)
 
 

@@ -20,6 +20,7 @@ from qcompile.output import new_folder
 from qcompile.passes import Executable, compile
 from qcompile.policy import Policy
 from qcompile.qasm import write
+from qcompile.validation import explain, read_file
 
 FloatArray = NDArray[np.float64]
 
@@ -105,21 +106,22 @@ def read_observations(path: Path, policy: Policy) -> FloatArray:
         PolicyError: the file cannot be read, or its numbers do not fit the policy.
     """
     try:
+        contents = BytesIO(read_file(path))
         if path.suffix == ".npy":
-            values = np.load(BytesIO(path.read_bytes()), allow_pickle=False)
+            values = np.load(contents, allow_pickle=False)
         elif path.suffix == ".json":
-            values = np.array(json.loads(path.read_text()), dtype=float)
+            values = np.array(json.load(contents), dtype=float)
         else:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # an empty file is refused below
-                values = np.loadtxt(path, delimiter=",", ndmin=2)
+                values = np.loadtxt(contents, delimiter=",", ndmin=2)
         if not isinstance(values, np.ndarray) or np.iscomplexobj(values):
             raise TypeError("It is no single array of real numbers.")
         values = np.atleast_2d(np.asarray(values, dtype=float))
     except (OSError, ValueError, TypeError, EOFError, BadZipFile, RecursionError) as error:
         raise PolicyError(
             f"{path} holds no observations.",
-            *str(error).splitlines()[:1],
+            *explain(error)[0].splitlines()[:1],
             "It needs one row of numbers for each observation, as .npy, .csv or .json.",
         ) from error
     if not np.isfinite(values).all() or not values.size:

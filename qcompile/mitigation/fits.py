@@ -7,16 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from qcompile.calibration import ReadoutFit, ResponseFit
+from qcompile.calibration import ReadoutFit, ResponseFit, weakness
 from qcompile.errors import CalibrationError
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
-LEAST_CONTRAST = 0.02
-"""A qubit that shows less of <Z> cannot be undone."""
-MOST_ERROR = 0.1
-"""A contrast that is known less well needs more shots."""
+_LEAST_SPREAD = 1e-3  # of the angles: else one of b, c and s is hardly measured
 PRIOR_SHOTS = 8.0
 """What all qubits together say of a qubit's readout weighs as much as so many shots of its own."""
 
@@ -55,10 +52,9 @@ def fit_readout(
     _solve(cvxpy, cvxpy.sum_squares(p_one - mean) + belief, [p_one >= 0, p_one <= 1])
     fitted = np.clip(p_one.value, 0.0, 1.0)
     errors = np.sqrt(noise / total) if shots is not None else np.zeros_like(mean)
-    _check_contrast(fitted[1] - fitted[0], np.hypot(*errors), qubits)
     expected, variance = (np.where(prepared == 1, of[1], of[0]) for of in (mean, noise))
     chi_square = (shots or 0) * ((frequency - expected) ** 2 / variance).sum(axis=0)
-    return ReadoutFit(
+    fit = ReadoutFit(
         p10=tuple(fitted[0].tolist()),
         p01=tuple((1.0 - fitted[1]).tolist()),
         p10_error=tuple(errors[0].tolist()),
@@ -66,6 +62,8 @@ def fit_readout(
         chi_square=tuple(chi_square.tolist()),
         degrees_of_freedom=len(prepared) - 2,
     )
+    _check(fit, qubits)
+    return fit
 
 
 def fit_response(
@@ -83,7 +81,7 @@ def fit_response(
     import cvxpy
 
     design = np.stack([np.ones_like(angles_rad), np.cos(angles_rad), np.sin(angles_rad)], axis=1)
-    if np.linalg.matrix_rank(design) < 3:
+    if np.linalg.matrix_rank(design, tol=_LEAST_SPREAD) < 3:
         raise CalibrationError(
             f"{len(angles_rad)} angles do not fix a curve.", "It needs three that differ."
         )
@@ -104,17 +102,16 @@ def fit_response(
     fitted = curves.value.T
     if shots is None:
         covariance = np.zeros_like(covariance)
-    direction = fitted[:, 1:] / np.maximum(np.linalg.norm(fitted[:, 1:], axis=1), 1e-12)[:, None]
-    error = np.sqrt(np.einsum("ni,nij,nj->n", direction, covariance[:, 1:, 1:], direction))
-    _check_contrast(np.linalg.norm(fitted[:, 1:], axis=1), error, qubits)
     residual = design @ fitted.T - z
     chi_square = (weights * residual**2).sum(axis=0) if shots else np.zeros(len(qubits))
-    return ResponseFit(
+    fit = ResponseFit(
         curves=_nested(fitted),
         covariance=_nested(covariance),
         chi_square=tuple(chi_square.tolist()),
         degrees_of_freedom=len(angles_rad) - 3,
     )
+    _check(fit, qubits)
+    return fit
 
 
 def _nested(array: FloatArray) -> Any:
@@ -139,20 +136,6 @@ def _solve(cvxpy: Any, objective: Any, constraints: list[Any]) -> None:
         raise CalibrationError(f"The fit ended with status {problem.status!r}.")
 
 
-def _check_contrast(contrast: FloatArray, error: FloatArray, qubits: IntArray) -> None:
-    weak = contrast < LEAST_CONTRAST
-    if weak.any():
-        raise CalibrationError(
-            f"Qubit {qubits[weak][0]} shows {contrast[weak][0]:.3f} of <Z>, less than "
-            f"{LEAST_CONTRAST}: its errors cannot be undone.",
-            "Leave the qubit out (`left_out` in the device file), or run with --mitigation none.",
-        )
-    unknown = error > MOST_ERROR
-    if unknown.any():
-        worst = float(error.max())
-        raise CalibrationError(
-            f"Too few shots: the contrast of qubit {qubits[unknown][0]} is known to "
-            f"{error[unknown][0]:.2f} only.",
-            f"It is needed to {MOST_ERROR}; take {(worst / MOST_ERROR) ** 2:.1f} times the shots "
-            "or more.",
-        )
+def _check(fit: ReadoutFit | ResponseFit, qubits: IntArray) -> None:
+    if words := weakness(fit, qubits.tolist()):
+        raise CalibrationError(*words)

@@ -86,7 +86,8 @@ def readout_mitigation(calibration: Calibration, executable: Executable) -> Miti
     if fit is None:
         raise CalibrationError(
             "The calibration holds no assignment matrices.",
-            *(calibration.unfitted or ["Use mitigation response, or calibrate the readout."]),
+            *calibration.unfitted,
+            _instead("response", calibration.response, "readout"),
         )
     p10, p01, v10, v01 = (
         np.array(column)[rows]
@@ -112,12 +113,13 @@ def response_mitigation(
         CalibrationError: the executable is not of level 2, a qubit was not calibrated, or no
             response was.
     """
-    check_response_level(executable.level)
+    check_response_level(executable.level, bent=any_side)
     fit, rows = calibration.response, calibration.rows(executable.qubits)
     if fit is None:
         raise CalibrationError(
             "The calibration holds no response curves.",
-            *(calibration.unfitted or ["Use mitigation readout, or calibrate the response."]),
+            *calibration.unfitted,
+            _instead("readout", calibration.readout, "response"),
         )
     curve, covariance = np.array(fit.curves)[rows], np.array(fit.covariance)[rows]
     sign = math.cos(executable.angle_offset_rad)
@@ -134,10 +136,25 @@ def response_mitigation(
     return Mitigation(b, contrast, tilt, turned)
 
 
-def check_response_level(level: int) -> None:
-    """Raise CalibrationError where response curves say nothing of the circuits of a level."""
+def _instead(other: str, fit: object, part: str) -> str:
+    """What to try where a calibration lacks a part: the other, if it has that."""
+    if fit is None:
+        return f"Calibrate the {part}: `qcompile calibrate`."
+    return f"Use mitigation {other}, or calibrate the {part}."
+
+
+def check_response_level(level: int, *, bent: bool = False) -> None:
+    """Raise CalibrationError where response curves say nothing of the circuits of a level.
+
+    `bent` says that angles are to be bent by the curves, to which there is no other way.
+    """
     if level != 2:
         raise CalibrationError(
             f"Response curves need level 2, found level {level}.",
-            "They are those of sx rz sx; take --level 2 or --mitigation readout.",
+            "They are those of sx rz sx; take --level 2"
+            + (
+                ", or --mitigation readout without --predistort."
+                if bent
+                else " or --mitigation readout."
+            ),
         )

@@ -16,7 +16,7 @@ from qcompile.errors import CircuitError, PolicyError
 from qcompile.ir import Circuit, Program
 from qcompile.output import write_file
 from qcompile.policy.policy import Encoder, Policy
-from qcompile.validation import Line, explain
+from qcompile.validation import Line, explain, read_file
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -101,7 +101,7 @@ def load_policy(name: str | Path) -> Policy:
     try:
         if path.suffix == ".pt":
             return PolicyFile.model_validate(_read_pt(path)).policy()
-        return PolicyFile.model_validate_json(path.read_bytes()).policy()
+        return PolicyFile.model_validate_json(read_file(path)).policy()
     except (OSError, ValidationError) as error:
         raise PolicyError(f"{path} is no policy file.", *explain(error)) from error
     except (CircuitError, PolicyError) as error:

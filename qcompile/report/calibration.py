@@ -19,11 +19,17 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 
 _MOST_COLUMNS = 8
+_MOST_CURVES = 32
+"""More qubits than that have a strip of numbers instead of a curve each."""
+_MOST_TICKS = 40
 _BLUE, _ORANGE, _GREY = "#0072B2", "#D55E00", "0.55"  # Okabe and Ito's
 
 
 def draw_calibration(calibration: Calibration) -> bytes:
-    """Response curves, residuals and readout errors of every qubit, as the bytes of a PNG file."""
+    """Response curves, residuals and readout errors of every qubit, as the bytes of a PNG file.
+
+    Of more than _MOST_CURVES qubits contrast, offset and tilt are drawn instead of the curves.
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -31,10 +37,11 @@ def draw_calibration(calibration: Calibration) -> bytes:
     count = len(calibration.qubits)
     rows = math.ceil(count / _MOST_COLUMNS)
     columns = math.ceil(count / rows)
-    rows *= calibration.response is not None
+    rows *= calibration.response is not None and count <= _MOST_CURVES
     residuals = list(_residuals(calibration))
-    below = bool(residuals) + (calibration.readout is not None)
-    width = min(max(7.5, 1.7 * columns), 13.0)
+    strips = _STRIPS if calibration.response is not None and not rows else ()
+    below = len(strips) + bool(residuals) + (calibration.readout is not None)
+    width = 13.0 if count > _MOST_CURVES else min(max(7.5, 1.7 * columns), 13.0)
     high, low = 1.65 * rows + 0.5 * bool(rows), 2.1 * below + 0.3 * bool(below)
     figure = Figure(figsize=(width, high + low + 0.5), layout="constrained")
     heights = [part for part in (high, low) if part]
@@ -47,7 +54,7 @@ def draw_calibration(calibration: Calibration) -> bytes:
         ha="left",
         fontsize=11,
     )
-    if calibration.response is not None:
+    if rows:
         part = next(parts)
         panels = part.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
         for index, axes in enumerate(panels.flat):
@@ -71,18 +78,25 @@ def draw_calibration(calibration: Calibration) -> bytes:
     if below:
         part = next(parts)
         made = iter(part.subplots(below, 1, squeeze=False, sharex=True)[:, 0])
+        for strip in strips:
+            _draw_strip(next(made), values, *strip)
         if residuals:
             _draw_residuals(next(made), residuals, values)
         if calibration.readout is not None:
             _draw_readout(next(made), values)
         bad = {row["qubit"] for row in values["qubits"] if is_misfit(row)}
         last = part.axes[-1]
-        last.set_xticks(range(count), [str(q) for q in calibration.qubits], fontsize=8)
+        every = _every(count)
+        shown = calibration.qubits[::every]
+        last.set_xticks(range(0, count, every), [str(q) for q in shown], fontsize=8)
         last.set_xlim(-0.6, count - 0.4)
         last.set_xlabel("qubit" + ("; orange: a fit is bad" if bad else ""), fontsize=9)
-        for label, qubit in zip(last.get_xticklabels(), calibration.qubits, strict=True):
-            if qubit in bad:
+        for label, qubit in zip(last.get_xticklabels(), shown, strict=True):
+            if qubit in bad and every == 1:
                 label.set(color=_ORANGE, fontweight="bold")
+        for at in (at for at, qubit in enumerate(calibration.qubits) if qubit in bad and every > 1):
+            for axes in part.axes:
+                axes.axvspan(at - 0.5, at + 0.5, color=_ORANGE, alpha=0.15, lw=0, zorder=0)
     FigureCanvasAgg(figure)
     picture = BytesIO()
     figure.savefig(picture, format="png", dpi=120, metadata={"Software": None})
@@ -127,6 +141,30 @@ def _draw_curve(axes: Axes, calibration: Calibration, index: int, row: dict[str,
     axes.spines[["top", "right"]].set_visible(False)
 
 
+_STRIPS = (("contrast", "contrast"), ("offset", "offset"), ("tilt_rad", "tilt, rad"))
+
+
+def _every(count: int) -> int:
+    """The ticks of so many qubits are so far apart that their labels stand side by side."""
+    return 1 if count <= _MOST_TICKS else 10 * math.ceil(count / (10 * _MOST_TICKS))
+
+
+def _draw_strip(axes: Axes, values: dict[str, Any], name: str, label: str) -> None:
+    """One number of every qubit's response curve, with its standard error."""
+    found = [row[name] for row in values["qubits"]]
+    errors = [
+        row["tilt_error_rad" if name == "tilt_rad" else f"{name}_error"] for row in values["qubits"]
+    ]
+    axes.errorbar(
+        range(len(found)), found, errors, fmt="o", color=_BLUE, ecolor="0.6", ms=3, mew=0,
+        elinewidth=0.9,
+    )  # fmt: skip
+    if name != "contrast":
+        axes.axhline(0, color=_GREY, linewidth=0.8, zorder=1)
+    axes.set_ylabel(label, fontsize=9)
+    _finish(axes)
+
+
 def _residuals(calibration: Calibration) -> Iterator[tuple[str, FloatArray]]:
     """(circuits, qubits) for response and readout: measured less fitted, in standard errors."""
     for part, counts in (
@@ -163,7 +201,8 @@ def _draw_residuals(
         spread = 0.26 * (np.arange(circuits) / max(circuits - 1, 1) - 0.5)
         at = np.arange(qubits) + side + spread[:, None]
         colour, marker = (_BLUE, "o") if part == "response" else (_ORANGE, "D")
-        axes.plot(at.ravel(), found.ravel(), marker, color=colour, ms=3, mew=0, label=part)
+        size = 3 if qubits <= _MOST_CURVES else 1.5
+        axes.plot(at.ravel(), found.ravel(), marker, color=colour, ms=size, mew=0, label=part)
     most = max(3.5, 1.1 * max(float(np.abs(found).max()) for _, found in residuals))
     axes.set_ylim(-most, most)
     axes.set_ylabel("residual /\nstandard error", fontsize=9)
@@ -181,7 +220,13 @@ def _draw_readout(axes: Axes, values: dict[str, Any]) -> None:
         axes.bar(at + side, heights, 0.36, color=colour, label=label, alpha=0.85)
         if any(errors):
             axes.errorbar(
-                at + side, heights, errors, fmt="none", ecolor="0.2", capsize=2, elinewidth=0.9
+                at + side,
+                heights,
+                errors,
+                fmt="none",
+                ecolor="0.2",
+                capsize=2 if len(at) <= _MOST_CURVES else 0,
+                elinewidth=0.9,
             )
     axes.set_ylim(bottom=0)
     axes.set_ylabel("readout\nerror, %", fontsize=9)
@@ -194,6 +239,8 @@ def _finish(axes: Axes) -> None:
     axes.grid(axis="y", color="0.92", linewidth=0.8)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
+    if not axes.get_legend_handles_labels()[0]:
+        return
     axes.legend(
         loc="lower right", bbox_to_anchor=(1, 1), frameon=False, fontsize=8, ncols=2,
         borderaxespad=0.1,

@@ -6,9 +6,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from qcompile.calibration import Calibration
 from qcompile.report.tables import plural, print_table
+
+FloatArray = NDArray[np.float64]
 
 MISFIT_LEVEL = 0.001
 """A fit that is right is flagged this often."""
@@ -71,10 +74,15 @@ def _response(calibration: Calibration) -> dict[str, list[float]]:
         "offset": b.tolist(),
         "offset_error": np.sqrt(covariance[:, 0, 0]).tolist(),
         "contrast": contrast.tolist(),
-        "contrast_error": np.sqrt(np.einsum("qi,qij,qj->q", along, inner, along)).tolist(),
+        "contrast_error": _root(np.einsum("qi,qij,qj->q", along, inner, along)),
         "tilt_rad": tilt.tolist(),
-        "tilt_error_rad": np.sqrt(np.einsum("qi,qij,qj->q", across, inner, across)).tolist(),
+        "tilt_error_rad": _root(np.einsum("qi,qij,qj->q", across, inner, across)),
     }
+
+
+def _root(variance: FloatArray) -> list[float]:
+    """Standard errors: a variance that is nothing may be rounded below 0."""
+    return [float(error) for error in np.sqrt(np.maximum(variance, 0.0))]
 
 
 def misfits(values: dict[str, Any]) -> Iterator[str]:

@@ -21,7 +21,7 @@ _GREY = "0.45"
 _SPREAD = 0.6
 _LETTERS_PER_INCH = 12
 """Of a column's name; twelve at least are left together."""
-_LINES = {"ideal": "ideal, exact expectations", "solved": "solved"}
+_LINES = {"ideal": "ideal, exact expectations", "band": "its 95 % interval", "solved": "solved"}
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ def _draw(
             )
     if panel.ideal is not None:
         mean, low, high = panel.ideal
-        axes.axhspan(low, high, color="0.2", alpha=0.08, lw=0, zorder=1)
+        axes.axhspan(low, high, color="0.2", alpha=0.08, lw=0, zorder=1, label=_LINES["band"])
         axes.axhline(mean, color="0.2", linewidth=1.0, label=_LINES["ideal"], zorder=2)
     if panel.solved is not None:
         axes.axhline(panel.solved, color="0.4", lw=1.0, ls=":", label=_LINES["solved"], zorder=2)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import click
@@ -40,6 +40,13 @@ def print_placement(values: dict[str, Any]) -> None:
         click.echo(line)
 
 
+def left_out_words(reasons: Mapping[int, str]) -> str:
+    """Which qubits are not used, each with the reason in words."""
+    words = ", ".join(f"{qubit} {reason}" for qubit, reason in reasons.items())
+    text = f"left out ({LEAST_CONTRAST} of <Z> is the least): qubit {words}"
+    return textwrap.fill(text, 80, subsequent_indent="  ")
+
+
 def _lines(values: dict[str, Any], weighed: bool) -> Iterator[str]:
     if weighed:
         yield "importance: variance over actions of the circuit's weights, as a share of all"
@@ -48,9 +55,7 @@ def _lines(values: dict[str, Any], weighed: bool) -> Iterator[str]:
         f"{_PERFECT:.4f} if perfect"
     )
     if values["left_out"]:
-        words = ", ".join(f"{row['qubit']} {row['reason']}" for row in values["left_out"])
-        text = f"left out ({LEAST_CONTRAST} of <Z> is the least): qubit {words}"
-        yield textwrap.fill(text, 80, subsequent_indent="  ")
+        yield left_out_words({row["qubit"]: row["reason"] for row in values["left_out"]})
     copies = values["copies_that_fit"]
     if copies > 1:
         yield f"{copies} episodes fit side by side in one round"

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Container, Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, Literal
 
 from rich import box
+from rich.cells import cell_len
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -17,6 +19,9 @@ _KINDS = {
     "hardware": "hardware",
 }
 _LEAST_FOR_INTERVAL = 5
+_LEAST_TEXT = 12
+"""Letters of a name that stay together."""
+_UNBOUNDED = Console(width=100_000)
 _BARS = "▁▂▃▄▅▆▇█"
 
 
@@ -30,9 +35,11 @@ def print_table(
 ) -> None:
     """Print a table on standard output; columns of numbers, and those of `right`, on the right.
 
-    A `tight` one has less room between its columns.
+    A `tight` one has less room between its columns. Where a terminal is too narrow, headers break
+    between their words and long names anywhere, but numbers never: the lines are longer then.
     """
     rows = [list(row) for row in rows]
+    cells = [[_cell(value) for value in row] for row in rows]
     table = Table(
         title=escape(title) or None,
         box=box.SIMPLE_HEAD,
@@ -42,25 +49,57 @@ def print_table(
     )
     for index, column in enumerate(columns):
         numeric = bool(rows) and all(isinstance(row[index], int | float) for row in rows)
-        numeric |= index in right
-        table.add_column(escape(column), justify="right" if numeric else "left", overflow="fold")
-    for row in rows:
-        table.add_row(*(_cell(value) for value in row))
-    Console().print(table)
+        justify: Literal["right", "left"] = "right" if numeric or index in right else "left"
+        table.add_column(escape(column), justify=justify, overflow="fold")
+    for row in cells:
+        table.add_row(*map(escape, row))
+    console = _console()
+    room = console.width - _UNBOUNDED.measure(table).maximum
+    widths = _widths(columns, list(zip(*cells, strict=True)) or [()] * len(columns), room)
+    for made, width in zip(table.columns, widths, strict=True):
+        made.width = width
+    console.width = max(console.width, _UNBOUNDED.measure(table).maximum)
+    console.print(table)
 
 
 def _cell(value: object) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else escape(str(value))
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def _console() -> Console:
+    """Standard output; as wide as a line gets where no terminal, nor COLUMNS, says how wide."""
+    console = Console(highlight=False)
+    if not console.is_terminal and not os.environ.get("COLUMNS", "").isdecimal():
+        console.width = _UNBOUNDED.width
+    return console
+
+
+def _widths(columns: Sequence[str], cells: Sequence[Sequence[str]], room: int) -> list[int]:
+    """The width of each column; the widest give way, one by one, where `room` is negative."""
+    widths, least = [], []
+    for header, column in zip(columns, cells, strict=True):
+        inside = max(map(cell_len, column), default=0)
+        is_text = any(cell[:1].isalpha() and cell_len(cell) > _LEAST_TEXT for cell in column)
+        word = max(map(cell_len, header.split()), default=0)
+        widths.append(max(cell_len(header), inside))
+        least.append(max(word, _LEAST_TEXT if is_text else inside))
+    while room < 0:
+        slack = [index for index, width in enumerate(widths) if width > least[index]]
+        if not slack:
+            break
+        widths[max(slack, key=widths.__getitem__)] -= 1
+        room += 1
+    return widths
 
 
 def print_run(summary: dict[str, Any]) -> None:
     """Print what a run found: `RunResult.summary`."""
-    console = Console(highlight=False)
+    console = _console()
     backend = f"{summary['backend']} ({_KINDS.get(summary['kind'], summary['kind'])})"
     policy, environment = escape(summary["policy"]), escape(summary["environment"])
-    console.print(f"[bold]{policy}[/] in {environment} on {backend}")
+    console.print(f"[bold]{policy}[/] in {environment} on {escape(backend)}")
     grid = Table.grid(padding=(0, 2))
-    grid.add_column(style="dim")
+    grid.add_column(style="dim", no_wrap=True)
     grid.add_column()
     for name, value in _run_lines(summary):
         grid.add_row(name, value)
@@ -70,10 +109,8 @@ def print_run(summary: dict[str, Any]) -> None:
 def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
     rewards = [episode["reward"] for episode in summary["episodes"]]
     if rewards:
-        interval = ""
-        if summary["ci95"] is not None and len(rewards) >= _LEAST_FOR_INTERVAL:
-            low, high = summary["ci95"]
-            interval = f" (95 % interval {low:.1f} to {high:.1f})"
+        interval = interval_words(summary)
+        interval = f" (95 % interval {interval})" if interval else ""
         yield (
             "mean reward",
             f"[bold]{summary['mean_reward']:.1f}[/] ± {summary['std_reward']:.1f} over "
@@ -121,7 +158,8 @@ def print_grid(objects: Sequence[Mapping[str, Any]]) -> None:
     header = ["backend", "shots", "mitigation", *["level"] * levels, "mean ± std", "95 % interval"]
     for policy in dict.fromkeys(values["policy"] for values in objects):
         shown = [values for values in objects if values["policy"] == policy]
-        title = f"{policy} in {shown[0]['environment']}, {len(shown[0]['episodes'])} episodes"
+        played = plural(len(shown[0]["episodes"]), "episode")
+        title = f"{policy} in {shown[0]['environment']}, {played}"
         if not levels:
             title += f", level {shown[0]['level']}"
         print_table(
@@ -140,10 +178,18 @@ def _grid_row(values: Mapping[str, Any], levels: bool) -> list[object]:
         values["mitigation"],
         *[values["level"]] * levels,
         f"{values['mean_reward']:.1f} ± {values['std_reward']:.1f}",
-        "{:.1f} to {:.1f}".format(*values["ci95"]),
+        interval_words(values) or "-",
         "-" if values["reference"] or difference is None else f"{difference:+.1f}",
         {True: "yes", False: "no", None: "-"}[values["solved"]],
     ]
+
+
+def interval_words(summary: Mapping[str, Any]) -> str:
+    """The 95 % interval of the mean reward; empty where too few episodes say how they scatter."""
+    if summary["ci95"] is None or len(summary["episodes"]) < _LEAST_FOR_INTERVAL:
+        return ""
+    low, high = summary["ci95"]
+    return f"{low:.1f} to {high:.1f}"
 
 
 def _shots(shots: int | str) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
+from functools import cache
 from typing import Any
 
 import gymnasium
@@ -96,6 +97,20 @@ def check_fit(policy: Policy, environment: Environment) -> None:
 def reward_threshold(environment: Environment) -> float | None:
     """The mean reward at which the environment counts as solved, if it has one."""
     return environment.spec.reward_threshold if environment.spec else None
+
+
+@cache
+def threshold_of(name: str) -> float | None:
+    """`reward_threshold` of an environment by its name.
+
+    Raises:
+        EnvironmentMismatchError: it is unknown.
+    """
+    (environment,) = make_environments(name, 1)
+    try:
+        return reward_threshold(environment)
+    finally:
+        environment.close()
 
 
 def frames_per_second(environment: Environment) -> float:

@@ -132,15 +132,9 @@ class RunResult:
         """The plain values of `qcompile run --json`; `calibration` is the name of its file."""
         made, rewards = self.deployment, self.rewards
         policy, counts = made.policy, made.executable.gate_counts()
-        threshold = self.threshold
         mean = float(rewards.mean()) if len(rewards) else None
-        judged = (
-            threshold is not None
-            and mean is not None
-            and len(rewards) >= _LEAST_FOR_SOLVED
-            and not self.interrupted  # the shortest episodes end first: their mean is biased
-            and self.max_steps is None
-        )
+        # Of an interrupted run the shortest episodes ended first: their mean is biased.
+        judged = not self.interrupted and self.max_steps is None
         return {
             "policy": policy.name,
             "environment": policy.environment,
@@ -158,7 +152,7 @@ class RunResult:
             "mean_reward": mean,
             "std_reward": float(rewards.std()) if len(rewards) else None,
             "ci95": None if self.interrupted else bootstrap_ci95(rewards, made.seed),
-            "solved": mean >= threshold if judged else None,  # type: ignore[operator]
+            "solved": is_solved(rewards, self.threshold) if judged else None,
             "gates_per_circuit": {
                 gate: max((count[gate] for count in counts), default=0)
                 for gate in ("sx", "rz", "x", "rx")
@@ -183,6 +177,13 @@ def bootstrap_ci95(rewards: FloatArray, seed: int, resamples: int = 10_000) -> l
     blocks = np.array_split(np.empty(resamples), -(-resamples * len(rewards) // _BLOCK))
     means = [rng.choice(rewards, (len(block), len(rewards))).mean(axis=1) for block in blocks]
     return [float(v) for v in np.percentile(np.concatenate(means), [2.5, 97.5])]
+
+
+def is_solved(rewards: FloatArray, threshold: float | None) -> bool | None:
+    """Whether their mean reaches the threshold; None without one, or where they are too few."""
+    if threshold is None or len(rewards) < _LEAST_FOR_SOLVED:
+        return None
+    return float(rewards.mean()) >= threshold
 
 
 class Record(Protocol):

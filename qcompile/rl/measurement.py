@@ -74,7 +74,7 @@ class Measurement:
                 "Bent angles make the device show the ideal <Z>: take --mitigation none.",
             )
         if predistort or mitigation == "response":
-            check_response_level(level)  # before anything is measured
+            check_response_level(level, bent=predistort)  # before anything is measured
         self.shots, self.copies, self.executor = shots, copies, executor
         self.executable: Executable = compile(
             program, executor.device, level, importance, copies=copies
@@ -103,6 +103,11 @@ class Measurement:
             measured = calibrate(self.executor, self.executable.qubits, shots, parts=[part])
             if shots is not None:
                 self.calibration_load = calibration_workload(len(measured.qubits), shots, [part])
+            if measured.unfitted:
+                raise CalibrationError(
+                    f"The {part} of {self.executor.device.name} cannot be calibrated.",
+                    *measured.unfitted,
+                )
             return measured
         name = self.executor.device.name
         if given.backend != name:

@@ -94,6 +94,8 @@ def run_all(
     if not waiting:
         return
     losses = 0
+    if workers is not None:  # one alone would be this process, which ends with a lost cell
+        workers = min(workers, max(len(waiting), 2))
     with _engine(engine, address, workers) as jobs:
         found = _outcomes(list(waiting.values()), run, engine, jobs)
         while waiting:

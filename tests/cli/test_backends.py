@@ -124,3 +124,13 @@ Error: A snapshot of a Qiskit backend needs packages that are not installed.
   Install them with: pip install 'qcompile[qiskit]'
 """
     )
+
+
+def test_a_backend_of_qiskit_is_shown(qcompile: Call) -> None:
+    pytest.importorskip("qiskit_ibm_runtime")
+    answer = qcompile("backends", "show", "qiskit:FakeLimaV2", "--json")
+    assert answer.code == 0
+    assert len(answer.json()["qubits"]) == 5
+    answer = qcompile("backends", "show", "qiskit:FakeLimma")
+    assert (answer.code, answer.out) == (1, "")
+    assert answer.err.startswith("Error: Unknown fake backend 'FakeLimma'.\n")

@@ -96,7 +96,7 @@ def test_a_sine_without_shots_is_found_exactly(qcompile: Call) -> None:
 )
 def test_pictures_of_any_size_are_drawn(qcompile: Call, words: tuple[str, ...]) -> None:
     answer = qcompile(*LIMA, "--shots", 200, "--plot", "a.png", *words)
-    assert (answer.code, answer.err) == (0, "")
+    assert answer.code == 0
     assert Path("a.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
 
 
@@ -180,6 +180,14 @@ def test_an_old_calibration_does_not_pass(qcompile: Call) -> None:
     assert qcompile(*words, "--max-age-hours", 31).code == 0
 
 
+def test_a_calibration_from_the_future_does_not_pass(qcompile: Call) -> None:
+    qcompile(*LIMA, "--out", "old.json")
+    words = ("calibrate", "--backend", "fake_lima", "--check", aged("old.json", -3), "--seed", 2)
+    answer = qcompile(*words)
+    assert answer.code == 1
+    assert "\n  It is from the future, by 3.0 hours: a clock is wrong.\n" in answer.err
+
+
 @pytest.mark.parametrize(
     ("words", "text"),
     [
@@ -213,6 +221,11 @@ def test_what_cannot_be_compared_is_refused_at_once(
         (("--check", "a.json", "--shots", "exact"), "--shots exact has none"),
         (("--shots", "0"), "0 shots cannot be run"),
         (("--max-age-hours", "0"), "0.0 is not in the range x>0"),
+        (("--max-age-hours", "nan"), "'nan' is no number of hours."),
+        (("--max-age-hours", "2"), "--max-age-hours is for --check"),
+        (("--check", "a.json", "--force"), "--check writes none without --out"),
+        (("--out", "a.png", "--plot", "x/../a.png"), "x/../a.png is the file of --out."),
+        (("--check", "a.png", "--plot", "a.png"), "a.png is the file of --check."),
     ],
 )
 def test_wrong_usage(qcompile: Call, words: tuple[str, ...], text: str) -> None:
@@ -269,7 +282,8 @@ def test_too_few_shots_are_refused_and_kept(qcompile: Call, left: Call) -> None:
     answer = qcompile(*LIMA, "--shots", 2)
     assert (answer.code, answer.out) == (1, "")
     assert answer.err.startswith("Error: Not everything could be fitted. The counts are in fake_")
-    assert "\n  Too few shots: the contrast of qubit " in answer.err
+    assert "\n  Too few shots: the readout of qubit 0 (0." in answer.err
+    assert "\n  Too few shots: the response of qubit 0 (0." in answer.err
     assert left() == ["fake_lima-calibration.json"]
     kept = json.loads(Path("fake_lima-calibration.json").read_text())
     assert kept["readout"] is kept["response"] is None
@@ -279,6 +293,11 @@ def test_too_few_shots_are_refused_and_kept(qcompile: Call, left: Call) -> None:
     )
     assert answer.code == 1
     assert answer.err.startswith("Error: The calibration holds no assignment matrices.\n  Too few")
+    assert "mitigation response" not in answer.err, "it has no response either"
+    answer = qcompile("calibrate", "--backend", "fake_lima", "--check", left()[0])
+    assert (answer.code, answer.out) == (1, "")
+    assert answer.err.startswith("Error: The calibration has no fit of its readout")
+    assert "\n  Too few shots: the readout of qubit 0 (0." in answer.err
 
 
 def test_ctrl_c_writes_nothing(qcompile: Call, left: Call, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -290,6 +309,30 @@ def test_ctrl_c_writes_nothing(qcompile: Call, left: Call, monkeypatch: pytest.M
     assert (answer.code, answer.out) == (1, "")
     assert answer.err == "Error: Interrupted: nothing was written.\n"
     assert left() == []
+
+
+def test_ctrl_c_while_the_picture_is_drawn_keeps_the_calibration(
+    qcompile: Call, left: Call, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def draw(*_: object) -> None:
+        signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr("qcompile.report.calibration.draw_calibration", draw)
+    answer = qcompile(*LIMA, "--plot", "a.png", "--out", "a.json")
+    assert (answer.code, answer.out) == (1, "")
+    assert answer.err == "Error: Interrupted: a.png was not drawn. The calibration is in a.json.\n"
+    assert left() == ["a.json"]
+
+
+def test_qubits_that_are_not_measured_are_named(qcompile: Call) -> None:
+    answer = qcompile("calibrate", "--backend", "fake_lagos", "--shots", 100, "--json")
+    assert answer.code == 0
+    unusable = load_device("fake_lagos").unusable
+    for qubit, why in unusable.items():
+        assert f"{qubit} {why}" in " ".join(answer.err.split())
+    assert not {row["qubit"] for row in answer.json()["qubits"]} & set(unusable)
+    words = ("--qubits", "0", "--force", "--json")
+    assert qcompile("calibrate", "--backend", "fake_lagos", *words).err == ""
 
 
 # Other commands.
@@ -307,4 +350,7 @@ def test_circuits_are_compiled_for_a_twin(qcompile: Call, policy: Call) -> None:
     qcompile(*LIMA, "--out", "a.json", "--shots", 100, "--qubits", "0,1")
     found = qcompile("show", policy(), "--backend", "a.json", "--json").json()
     assert {row["qubit"] for row in found["circuits"]} == {0, 1}
+    assert found["left_out"] == [
+        {"qubit": qubit, "reason": "was not calibrated"} for qubit in (2, 3, 4)
+    ]
     assert qcompile("export", "tiny.json", "--backend", "a.json", "--out", "job").code == 0

@@ -210,6 +210,8 @@ def test_what_cannot_be_done_is_refused(
         (("--shots", 0), "0 shots cannot be run"),
         (("--level", "0,3"), "3 is not in the range"),
         (("--workers", 0), "0 is not in the range"),
+        (("--shots", "8,,16"), "'8,,16' has nothing before or after a comma"),
+        (("--backend", "ideal,"), "'ideal,' has nothing before or after a comma"),
         (("--out", "file"), "'file' is a file"),
         (("--paper", "--shots", 8), "--paper has its own policies"),
         (("--paper", "--calibration", "lima.json"), "--paper has its own policies"),

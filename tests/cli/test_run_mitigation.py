@@ -77,6 +77,7 @@ def test_an_old_calibration_is_reported(qcompile: Call, policy: Call, calibratio
         (("--calibration", "lima.json", "--mitigation", "none"), "--calibration needs --mitigati"),
         (("--calibration", "lima.json"), "--calibration needs --mitigation"),  # ideal has none
         (("--copies", "0"), "0 is not in the range 1<=x<=10000"),
+        (("--copies", "4", "--episodes", "3"), "--copies 4 are more than the --episodes 3"),
     ],
 )
 def test_contradictions_are_wrong_usage(
@@ -98,7 +99,11 @@ def test_contradictions_are_wrong_usage(
             ("--mitigation", "response", "--level", "1", "--calibration", "lima.json"),
             "Response curves need level 2, found level 1.",
         ),
-        (("--predistort", "--level", "1"), "Response curves need level 2, found level 1."),
+        (
+            ("--predistort", "--level", "1"),
+            "Response curves need level 2, found level 1.\n  They are those of sx rz sx; take "
+            "--level 2, or --mitigation readout without --predistort.",
+        ),
         (("--calibration", "bad.json"), "bad.json is no calibration.\n  the file: invalid JSON: "),
         (("--calibration", "nosuch.json"), "nosuch.json is no calibration.\n"),
         (

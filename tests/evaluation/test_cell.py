@@ -100,10 +100,40 @@ def test_a_result_is_that_of_its_cell_alone(kept: tuple[Cell, Path], policy: Pol
     assert read_cell(replace(cell, shots=17), file.parent) is None
 
 
+def changed(**changes: Any) -> Callable[[str], str]:
+    """Damage: these keys of the summary have other values."""
+
+    def change(text: str) -> str:
+        values = json.loads(text)
+        values["summary"] |= changes
+        return json.dumps(values)
+
+    return change
+
+
+def without(key: str) -> Callable[[str], str]:
+    def change(text: str) -> str:
+        values = json.loads(text)
+        del values["summary"][key]
+        return json.dumps(values)
+
+    return change
+
+
 def without_episode(text: str) -> str:
     values = json.loads(text)
     del values["summary"]["episodes"][1]
     return json.dumps(values)
+
+
+def swapped(text: str) -> str:
+    values = json.loads(text)
+    values["summary"]["ci95"].reverse()
+    return json.dumps(values)
+
+
+def other_threshold(text: str) -> str:
+    return json.dumps(json.loads(text) | {"threshold": 1.0})
 
 
 @pytest.mark.parametrize(
@@ -115,6 +145,23 @@ def without_episode(text: str) -> str:
         "other format": lambda text: text.replace("qcompile-evaluation-1", "qcompile-evaluation-2"),
         "no mean": lambda text: text.replace('"mean_reward"', '"mean"'),
         "an episode less": without_episode,
+        "no time": changed(wall_seconds=float("nan")),
+        "a time before": changed(wall_seconds=-1.0),
+        "another policy": changed(policy="other"),
+        "another backend": changed(backend="ibm_belem"),
+        "other shots": changed(shots=17),
+        "another kind": changed(kind="guess"),
+        "another mean": changed(mean_reward=9.0),
+        "another scatter": changed(std_reward=0.125),
+        "an interval reversed": swapped,
+        "no interval": changed(ci95=None),
+        "an interval of three": changed(ci95=[1.0, 2.0, 3.0]),
+        "a number as text": changed(executions="12"),
+        "solved": changed(solved=True),
+        "other steps": changed(env_steps=1),
+        "a key less": without("rounds_per_step"),
+        "a key more": changed(surprise=1),
+        "another threshold": other_threshold,
         "no number": lambda text: text.replace('"mean_reward": ', '"mean_reward": "x", "x": '),
     }.items(),
     ids=lambda item: item[0],
@@ -123,9 +170,9 @@ def test_a_damaged_file_is_no_result(
     kept: tuple[Cell, Path], damage: tuple[str, Callable[[str], str]]
 ) -> None:
     cell, file = kept
-    changed = damage[1](file.read_text())
-    assert changed != file.read_text()
-    file.write_text(changed)
+    damaged = damage[1](file.read_text())
+    assert damaged != file.read_text()
+    file.write_text(damaged)
     assert read_cell(cell, file.parent) is None
 
 

@@ -80,11 +80,11 @@ def test_policies_of_one_name_are_called_as_they_were_asked_for(policy: Policy) 
 
 
 def test_any_policy_name_gives_a_file_name() -> None:
-    names = ["tiny", "a b", "a-b", "../../x", "a/b", "x" * 300, "é", "x" * 299]
+    names = ["tiny", "a b", "a-b", "../../x", "a/b", "x" * 300, "é", "x" * 299, ".hidden", ".."]
     files = [file_name(name) for name in names]
     assert (files[0], files[2]) == ("tiny", "a-b")
     assert len({*files}) == len(names)
-    assert all(len(file) < 100 and "/" not in file for file in files)
+    assert all(len(file) < 100 and "/" not in file and file[0] != "." for file in files)
 
 
 def test_settings_change_with_all_that_matters(cell: MakeCell, policy: Policy) -> None:

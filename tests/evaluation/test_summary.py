@@ -54,13 +54,25 @@ def by_hand(cell: Cell, rewards: list[float], **changes: Any) -> CellResult:
         "kind": "noise-model",
         "shots": "exact" if cell.shots is None else cell.shots,
         "mitigation": cell.mitigation,
+        "predistort": False,
+        "calibration": None,
+        "copies": 1,
         "level": cell.level,
+        "greedy": False,
         "seed": cell.seed,
         "episodes": episodes,
         "mean_reward": mean,
         "std_reward": 1.0,
         "ci95": [mean - 2, mean + 1],
         "solved": None,
+        "gates_per_circuit": {"sx": 2, "rz": 1},
+        "circuits_per_step": 4,
+        "rounds_per_step": 1,
+        "executions": 0,
+        "qpu_seconds_estimate": None,
+        "env_steps": len(rewards),
+        "wall_seconds": 0.1,
+        "interrupted": False,
     }
     return CellResult(
         name=cell.name,
@@ -192,8 +204,9 @@ def test_any_number_of_intervals_is_drawn(count: int) -> None:
         assert "Software" not in picture.info
 
 
-def test_the_paper_is_written_up(tmp_path: Path) -> None:
-    cells = paper_cells(2, 0)
+def test_the_paper_is_written_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    cells = paper_cells(2, 3)
     assert len(cells) == 2 * (1 + 2 * 2) + 1 + 3 * 2
     assert {(c.policy.environment, c.shots) for c in cells if not c.is_reference} == {
         ("CartPole-v0", 1024),
@@ -201,11 +214,14 @@ def test_the_paper_is_written_up(tmp_path: Path) -> None:
         ("LunarLander-v3", 8192),
     }
     found = {cell.name: by_hand(cell, [90.0, 110.0 - len(cell.mitigation)]) for cell in cells}
-    figure, page = write_devices(cells, found, tmp_path / "f", tmp_path / "devices.md")
+    figure, page = write_devices(cells, found, Path("f"), Path("devices.md"))
     text = page.read_text()
     assert figure.exists()
     assert "(f/devices.png)" in text
     assert "numpy 1.2, gymnasium 3.4" in text
+    assert "qcompile evaluate --paper --episodes 2 --seed 3 --out f --page devices.md\n" in text
+    assert "play 2 episodes on" in text
+    assert "| 96.5 ± 1.0 | - |" in text, "two episodes do not say how they scatter"
     # Rewards 90 and 106 without mitigation, 90 and 103 with readout: means 98 and 96.5.
     assert text.count("| `ibm_lagos` | 1024 | readout mitigation | 96.5 ± 1.0 |") == 2
     assert text.count("| -1.5 (-3.0 to +0.0) |") == 7
@@ -213,17 +229,20 @@ def test_the_paper_is_written_up(tmp_path: Path) -> None:
         assert f"{task.on_devices.mean - task.ideal.mean:+.1f} |" in text
     found.popitem()
     with pytest.raises(StudyError, match=r"^1 of 17 cells are missing\."):
-        write_devices(cells, found, tmp_path / "f", tmp_path / "devices.md")
+        write_devices(cells, found, Path("f"), Path("devices.md"))
 
 
-def test_the_committed_page_is_what_its_cells_give(tmp_path: Path) -> None:
-    """Where this fails: qcompile evaluate --paper --out docs/devices --page docs/devices.md."""
+def test_the_committed_page_is_what_its_cells_give(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where this fails, the page says with which command it is written."""
+    monkeypatch.chdir(tmp_path)
     cells = paper_cells(100, 0)
     found = kept_results(cells, DOCS / "devices")
     assert len(found) == len(cells), "played with other policies, devices or settings"
-    write_results(results(cells, found), tmp_path / "devices")
-    write_devices(cells, found, tmp_path / "devices", tmp_path / "devices.md")
+    write_results(results(cells, found), Path("docs/devices"))
+    write_devices(cells, found, Path("docs/devices"), Path("docs/devices.md"))
     for name in ("devices.md", "devices/results.json", "devices/results.csv"):
-        assert (tmp_path / name).read_text() == (DOCS / name).read_text()
+        assert Path("docs", name).read_text() == (DOCS / name).read_text()
     objects = json.loads((DOCS / "devices" / "results.json").read_text())["results"]
     assert {len(values["episodes"]) for values in objects} == {100}

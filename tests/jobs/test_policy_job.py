@@ -258,3 +258,18 @@ def test_observations_of_another_shape_are_refused(tmp_path: Path, array: Any) -
     np.save(tmp_path / "o.npy", array)
     with pytest.raises(PolicyError, match=r"needs \(B, 3\) or wider"):
         read_observations(tmp_path / "o.npy", make())
+
+
+@pytest.mark.parametrize("suffix", [".npy", ".csv", ".json"])
+def test_observations_of_a_pipe_are_refused(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"pipe{suffix}"
+    os.mkfifo(path)
+    with pytest.raises(PolicyError, match=r"holds no observations\.\n  it is no regular file"):
+        read_observations(path, make())
+
+
+def test_observations_that_are_not_there(tmp_path: Path) -> None:
+    with pytest.raises(
+        PolicyError, match=r"holds no observations\.\n  No such file or directory\n"
+    ):
+        read_observations(tmp_path / "a.csv", make())

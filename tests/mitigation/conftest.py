@@ -38,12 +38,13 @@ def calibration(
     """Of readout errors (p10, p01) or curves of all qubits, each known to +-`error`."""
     count = len(readout[0] if readout else curves)  # type: ignore[arg-type]
     none = (0.0,) * count
+    device = fields.pop("device", blank(count, basis_gates))
     return Calibration(
         **{
-            "backend": "blank",
+            "backend": device.name,
             "kind": "noise-model",
             "created": datetime(2026, 1, 2, tzinfo=UTC),
-            "device": blank(count, basis_gates),
+            "device": device,
             "qubits": tuple(range(count)),
             "readout": readout
             and ReadoutFit(

@@ -57,6 +57,22 @@ def test_processes(small: list[Cell], workers: int) -> None:
     check_run(small, workers=workers)
 
 
+def test_there_are_no_more_workers_than_cells(
+    small: list[Cell], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+
+    def outcomes(waiting: list[Cell], run: object, engine: str, jobs: int) -> Iterator[Any]:
+        asked.append(jobs)
+        yield from ((cell.name, cell.name) for cell in waiting)
+
+    monkeypatch.setattr("qcompile.study.engine._outcomes", outcomes)
+    run_cells(small, lambda result: None, workers=1_000_000)
+    run_cells(small[:1], lambda result: None, workers=1_000_000)
+    run_cells(small, lambda result: None, workers=1)
+    assert asked == [len(small), 2, 1], "a cell alone still has a process that may be lost"
+
+
 def test_a_local_dask_cluster(small: list[Cell]) -> None:
     pytest.importorskip("distributed")
     check_run(small, engine="dask", workers=2)

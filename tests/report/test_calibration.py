@@ -1,0 +1,54 @@
+"""Pictures of calibrations: curves of few qubits, strips of many."""
+
+from __future__ import annotations
+
+from io import BytesIO
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from PIL import Image
+
+from qcompile.calibration import Calibration
+from qcompile.device import load_device
+from qcompile.execution import OfflineExecutor
+from qcompile.mitigation import calibrate
+from qcompile.report.calibration import draw_calibration
+
+
+def measured(count: int, **options: Any) -> Calibration:
+    lima = load_device("fake_lima")
+    device = lima.model_copy(update={"qubits": (lima.qubits * count)[:count]})
+    return calibrate(OfflineExecutor(device, 0), np.arange(count), 1000, **options)
+
+
+@pytest.mark.parametrize(("count", "panels"), [(5, 5 + 2), (32, 32 + 2), (33, 3 + 2), (127, 3 + 2)])
+def test_many_qubits_have_a_strip_and_not_a_curve_each(
+    monkeypatch: pytest.MonkeyPatch, count: int, panels: int
+) -> None:
+    ticks: dict[Axes, list[str]] = {}
+    draw = Axes.draw
+
+    def note(axes: Axes, *args: Any, **options: Any) -> None:
+        ticks[axes] = [label.get_text() for label in axes.get_xticklabels()]
+        draw(axes, *args, **options)
+
+    monkeypatch.setattr(Axes, "draw", note)
+    with Image.open(BytesIO(draw_calibration(measured(count)))) as picture:
+        assert max(picture.size) < 1800
+    assert len(ticks) == panels
+    assert [*ticks.values()][-1] == [str(q) for q in range(0, count, 10 if count == 127 else 1)]
+
+
+@pytest.mark.parametrize("parts", [["readout"], ["response"]])
+def test_many_qubits_of_one_part(parts: Any) -> None:
+    assert draw_calibration(measured(50, parts=parts))[:4] == b"\x89PNG"
+
+
+def test_bad_fits_of_many_qubits_are_marked() -> None:
+    found = measured(50)
+    assert found.readout is not None
+    bad = found.readout.model_copy(update={"chi_square": (1000.0,) * 50})
+    marked = draw_calibration(found.model_copy(update={"readout": bad}))
+    assert marked != draw_calibration(found)
