@@ -26,6 +26,7 @@ _SLOWEST_POLL_S = 2.0
 _MOST_ATTEMPTS = 3
 _MOST_SENDS = 5
 _MOST_FETCHES = 4
+_FETCH_PAUSE_S = 0.2
 _USAGE_POLLS = 5
 _FINAL = ("DONE", "CANCELLED", "ERROR")
 _TOO_LONG = 1305
@@ -155,12 +156,11 @@ class Jobs:
 
     def _send(self, made: Submission, batch: Batch) -> Any:
         backend = self._connection.backend
-        limit_s = int(self.budget.left_with(made.executions))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # deprecations are the business of who writes qcompile
             sampler = self._sampler(backend)
             sampler.options.environment.job_tags = ["qcompile", made.tag]
-            sampler.options.max_execution_time = max(limit_s, 1)
+            sampler.options.max_execution_time = self.budget.allowance_s(made.executions)
             self.journal.note_sending(made)
             return sampler.run(batch.pubs(), shots=batch.shots)
 
@@ -288,7 +288,7 @@ class Jobs:
                 raise
             except Exception as error:  # what a broken document breaks depends on where it broke
                 last = error
-                time.sleep(0.2 * 2**fetch)
+                time.sleep(_FETCH_PAUSE_S * 2**fetch)
         raise LiveError(
             f"The result of job {job.job_id()} cannot be read, {_MOST_FETCHES} times.",
             f"Last: {type(last).__name__}: {' '.join(str(last).split())[:200]}",
