@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from qcompile.errors import BudgetError
 from qcompile.execution import qpu_seconds
 from qcompile.live.journal import Journal
@@ -51,9 +53,15 @@ class Budget:
                 f"`qcompile resume {self._journal.id} --max-qpu-seconds S` goes on with more.",
             )
 
-    def left_with(self, executions: int) -> float:
-        """What a job of so many executions, which is written down, may take at most."""
-        return self.limit_s - self.spent_s() + self.expected_s(executions)
+    def allowance_s(self, executions: int) -> int:
+        """What a job of so many executions, which is written down, may take at most.
+
+        IBM wants whole seconds: what is left, rounded down, but no less than the job is expected to
+        take. It would be cut off there, and be paid for nothing.
+        """
+        expected_s = self.expected_s(executions)
+        left_s = self.limit_s - self.spent_s() + expected_s
+        return max(math.floor(left_s), math.ceil(expected_s))
 
 
 def where_it_stands(journal: Journal) -> str:

@@ -97,11 +97,13 @@ class Connection:
         return self._patient(lambda: question(service))
 
     def log_in_again(self) -> None:
-        """Have the client fetch a new token with its next request."""
-        for client in _clients(self.service):
-            manager = getattr(client._session.auth, "tm", None)
-            if manager is not None:
-                manager.expire_time = 0
+        """Have a new token.
+
+        Raises:
+            LiveError: IBM gives none.
+        """
+        service = self.service
+        self._patient(lambda: _log_in(service))
 
     def left_on_plan_s(self) -> float | None:
         """QPU seconds that the plan has left, as far as IBM says."""
@@ -116,31 +118,43 @@ class Connection:
         service = QiskitRuntimeService(
             name=self._account, instance=self._instance, plans_preference=_FREE
         )
+        _log_in(service)
         _never_repeat_submissions(service)
         return service
 
     def _find(self, service: Any) -> Any:
         from qiskit.providers.exceptions import QiskitBackendNotFoundError
 
-        for _ in range(_LOOKS):  # the client takes any answer it cannot read for a missing backend
+        for _ in range(_LOOKS):
             try:
                 backend = service.backend(self.name)
             except QiskitBackendNotFoundError as error:
                 missing = error
-                service.usage()  # says what is wrong, a token that expired for instance
-                time.sleep(_PAUSE_S)
             else:
-                _never_repeat_submissions(service)  # the client may have made another session
+                _never_repeat_submissions(
+                    service
+                )  # the client may have made another session for it
                 return backend
-        known = sorted(backend.name for backend in service.backends())
+            # The client says so as well where the list, or the backend's own data, did not arrive.
+            known = {
+                found["name"]
+                for client in _clients(service)
+                for found in client.list_backends(True)
+            }
+            if self.name not in known:
+                raise LiveError(
+                    f"The account has no backend {self.name!r}.",
+                    f"It has: {', '.join(sorted(known))}." if known else "It has none.",
+                    "A backend that was there may be retired; what it measured is kept.",
+                ) from missing
+            time.sleep(_PAUSE_S)
         raise LiveError(
-            f"The account has no backend {self.name!r}.",
-            f"It has: {', '.join(known)}." if known else "It has none.",
-            "A backend that was there may be retired; what it measured is kept.",
+            f"IBM lists the backend {self.name!r}, but does not give its data.", "Go on later."
         ) from missing
 
     def _patient(self, call: Callable[[], T]) -> T:
         """What `call` gives, called again while its errors are transient."""
+        from ibm_cloud_sdk_core import ApiException
         from qiskit.exceptions import QiskitError
         from requests import RequestException
         from tenacity import Retrying, retry_if_exception, stop_after_delay, wait_random_exponential
@@ -157,7 +171,7 @@ class Connection:
                 return retrying(call)
         except LiveError:
             raise
-        except (QiskitError, RequestException, OSError) as error:
+        except (QiskitError, ApiException, RequestException, OSError) as error:
             raise in_words(error) from error
 
 
@@ -189,12 +203,15 @@ def refused(error: BaseException) -> bool:
 
 def status_code(error: BaseException) -> int | None:
     """The HTTP status behind an error of the client, -1 without one; None where none was asked."""
+    from ibm_cloud_sdk_core import ApiException
     from qiskit_ibm_runtime.api.exceptions import RequestsApiError
     from qiskit_ibm_runtime.exceptions import IBMNotAuthorizedError
 
     for cause in chain_of(error):
         if isinstance(cause, IBMNotAuthorizedError):
             return 401
+        if isinstance(cause, ApiException):  # of the identity service, which answers 400 to a key
+            return 401 if cause.status_code == 400 else int(cause.status_code)
         if isinstance(cause, RequestsApiError):
             return int(cause.status_code)
     return None
@@ -250,6 +267,18 @@ def without_secrets(words: str) -> str:
 def _clients(service: Any) -> list[Any]:
     """The client of each instance."""
     return [service._active_api_client, *service._api_clients.values()]
+
+
+def _log_in(service: Any) -> None:
+    """Have each client hold a new token.
+
+    By itself a client that got none waits for a minute before each of its next requests.
+    """
+    for client in _clients(service):
+        manager = getattr(client._session.auth, "tm", None)
+        if manager is not None:
+            manager.expire_time = manager.request_time = 0
+            manager.get_token()
 
 
 def _never_repeat_submissions(service: Any) -> None:

@@ -68,7 +68,7 @@ class Jobs:
             else:
                 job = self._sender.find(made)
             if job is None:
-                limit_s = self.budget.left_with(made.executions)
+                limit_s = self.budget.allowance_s(made.executions)
                 job = self._sender.send(made, request, limit_s)
             self._settle(made, job, request)
             made = self.journal.latest(number)

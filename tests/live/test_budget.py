@@ -87,7 +87,15 @@ def test_the_refusal_says_where_the_run_stands_and_what_goes_on(journal: Journal
     )
 
 
-def test_a_sent_job_may_take_what_all_others_leave(journal: Journal) -> None:
-    done(journal, 6.0)
+@pytest.mark.parametrize(
+    ("limit_s", "charged_s", "allowed_s"),
+    [(20.0, 6.0, 14), (20.9, 6.0, 14), (12.0, 6.0, 6), (11.9, 6.0, 6), (30.0, 11.0, 19)],
+)
+def test_a_sent_job_may_take_what_all_others_leave(
+    journal: Journal, limit_s: float, charged_s: float, allowed_s: int
+) -> None:
+    """In whole seconds, and the 5.5 s that it is expected to take in any case."""
+    journal.allow(limit_s)
+    done(journal, charged_s)
     made = journal.intend(1, "d", 10_000)
-    assert Budget(journal).left_with(made.executions) == pytest.approx(20 - 6)
+    assert Budget(journal).allowance_s(made.executions) == allowed_s

@@ -1,0 +1,74 @@
+"""Killed without a word at any moment, a run goes on as if nothing had happened."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from typing import Any
+
+import pytest
+from live_runs import LIMIT_S, Runs, check_paid_once, played
+
+WORDS = (
+    *("run", "cartpole", "--backend", "fake_lima", "--live", "--yes", "--json"),
+    *("--shots", "256", "--episodes", "2", "--max-steps", "3", "--mitigation", "none"),
+    *("--max-qpu-seconds", f"{LIMIT_S:g}"),
+)
+
+
+def started(words: tuple[str, ...]) -> subprocess.Popen[bytes]:
+    environment = os.environ | {"QCOMPILE_SETTLE_SECONDS": "0.05"}
+    return subprocess.Popen(
+        [sys.executable, "-m", "qcompile", *words],
+        env=environment,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+
+
+@pytest.mark.parametrize(
+    ("request_", "times", "pause_s"),
+    [("POST /jobs", 1, 0.0), ("POST /jobs", 2, 0.05), ("GET /jobs/{id}/results", 2, 0.0)],
+)
+def test_a_killed_run_goes_on(
+    runs: Runs, undisturbed: dict[str, Any], request_: str, times: int, pause_s: float
+) -> None:
+    """Killed as soon as the service has seen so many of these requests."""
+    runs.service.settings.run_seconds = 0.1
+    process = started(WORDS)
+    try:
+        while runs.service.ledger().requests.get(request_, 0) < times:
+            assert process.poll() is None
+            time.sleep(0.002)
+        time.sleep(pause_s)
+    finally:
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+    found = runs.until_finished(runs.call("resume", "last", "--json"))
+    assert played(found) == undisturbed
+    check_paid_once(runs.service, 3)
+    assert len(runs.service.ledger().jobs) == 3
+
+
+def test_ctrl_c_stops_a_run_in_words(
+    runs: Runs, undisturbed: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    runs.service.settings.run_seconds = 0.1
+    real = time.sleep
+
+    def interrupt(seconds: float) -> None:
+        monkeypatch.setattr("qcompile.live.jobs.time.sleep", real)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("qcompile.live.jobs.time.sleep", interrupt)
+    answer = runs.run()
+    assert answer.code == 1
+    assert "Error: Interrupted.\n  0 jobs are done, 0 steps are played; all of it is kept.\n" in (
+        answer.err
+    )
+    found = runs.until_finished(runs.call("resume", "last", "--json"))
+    assert played(found) == undisturbed
+    check_paid_once(runs.service, 3)
