@@ -9,6 +9,8 @@ from typing import Any
 
 import pytest
 
+from qcompile.device import load_device
+
 Call = Callable[..., Any]
 
 LIMA = ("--backend", "fake_lima", "--episodes", 2)
@@ -133,3 +135,17 @@ def test_a_sampler_has_shots_alone(qcompile: Call, policy: Call) -> None:
     answer = qcompile("run", policy(), "--backend", "qiskit:FakeLimaV2", "--shots", "exact")
     assert (answer.code, answer.out) == (1, "")
     assert answer.err.startswith("Error: fake_lima runs through a sampler, which only has shots.\n")
+
+
+def test_a_device_that_cannot_be_calibrated_is_named(qcompile: Call, policy: Call) -> None:
+    """No file was given: the message does not speak of one."""
+    device = json.loads(load_device("fake_lima").to_json())
+    for qubit in device["qubits"]:
+        qubit |= {"p10": 0.5, "p01": 0.5}
+    Path("dead.json").write_text(json.dumps(device | {"name": "dead"}))
+    answer = qcompile("run", policy(), "--backend", "dead.json")
+    assert (answer.code, answer.out) == (1, "")
+    assert answer.err.startswith(
+        "Error: The readout of dead cannot be calibrated.\n  The readout of qubit "
+    )
+    assert ") shows less than 0.02 of <Z>: its errors cannot be undone." in answer.err
