@@ -11,12 +11,15 @@ QcompileError                 exit code 1 on the command line
 ├── TrainingError             training settings that contradict each other
 ├── StudyError                a study or a grid that cannot be run or written up
 ├── LiveError                 a run on real hardware that cannot start or go on
-│   └── BudgetError           it would pass its limit of QPU seconds
+│   ├── BudgetError           it would pass its limit of QPU seconds
+│   └── ReplayError           it does not repeat what its journal holds
 ├── OutputError               a file or folder that cannot be written
 └── MissingExtraError         an optional package that is not installed
 """
 
 from __future__ import annotations
+
+from typing import Self
 
 
 class QcompileError(Exception):
@@ -27,6 +30,12 @@ class QcompileError(Exception):
 
     def __init__(self, what: str, *hints: str):
         super().__init__("\n  ".join((what, *hints)))
+
+    def with_hints(self, *hints: str) -> Self:
+        """The same error with more lines."""
+        made = type(self).__new__(type(self))
+        made.args = ("\n  ".join((str(self), *hints)),)
+        return made
 
 
 class CircuitError(QcompileError, ValueError):
@@ -71,6 +80,10 @@ class LiveError(QcompileError, RuntimeError):
 
 class BudgetError(LiveError):
     """The next job would pass the limit of QPU seconds."""
+
+
+class ReplayError(LiveError):
+    """A run does not repeat what its journal holds: it cannot go on here."""
 
 
 class OutputError(QcompileError, OSError):

@@ -6,5 +6,14 @@ MAX_EXECUTIONS_PER_JOB = 10_000_000
 MAX_SHOTS = MAX_EXECUTIONS_PER_JOB
 """More shots of one circuit do not fit one job."""
 
+SECONDS_PER_JOB = 2.0
+SECONDS_PER_EXECUTION = 0.00035
+"""IBM's published estimate of usage: "Workload usage", estimate job run time."""
+
+FREE_SECONDS = 600.0
+"""QPU seconds of IBM's Open Plan in 28 days, at no price."""
+USD_PER_SECOND = 1.60
+"""A third party's figure for the pay-as-you-go plan (May 2026); IBM's own page may differ."""
+
 MAX_EPISODES = 10_000
 """Episodes of one run; each keeps an environment alive."""

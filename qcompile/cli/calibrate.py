@@ -13,8 +13,8 @@ from qcompile.cli.live_options import Live, live_options, spend
 from qcompile.cli.options import (
     CLOCK_HOURS,
     PARTS,
-    Hours,
     Parts,
+    Positive,
     Qubits,
     Shots,
     check_distinct,
@@ -64,7 +64,7 @@ _MAX_AGE_HOURS = 24.0
 )
 @click.option(
     "--max-age-hours",
-    type=Hours(),
+    type=Positive("hours"),
     help="For --check: an older calibration does not hold.  [default: 24]",
 )
 @click.option(
@@ -109,7 +109,6 @@ def command(
     import numpy as np
 
     from qcompile.calibration import Calibration, load_calibration
-    from qcompile.cli.runs import charged, result_values
     from qcompile.errors import CalibrationError
     from qcompile.execution import open_executor
     from qcompile.live.connection import Connection
@@ -119,6 +118,7 @@ def command(
     from qcompile.output import check_writable, write_file
     from qcompile.report.calibration import draw_calibration
     from qcompile.report.calibration_values import calibration_values, misfits, print_calibration
+    from qcompile.report.live import charged, result_values
     from qcompile.report.placement import left_out_words
     from qcompile.report.progress import progress_bar
 
@@ -159,7 +159,7 @@ def command(
             out=None if out is None else str(out.resolve()),
             **live.where,
         )
-        found = spend(task, task.load, live, connection.left_on_plan_s())
+        found = spend(task, task.load, live, connection)
         calibration = Calibration.model_validate(found["calibration"])
         values = result_values("calibrate", found)
     else:

@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from qcompile.cli.options import Decorator
+from qcompile.cli.options import Decorator, Positive
+from qcompile.limits import FREE_SECONDS
 
 if TYPE_CHECKING:
     from qcompile.execution import Workload
+    from qcompile.live.connection import Connection
     from qcompile.live.task import Task
 
 
@@ -45,12 +47,12 @@ runs_option: Decorator = click.option(
 )
 seconds_option: Decorator = click.option(
     "--max-qpu-seconds",
-    type=click.FloatRange(0, min_open=True, max=1e6),
+    type=Positive("seconds"),
     help="With --live: the run stops before it would take more.",
 )
 wait_option: Decorator = click.option(
     "--max-wait-seconds",
-    type=click.FloatRange(0, min_open=True),
+    type=Positive("seconds"),
     help="Give up waiting for a job after so long; `resume` fetches it.  [default: wait]",
 )
 yes_option: Decorator = click.option("--yes", is_flag=True, help="Spend without asking.")
@@ -94,10 +96,10 @@ def live_options(function: Callable[..., Any]) -> Callable[..., Any]:
     return called
 
 
-def spend(task: Task, load: Workload, live: Live, left_s: float | None) -> dict[str, Any]:
+def spend(task: Task, load: Workload, live: Live, connection: Connection) -> dict[str, Any]:
     """Show what the task costs, have it confirmed, and do it; what it found.
 
-    `left_s` are the seconds that the plan has left, if IBM says so.
+    The run keeps to the instance by which the connection reaches the backend.
 
     Raises:
         BudgetError: the task needs more than it is allowed.
@@ -107,30 +109,31 @@ def spend(task: Task, load: Workload, live: Live, left_s: float | None) -> dict[
     from qcompile.live.perform import begin
     from qcompile.report.tables import plural
 
-    seconds = load.qpu_seconds
+    seconds, left_s = load.qpu_seconds, connection.left_on_plan_s()
+    task = task.model_copy(update={"instance": connection.crn})
     click.echo(
         f"{task.backend}: {plural(load.jobs, 'job')}, {load.executions:,} executions, "
         f"about {seconds:.1f} QPU seconds by IBM's estimate; the limit is {live.max_qpu_seconds:g}."
         + ("" if left_s is None else f" The plan has {left_s:.0f} s left."),
         err=True,
     )
-    if seconds > live.max_qpu_seconds:
+    if seconds + 1 > live.max_qpu_seconds:  # IBM cuts jobs off at whole seconds
         raise BudgetError(
-            f"The plan needs {seconds:.1f} QPU seconds, more than the {live.max_qpu_seconds:g} "
-            "allowed. Nothing was sent.",
+            f"The run needs {seconds:.1f} QPU seconds and one to spare, more than the "
+            f"{live.max_qpu_seconds:g} allowed. Nothing was sent.",
             "Raise --max-qpu-seconds, or take fewer shots, episodes or steps; "
             "`qcompile plan` shows cheaper ways.",
         )
     if left_s is not None and seconds > left_s:
         raise BudgetError(
-            f"The plan needs {seconds:.1f} QPU seconds, IBM's plan has {left_s:.0f} left: its jobs "
+            f"The run needs {seconds:.1f} QPU seconds, IBM's plan has {left_s:.0f} left: its jobs "
             "would wait in the queue. Nothing was sent.",
-            "The Open Plan gives 600 in 28 days; --instance names another instance.",
+            f"The Open Plan gives {FREE_SECONDS:g} in 28 days; --instance names another instance.",
         )
     if not live.yes:
         click.confirm("Spend them?", abort=True, err=True)
-    journal = begin(live.runs, task, live.max_qpu_seconds)
-    return follow(journal, live.max_wait_s)
+    with begin(live.runs, task, live.max_qpu_seconds) as journal:
+        return follow(journal, live.max_wait_s)
 
 
 def follow(journal: Any, max_wait_s: float | None) -> dict[str, Any]:

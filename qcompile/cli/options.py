@@ -64,19 +64,20 @@ class Shots(click.ParamType[int | None]):
         return shots
 
 
-class Hours(click.FloatRange):
-    """A positive number of hours, infinitely many among them."""
+class Positive(click.FloatRange):
+    """A positive number of a unit, infinitely many among them."""
 
-    def __init__(self) -> None:
-        super().__init__(0, min_open=True)
+    def __init__(self, unit: str, *, zero: bool = False) -> None:
+        super().__init__(0, min_open=not zero)
+        self._unit = unit
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> float:
-        hours: float = super().convert(value, param, ctx)
-        if math.isnan(hours):
-            self.fail(f"{value!r} is no number of hours.", param, ctx)
-        return hours
+        number: float = super().convert(value, param, ctx)
+        if math.isnan(number):
+            self.fail(f"{value!r} is no number of {self._unit}.", param, ctx)
+        return number
 
 
 class Qubits(click.ParamType[tuple[int, ...]]):

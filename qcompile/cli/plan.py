@@ -5,21 +5,32 @@ from __future__ import annotations
 import click
 
 from qcompile.cli.options import (
-    Shots,
+    Positive,
     backend_option,
     echo_json,
     json_option,
     level_option,
     max_steps_option,
 )
-from qcompile.limits import MAX_EPISODES
+from qcompile.limits import (
+    FREE_SECONDS,
+    MAX_EPISODES,
+    MAX_SHOTS,
+    SECONDS_PER_EXECUTION,
+    SECONDS_PER_JOB,
+    USD_PER_SECOND,
+)
 
 
 @click.command("plan")
 @click.argument("policy", default="lunarlander", metavar="[POLICY]")
 @backend_option("ibm_lima")
 @click.option(
-    "--shots", type=Shots(), default=8192, show_default=True, help="Shots of each circuit."
+    "--shots",
+    type=click.IntRange(1, MAX_SHOTS),
+    default=8192,
+    show_default=True,
+    help="Shots of each circuit.",
 )
 @click.option("--episodes", type=click.IntRange(1, MAX_EPISODES), default=1, show_default=True)
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
@@ -39,8 +50,8 @@ from qcompile.limits import MAX_EPISODES
 @max_steps_option
 @click.option(
     "--usd-per-second",
-    type=click.FloatRange(0),
-    default=1.60,
+    type=Positive("dollars", zero=True),
+    default=USD_PER_SECOND,
     show_default=True,
     help="Price of a QPU second beyond the free plan; a third party's figure.",
 )
@@ -51,7 +62,7 @@ from qcompile.limits import MAX_EPISODES
 def command(
     policy: str,
     backend: str,
-    shots: int | None,
+    shots: int,
     episodes: int,
     seed: int,
     level: int,
@@ -70,16 +81,11 @@ def command(
     The episodes are played on the backend's noise model first: they may last longer or shorter on
     the machine.
     """
-    if shots is None:
-        raise click.BadParameter(
-            "A machine has shots alone: give a number.", param_hint="'--shots'"
-        )
     for option, value in (("--account", account), ("--instance", instance)):
         if value is not None and not live:
             raise click.UsageError(f"{option} is for --live.")
     from qcompile.errors import DeviceError
     from qcompile.execution import load_backend
-    from qcompile.execution.cost import FREE_SECONDS
     from qcompile.live.connection import Connection
     from qcompile.live.plan import copies_that_fit, forecast, strategies
     from qcompile.live.play import RunTask
@@ -145,8 +151,9 @@ def command(
         tight=True,
     )
     click.echo(
-        "seconds: IBM's published estimate, 2 for a job and 0.00035 for an execution; the free "
-        f"plan has {FREE_SECONDS:g} in 28 days\nprice: {usd_per_second:g} USD a second\n"
+        f"seconds: IBM's published estimate, {SECONDS_PER_JOB:g} for a job and "
+        f"{SECONDS_PER_EXECUTION:g} for an execution; the free plan has {FREE_SECONDS:g} in "
+        f"28 days\nprice: {usd_per_second:g} USD a second\n"
         f"lockstep, {plural(task.copies, 'episode')} side by side, is what `run --live` does; "
         "the twin plays any number of episodes"
     )

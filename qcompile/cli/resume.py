@@ -36,20 +36,18 @@ def command(
     What was paid for is fetched and not paid again. The limit stays that of the run unless
     --max-qpu-seconds sets another; a higher one is confirmed. A finished run shows its result.
     """
-    from qcompile.cli.runs import print_result, result_values
-    from qcompile.live.journal import find_journal
+    from qcompile.live.runs import find_journal
+    from qcompile.report.live import print_result, result_values
 
-    journal = find_journal(runs, run_id)
-    if max_qpu_seconds is not None:
-        if max_qpu_seconds > journal.max_qpu_seconds and not yes:
-            click.confirm(
-                f"Allow {max_qpu_seconds:g} QPU seconds instead of {journal.max_qpu_seconds:g}?",
-                abort=True,
-                err=True,
-            )
-        with journal.held():
-            journal.allow(max_qpu_seconds)
-    result = follow(journal, max_wait_seconds)
+    with find_journal(runs, run_id) as journal:
+        if max_qpu_seconds is not None and journal.result is None:
+            if max_qpu_seconds > journal.max_qpu_seconds and not yes:
+                was = journal.max_qpu_seconds
+                words = f"Allow {max_qpu_seconds:g} QPU seconds instead of {was:g}?"
+                click.confirm(words, abort=True, err=True)
+            with journal.held():
+                journal.allow(max_qpu_seconds)
+        result = follow(journal, max_wait_seconds)
     if as_json:
         echo_json(result_values(journal.kind, result))
     else:

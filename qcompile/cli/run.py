@@ -219,7 +219,7 @@ def _run_live(live: Live, as_json: bool, copies: int | None, **settings: Any) ->
     task = RunTask.model_validate({**settings, **live.where, "device": connection.device()})
     task = task.model_copy(update={"copies": copies or copies_that_fit(task)})
     load = forecast(task).total_load
-    summary = spend(task, load, live, connection.left_on_plan_s())
+    summary = spend(task, load, live, connection)
     if as_json:
         echo_json(summary)
     else:

@@ -58,11 +58,11 @@ def command(
     if live is not None and backend is not None:
         raise click.UsageError("--backend and --live exclude each other: FILE names the machine.")
     from qcompile.calibration import load_calibration
-    from qcompile.cli.runs import charged
     from qcompile.errors import CalibrationError
-    from qcompile.live.validate import random_observations
     from qcompile.policy import load_policy
     from qcompile.policy.files import policy_values
+    from qcompile.report.live import charged, print_validation
+    from qcompile.rl.twin_check import random_observations
 
     calibration, loaded = load_calibration(file), load_policy(policy)
     observations = random_observations(loaded, calibration, rows, seed)
@@ -86,7 +86,7 @@ def command(
                 "shots": shots,
             }
         )
-        found = spend(task, task.load, live, connection.left_on_plan_s())
+        found = spend(task, task.load, live, connection)
     if as_json:
         echo_json(found)
     else:
@@ -105,29 +105,7 @@ def _offline(
     calibration: Any, policy: Any, observations: Any, backend: str | None, shots: int, seed: int
 ) -> dict[str, Any]:
     from qcompile.execution import open_executor
-    from qcompile.live.validate import validate
+    from qcompile.rl.twin_check import check_twin
 
     executor = open_executor(backend or calibration.device, seed)
-    return validate(calibration, policy, observations, executor, shots).values()
-
-
-def print_validation(found: dict[str, Any]) -> None:
-    """Print what a validation found, a row for each qubit."""
-    from qcompile.report.tables import print_table
-
-    print_table(
-        ["qubit", "chi-square", "expected", "p-value", ""],
-        [
-            [qubit, chi_square, degrees, p_value, "fails" if qubit in found["failed"] else "holds"]
-            for qubit, chi_square, degrees, p_value in zip(
-                found["qubits"],
-                found["chi_square"],
-                found["degrees"],
-                found["p_value"],
-                strict=True,
-            )
-        ],
-        f"Twin of {found['file']} against fresh counts of {found['shots']} shots",
-    )
-    verdict = "pass" if found["passed"] else "fail"
-    click.echo(f"{verdict}; the largest difference of a <Z> is {found['largest_difference']:.3f}")
+    return check_twin(calibration, policy, observations, executor, shots).values()

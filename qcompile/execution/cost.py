@@ -1,7 +1,6 @@
-"""What a run costs on a machine of IBM's: jobs, executions, seconds and dollars.
+"""What a run costs on a machine of IBM's: jobs, executions, seconds.
 
-Sources: IBM Quantum documentation, "Workload usage" (estimate job run time) and "Job limits". The
-price is a third party's figure for the pay-as-you-go plan (May 2026); IBM's own page may differ.
+Sources: IBM Quantum documentation, "Workload usage" (estimate job run time) and "Job limits".
 """
 
 from __future__ import annotations
@@ -9,13 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from qcompile.limits import MAX_EXECUTIONS_PER_JOB
-
-SECONDS_PER_JOB = 2.0
-SECONDS_PER_EXECUTION = 0.00035
-FREE_SECONDS = 600.0
-"""QPU seconds of the Open Plan in 28 days, at no price."""
-USD_PER_SECOND = 1.60
+from qcompile.limits import MAX_EXECUTIONS_PER_JOB, SECONDS_PER_EXECUTION, SECONDS_PER_JOB
 
 
 def qpu_seconds(jobs: int, executions: int) -> float:

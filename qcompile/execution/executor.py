@@ -14,7 +14,6 @@ from qcompile.passes import Executable
 
 FloatArray = NDArray[np.float64]
 CountArray = NDArray[np.int64]
-IntArray = NDArray[np.intp]
 
 Kind = Literal["ideal", "noise-model", "measured-response", "hardware"]
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from numpy.typing import NDArray
 
 from qcompile.calibration import Calibration
 from qcompile.device import Device
@@ -14,12 +15,13 @@ from qcompile.errors import CalibrationError
 from qcompile.execution.executor import (
     CountArray,
     FloatArray,
-    IntArray,
     Kind,
     check_device,
     check_shots,
 )
 from qcompile.passes import Executable
+
+IntArray = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)

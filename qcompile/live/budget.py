@@ -7,14 +7,18 @@ import math
 from qcompile.errors import BudgetError
 from qcompile.execution import qpu_seconds
 from qcompile.live.journal import Journal
-from qcompile.live.records import Charge
+from qcompile.live.records import Charge, Submission
+
+_ROOM, _ROOM_S = 4, 10
+"""A job may take so many times what it is expected to, and so many seconds more."""
 
 
 class Budget:
     """QPU seconds of a run against its limit.
 
-    A job counts with what IBM charged. As long as that is not known it counts with the published
-    estimate, times the worst ratio of charge to estimate that this run has seen (1 at least).
+    A job counts with what IBM charged and, as long as that is not known, with the cap at which IBM
+    cuts it off: so whatever IBM charges in the end, the limit holds. A job is expected to take
+    IBM's published estimate, times the worst ratio of charge to estimate that this run has seen.
     """
 
     def __init__(self, journal: Journal):
@@ -25,61 +29,36 @@ class Budget:
         return self._journal.max_qpu_seconds
 
     def charged_s(self) -> float:
-        """What IBM has charged so far."""
-        return sum(charge.usage_s or 0.0 for charge in self._journal.charges())
-
-    def spent_s(self) -> float:
-        """What is charged, and what is expected of the jobs whose charge is not known."""
-        charges = self._journal.charges()
-        ratio = _ratio(charges)
-        return sum(ratio * _estimate_s(c) if c.usage_s is None else c.usage_s for c in charges)
+        """What IBM has charged so far, as far as it has said."""
+        return sum(charge.charged_s or 0.0 for charge in self._journal.charges())
 
     def expected_s(self, executions: int) -> float:
         """What a job of so many executions is expected to take."""
         return _ratio(self._journal.charges()) * qpu_seconds(1, executions)
 
-    def check(self, executions: int) -> None:
-        """Nothing, if the next job may be sent.
+    def cap_s(self, submission: Submission) -> int:
+        """The seconds that a submission may take, in whole ones as IBM wants them.
 
         Raises:
-            BudgetError: it is expected to pass the limit.
+            BudgetError: less is left than it is expected to take.
         """
-        needed, spent = self.expected_s(executions), self.spent_s()
-        if spent + needed > self.limit_s:
+        charges = self._journal.charges(but=submission)
+        expected_s = _ratio(charges) * qpu_seconds(1, submission.executions)
+        committed_s = sum(c.cap_s if c.charged_s is None else c.charged_s for c in charges)
+        left_s = math.floor(self.limit_s - committed_s)
+        if left_s < expected_s:
             raise BudgetError(
-                f"The limit of {self.limit_s:g} QPU seconds would be passed: {spent:.1f} s are "
-                f"spent, the next job takes about {needed:.1f} s.",
-                where_it_stands(self._journal),
-                f"`qcompile resume {self._journal.id} --max-qpu-seconds S` goes on with more.",
+                f"The limit of {self.limit_s:g} QPU seconds would be passed: {committed_s:.1f} s "
+                f"are spent or may yet be charged, the next job takes about {expected_s:.1f} s.",
             )
-
-    def allowance_s(self, executions: int) -> int:
-        """What a job of so many executions, which is written down, may take at most.
-
-        IBM wants whole seconds: what is left, rounded down, but no less than the job is expected to
-        take. It would be cut off there, and be paid for nothing.
-        """
-        expected_s = self.expected_s(executions)
-        left_s = self.limit_s - self.spent_s() + expected_s
-        return max(math.floor(left_s), math.ceil(expected_s))
-
-
-def where_it_stands(journal: Journal) -> str:
-    """A line of words: jobs and steps of the run so far."""
-    done = sum(charge.state == "done" for charge in journal.charges())
-    steps = f", {journal.step_count()} steps are played" if journal.kind == "run" else ""
-    return f"{done} jobs are done{steps}; all of it is kept."
-
-
-def _estimate_s(charge: Charge) -> float:
-    return qpu_seconds(1, charge.executions)
+        return min(left_s, math.ceil(_ROOM * expected_s) + _ROOM_S)
 
 
 def _ratio(charges: list[Charge]) -> float:
-    """The worst of charge to estimate among finished jobs, 1 at least."""
+    """The worst of charge to estimate so far, 1 at least."""
     ratios = [
-        charge.usage_s / _estimate_s(charge)
+        charge.charged_s / qpu_seconds(1, charge.executions)
         for charge in charges
-        if charge.usage_s is not None and charge.state == "done"
+        if charge.charged_s is not None
     ]
     return max([1.0, *ratios])

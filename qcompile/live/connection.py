@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
 import time
 import warnings
 from collections.abc import Callable
@@ -12,21 +11,16 @@ from typing import Any, TypeVar
 
 from qcompile.device import Device
 from qcompile.errors import LiveError, MissingExtraError
+from qcompile.live import words
+from qcompile.live.words import in_words, seconds_setting, transient
 from qcompile.snapshot import device_from_backend
 
 T = TypeVar("T")
 
-PATIENCE_S = float(os.environ.get("QCOMPILE_PATIENCE_SECONDS", "300"))
-"""A service that does not answer is asked again for so long."""
 _LOOKS, _PAUSE_S = 3, 0.5
-_REFUSED = range(400, 500)
-_BUSY = 429
+_TIMEOUT_S = (5.0, 60.0)
+"""To connect, and between two pieces of an answer; by itself the client waits for ever."""
 _FREE = ["open"]
-_SAVE = (
-    'Save one: python -c "from qiskit_ibm_runtime import QiskitRuntimeService as S; '
-    "S.save_account(token='...', instance='...')\"",
-    "or set QISKIT_IBM_TOKEN and QISKIT_IBM_INSTANCE. docs/hardware.md has the steps.",
-)
 
 
 class Connection:
@@ -39,6 +33,7 @@ class Connection:
 
     def __init__(self, backend: str, account: str | None = None, instance: str | None = None):
         self.name, self._account, self._instance = backend, account, instance
+        self._patience_s = seconds_setting("QCOMPILE_PATIENCE_SECONDS", words.PATIENCE_S)
         self._service: Any = None
         self._backend: Any = None
 
@@ -83,7 +78,7 @@ class Connection:
         login where a token has expired.
 
         Raises:
-            LiveError: no answer for PATIENCE_S, or a refusal, in words.
+            LiveError: no answer for long, or a refusal, in words.
         """
         from qiskit_ibm_runtime.exceptions import IBMNotAuthorizedError
 
@@ -96,6 +91,15 @@ class Connection:
         self.log_in_again()
         return self._patient(lambda: question(service))
 
+    def look_again(self) -> None:
+        """Have the backend found anew.
+
+        Raises:
+            LiveError: the account has it no more.
+        """
+        self._backend = None
+        self.backend  # noqa: B018
+
     def log_in_again(self) -> None:
         """Have a new token.
 
@@ -105,8 +109,14 @@ class Connection:
         service = self.service
         self._patient(lambda: _log_in(service))
 
+    @property
+    def crn(self) -> str:
+        """The instance that the backend is used by."""
+        return str(self.backend._instance)
+
     def left_on_plan_s(self) -> float | None:
         """QPU seconds that the plan has left, as far as IBM says."""
+        self.look_again()  # the client speaks for the instance it last used
         usage = self.ask(lambda service: service.usage())
         left = usage.get("usage_remaining_seconds")
         return None if left is None else float(left)
@@ -118,8 +128,14 @@ class Connection:
         service = QiskitRuntimeService(
             name=self._account, instance=self._instance, plans_preference=_FREE
         )
-        _log_in(service)
-        _never_repeat_submissions(service)
+        try:
+            _log_in(service)
+            _prepare(service)
+        except AttributeError as error:
+            raise LiveError(
+                "This version of qiskit-ibm-runtime is not known: it might submit a job twice.",
+                "Install that of constraints.txt: pip install -c constraints.txt 'qcompile[ibm]'",
+            ) from error
         return service
 
     def _find(self, service: Any) -> Any:
@@ -131,9 +147,7 @@ class Connection:
             except QiskitBackendNotFoundError as error:
                 missing = error
             else:
-                _never_repeat_submissions(
-                    service
-                )  # the client may have made another session for it
+                _prepare(service)  # the client may have made another session for it
                 return backend
             # The client says so as well where the list, or the backend's own data, did not arrive.
             known = {
@@ -161,7 +175,7 @@ class Connection:
 
         retrying = Retrying(
             retry=retry_if_exception(transient),
-            stop=stop_after_delay(PATIENCE_S),
+            stop=stop_after_delay(self._patience_s),
             wait=wait_random_exponential(0.2, max=20),
             reraise=True,
         )
@@ -181,89 +195,6 @@ def _check_extra() -> None:
             raise MissingExtraError("A run on real hardware", "ibm")
 
 
-def transient(error: BaseException) -> bool:
-    """Whether the same request may be answered a little later."""
-    from requests import ConnectionError, Timeout
-    from requests.exceptions import ChunkedEncodingError, JSONDecodeError
-
-    status = status_code(error)
-    if status is not None:
-        return status == _BUSY or status not in _REFUSED
-    return any(
-        isinstance(cause, ConnectionError | Timeout | ChunkedEncodingError | JSONDecodeError)
-        for cause in chain_of(error)
-    )
-
-
-def refused(error: BaseException) -> bool:
-    """Whether the service said that it did not take what was sent."""
-    status = status_code(error)
-    return status is not None and status in _REFUSED
-
-
-def status_code(error: BaseException) -> int | None:
-    """The HTTP status behind an error of the client, -1 without one; None where none was asked."""
-    from ibm_cloud_sdk_core import ApiException
-    from qiskit_ibm_runtime.api.exceptions import RequestsApiError
-    from qiskit_ibm_runtime.exceptions import IBMNotAuthorizedError
-
-    for cause in chain_of(error):
-        if isinstance(cause, IBMNotAuthorizedError):
-            return 401
-        if isinstance(cause, ApiException):  # of the identity service, which answers 400 to a key
-            return 401 if cause.status_code == 400 else int(cause.status_code)
-        if isinstance(cause, RequestsApiError):
-            return int(cause.status_code)
-    return None
-
-
-def chain_of(error: BaseException) -> list[BaseException]:
-    """The error and what it came from; the client hides its causes with `from None`."""
-    found: list[BaseException] = []
-    cause: BaseException | None = error
-    while cause is not None and cause not in found:
-        found.append(cause)
-        cause = cause.__cause__ or cause.__context__
-    return found
-
-
-def in_words(error: BaseException) -> LiveError:
-    """What happened, without what is secret, and what to try."""
-    from qiskit_ibm_runtime.accounts.exceptions import AccountNotFoundError
-
-    words = without_secrets(" ".join(str(error).split()))[:300]
-    if isinstance(error, AccountNotFoundError):
-        return LiveError("No account of IBM Quantum is saved on this machine.", *_SAVE)
-    if status_code(error) == 401:
-        return LiveError(
-            "IBM refuses the account's token: it has expired, or is not of this instance.",
-            f"IBM says: {words}",
-            "Make a new one on quantum.cloud.ibm.com and save it over the old (overwrite=True).",
-        )
-    if transient(error):
-        return LiveError(
-            f"IBM's service does not answer, for {PATIENCE_S:g} s now.",
-            f"Last it said: {words}",
-            "Go on later: nothing is lost.",
-        )
-    return LiveError("IBM's service refuses.", f"It says: {words}")
-
-
-def without_secrets(words: str) -> str:
-    """`words` without any token of the accounts known on this machine."""
-    from qiskit_ibm_runtime import QiskitRuntimeService
-
-    secrets = [os.environ.get("QISKIT_IBM_TOKEN", "")]
-    try:
-        saved = QiskitRuntimeService.saved_accounts().values()
-    except (OSError, ValueError):
-        saved = ()
-    secrets += [str(account.get("token", "")) for account in saved]
-    for secret in filter(None, secrets):
-        words = words.replace(secret, "(token)")
-    return words
-
-
 def _clients(service: Any) -> list[Any]:
     """The client of each instance."""
     return [service._active_api_client, *service._api_clients.values()]
@@ -281,8 +212,8 @@ def _log_in(service: Any) -> None:
             manager.get_token()
 
 
-def _never_repeat_submissions(service: Any) -> None:
-    """Let the client repeat what reads, and nothing else, below /jobs.
+def _prepare(service: Any) -> None:
+    """Let the client repeat what reads, and nothing else, below /jobs; and let no answer hang.
 
     By itself it repeats a POST that was answered with 504, though the job may have been accepted.
     """
@@ -290,11 +221,7 @@ def _never_repeat_submissions(service: Any) -> None:
     from urllib3.util.retry import Retry
 
     retry = Retry(total=3, connect=3, backoff_factor=0.2, status_forcelist=(500, 502, 503, 504))
-    try:
-        for session in [client._session for client in _clients(service)]:
-            session.mount(f"{session.base_url}/jobs", HTTPAdapter(max_retries=retry))
-    except AttributeError as error:
-        raise LiveError(
-            "This version of qiskit-ibm-runtime is not known: it might submit a job twice.",
-            "Install the one of constraints.txt: pip install -c constraints.txt 'qcompile[ibm]'",
-        ) from error
+    for client in _clients(service):
+        session = client._session
+        session._timeout = _TIMEOUT_S
+        session.mount(f"{session.base_url}/jobs", HTTPAdapter(max_retries=retry))

@@ -18,6 +18,9 @@ from qcompile.execution.packed import REGISTER, PackedRound, count_ones, pack_ro
 from qcompile.live.jobs import Jobs
 from qcompile.passes import Executable
 
+_DIGITS = 9
+"""Of an angle: another processor may round the last ones otherwise."""
+
 
 class IBMExecutor:
     """Runs executables on a machine of IBM's, through the jobs of a run.
@@ -102,7 +105,7 @@ class _Request:
             made.qubits.tobytes(),
             made.rounds.tobytes(),
             str((self.rounds, self.shots, self.angles.shape)).encode(),
-            np.ascontiguousarray(self.angles).tobytes(),
+            (np.round(self.angles, _DIGITS) + 0.0).tobytes(),  # no -0.0
         )
         return hashlib.sha256(b"".join(parts)).hexdigest()
 

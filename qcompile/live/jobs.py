@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from qcompile.errors import BudgetError, LiveError
+from qcompile.errors import BudgetError, LiveError, ReplayError
 from qcompile.execution.executor import CountArray
 from qcompile.live.budget import Budget
 from qcompile.live.connection import Connection
@@ -18,9 +18,10 @@ from qcompile.live.sending import Sender
 _SLOWEST_POLL_S = 2.0
 _MOST_ATTEMPTS = 3
 _MOST_FETCHES = 4
+_FETCH_PAUSE_S = 0.2
+_CHARGE_PAUSES_S = (0.1, 0.3, 1.0, 3.0, 10.0)
+_MOST_UNCHARGED = 20
 _FINAL = ("DONE", "CANCELLED", "ERROR")
-_TOO_LONG = 1305
-"""IBM's reason code of a job that passed its max_execution_time."""
 
 
 class Jobs:
@@ -49,72 +50,82 @@ class Jobs:
 
         Raises:
             BudgetError: it would pass the limit, or was cut off there.
-            LiveError: it cannot be had; the run can go on later.
+            LiveError: it cannot be had now; the run can go on later.
+            ReplayError: the journal has another job in this place.
         """
         number, self._next = self._next, self._next + 1
-        made = self.journal.latest(number)
-        if made is not None and made.digest != request.digest:
-            raise LiveError(
-                f"Job {number} of run {self.journal.id} was another one when it was sent.",
-                "The versions of qcompile, numpy and gymnasium must be those it began with.",
-                f"`qcompile runs export {self.journal.id}` gives what was measured.",
+        submission = self.journal.latest(number)
+        if submission is not None and submission.digest != request.digest:
+            raise ReplayError(
+                f"Job {number} of run {self.journal.id} was another one when it was sent."
             )
-        while made is None or made.ones is None:
-            job = None
-            if made is None or made.state == "failed":
-                self.learn_charges()
-                self.budget.check(request.executions)
-                made = self.journal.intend(number, request.digest, request.executions)
-            else:
-                job = self._sender.find(made)
-            if job is None:
-                limit_s = self.budget.allowance_s(made.executions)
-                job = self._sender.send(made, request, limit_s)
-            self._settle(made, job, request)
-            made = self.journal.latest(number)
-        return made.ones
+        while submission is None or submission.ones is None:
+            if submission is None or submission.state == "failed":
+                submission = self.journal.intend(number, request.digest, request.executions)
+            job = self._sender.job_of(submission, request, self._cap_s)
+            self._settle(submission, job, request)
+            submission = self.journal.latest(number)
+        return submission.ones
 
     def close(self) -> None:
         """Nothing more is asked for."""
         self._sender.close()
 
     def learn_charges(self) -> None:
-        """Ask what jobs were charged whose charge was not known when they ended."""
-        for made in self.journal.uncharged():
-            job = self._sender.find(made)
-            usage_s = None if job is None else self._usage_s(job)
-            if usage_s is not None:
-                self.journal.note_charge(made, usage_s)
+        """Ask what jobs were charged whose charge was not known when they ended.
 
-    def _settle(self, made: Submission, job: Any, request: Request) -> None:
+        IBM may have lost one, or not answer: then it stays unknown.
+        """
+        for job_id in self.journal.uncharged():
+            try:
+                charged_s = self._charged_s(self._sender.known(job_id))
+            except LiveError:
+                continue
+            if charged_s is not None:
+                self.journal.note_charge(job_id, charged_s)
+
+    def _cap_s(self, submission: Submission) -> int:
+        """What a job may take; charges that are not known yet are waited for where they matter."""
+        if len(self.journal.uncharged()) >= _MOST_UNCHARGED:
+            self.learn_charges()
+        for pause_s in _CHARGE_PAUSES_S:
+            try:
+                return self.budget.cap_s(submission)
+            except BudgetError:
+                if not self.journal.uncharged():
+                    raise
+            self._say("waiting for what IBM charges")
+            time.sleep(pause_s)
+            self.learn_charges()
+        return self.budget.cap_s(submission)
+
+    def _settle(self, submission: Submission, job: Any, request: Request) -> None:
         """Wait for the job and write down how it ended.
 
         Raises:
+            BudgetError: IBM cut it off.
             LiveError: it was cancelled, or failed too often, or its result cannot be read.
         """
         status = self._awaited(job)
         if status == "DONE":
             ones = self._fetched(job, request)
-            self.journal.note_done(made, ones, self._usage_s(job))
+            self.journal.note_done(submission, ones, self._charged_s(job))
             return
-        words = self._connection.ask(lambda service: job.error_message()) or f"it is {status}"
-        words = " ".join(words.split())[:300]
-        usage_s = self._usage_s(job)
-        self.journal.note_failed(made, words, usage_s)
-        again = f"`qcompile resume {self.journal.id}` sends it once more."
-        if getattr(job, "_reason_code", None) == _TOO_LONG:
+        words, too_long = self._failure(job)
+        charged_s = self._charged_s(job)
+        self.journal.note_failed(submission, words, charged_s)
+        if too_long:
             raise BudgetError(
-                f"IBM cut job {job.job_id()} off at the limit of the run.",
-                f"`qcompile resume {self.journal.id} --max-qpu-seconds S` tries again with more.",
+                f"IBM cut job {job.job_id()} off at {submission.cap_s} s.",
+                f"It was expected to take {self.budget.expected_s(submission.executions):.1f} s.",
             )
         if status == "CANCELLED":
-            raise LiveError(f"Job {job.job_id()} was cancelled.", again)
-        if usage_s != 0 or made.attempt + 1 >= _MOST_ATTEMPTS:
-            charge = "not yet said what" if usage_s is None else f"charged {usage_s:g} s"
+            raise LiveError(f"Job {job.job_id()} was cancelled.")
+        if charged_s != 0 or submission.attempt + 1 >= _MOST_ATTEMPTS:
+            charge = "not yet said what" if charged_s is None else f"charged {charged_s:g} s"
             raise LiveError(
                 f"Job {job.job_id()} failed: {words}",
-                f"IBM has {charge} for it; this was attempt {made.attempt + 1}.",
-                again,
+                f"IBM has {charge} for it; this was attempt {submission.attempt + 1}.",
             )
         self._say(f"job {job.job_id()} failed, uncharged; sending it again")
 
@@ -130,10 +141,22 @@ class Jobs:
             if self._max_wait_s is not None and waited_s > self._max_wait_s:
                 raise LiveError(
                     f"Job {job.job_id()} is {status.lower()} for {waited_s:.0f} s now.",
-                    f"`qcompile resume {self.journal.id}` fetches it once it is done.",
+                    "It stays there, and is fetched once it is done.",
                 )
             time.sleep(pause_s)
             pause_s = min(1.5 * pause_s, _SLOWEST_POLL_S)
+
+    def _failure(self, job: Any) -> tuple[str, bool]:
+        """Why a job ended without a result, in words, and whether it took too long."""
+        from qiskit.exceptions import QiskitError
+        from qiskit_ibm_runtime.exceptions import RuntimeJobMaxTimeoutError
+
+        try:
+            job.result()
+        except QiskitError as error:
+            words = " ".join(str(error.message).split())[:300]
+            return words, isinstance(error, RuntimeJobMaxTimeoutError)
+        return "IBM gives no reason.", False
 
     def _fetched(self, job: Any, request: Request) -> CountArray:
         """The counts of a finished job.
@@ -148,15 +171,15 @@ class Jobs:
                 raise
             except Exception as error:  # what a broken document breaks depends on where it broke
                 last = error
-                time.sleep(0.2 * 2**fetch)
+                time.sleep(_FETCH_PAUSE_S * 2**fetch)
         raise LiveError(
             f"The result of job {job.job_id()} cannot be read, {_MOST_FETCHES} times.",
             f"Last: {type(last).__name__}: {' '.join(str(last).split())[:200]}",
-            f"It is paid and not sent again; `qcompile resume {self.journal.id}` reads it anew.",
+            "It is paid and is not sent again.",
         ) from last
 
-    def _usage_s(self, job: Any) -> float | None:
+    def _charged_s(self, job: Any) -> float | None:
         """What IBM charged for an ended job; None as long as it does not say."""
         usage = self._connection.ask(lambda service: job.metrics()).get("usage") or {}
         seconds: float | None = usage.get("qpu_charge_time_seconds")
-        return None if usage.get("status") == "pending" else seconds
+        return None if usage.get("status", "pending") == "pending" else seconds

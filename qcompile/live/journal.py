@@ -1,7 +1,8 @@
 """The journal of a live run: an SQLite file in the run's folder, written before anything is sent.
 
-A submission is written down first, with a tag that finds its job again; then its job's id; then its
-counts and usage. Every write is on the disk before the next thing happens.
+A submission is written down first, with a tag that finds its job again; then that it is being sent;
+then its job's id; then its counts and charge. Every write is on the disk before the next thing
+happens.
 """
 
 from __future__ import annotations
@@ -9,39 +10,47 @@ from __future__ import annotations
 import json
 import secrets
 import sqlite3
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import numpy as np
 from filelock import FileLock, Timeout
-from numpy.typing import NDArray
 
 from qcompile.errors import LiveError
-from qcompile.live.records import Charge, IntArray, Step, Submission, to_bytes
+from qcompile.execution.executor import CountArray, FloatArray
+from qcompile.live.records import Charge, Step, Submission, to_bytes
 
-Kind = Literal["run", "calibrate", "validate"]
+TaskKind = Literal["run", "calibrate", "validate"]
 
 FORMAT = "qcompile-journal-1"
 FILE = "journal.sqlite"
 _SCHEMA = """
 CREATE TABLE run (
-  format TEXT, id TEXT, kind TEXT, created TEXT, settings TEXT, max_qpu_seconds REAL, result TEXT
+  format TEXT, id TEXT, kind TEXT, created TEXT, settings TEXT, versions TEXT,
+  max_qpu_seconds REAL, result TEXT
 );
 CREATE TABLE submission (
-  number INTEGER, attempt INTEGER, tag TEXT UNIQUE, digest TEXT, executions INTEGER, created TEXT,
-  state TEXT, job_id TEXT, usage_s REAL, ones BLOB, words TEXT, PRIMARY KEY (number, attempt)
+  number INTEGER, attempt INTEGER, tag TEXT UNIQUE, digest TEXT, executions INTEGER, state TEXT,
+  sent_at TEXT, cap_s INTEGER, job_id TEXT, charged_s REAL, ones BLOB, words TEXT,
+  PRIMARY KEY (number, attempt)
 );
+CREATE TABLE extra (job_id TEXT PRIMARY KEY, executions INTEGER, cap_s INTEGER, charged_s REAL);
 CREATE TABLE step (number INTEGER PRIMARY KEY, observations BLOB, actions BLOB, rewards BLOB);
 """
 
 
 class Journal:
-    """The record of one run in `folder`; `create` starts one.
+    """The record of one run in `folder`; `create` starts one. A `with` block closes it.
 
     It is held by one process at a time: `held` is the block in which it may be written.
+
+    Raises:
+        LiveError: the folder holds no journal that can be read, here and wherever it is read or
+            written.
     """
 
     def __init__(self, folder: Path):
@@ -51,32 +60,38 @@ class Journal:
             raise LiveError(f"{folder} holds no run.", "`qcompile runs` lists the runs.")
         try:
             self._db = sqlite3.connect(path, isolation_level=None)
-            self._db.execute("PRAGMA synchronous = FULL")
-            row = self._db.execute("SELECT * FROM run").fetchone()
-        except sqlite3.DatabaseError as error:
+            self._do("PRAGMA synchronous = FULL")
+            row = self._do(
+                "SELECT format, id, kind, created, settings, versions FROM run"
+            ).fetchone()
+            if row is None or row[0] != FORMAT:
+                raise LiveError(f"{path} is no journal that this version of qcompile can read.")
+            self.id: str = row[1]
+            self.kind: TaskKind = row[2]
+            self.created = datetime.fromisoformat(row[3])
+            self.settings: dict[str, Any] = json.loads(row[4])
+            self.versions: dict[str, str] = json.loads(row[5])
+        except (sqlite3.Error, ValueError, TypeError) as error:
             raise LiveError(
                 f"{path} cannot be read: {error}.", "Restore it from a copy."
             ) from error
-        if row is None or row[0] != FORMAT:
-            raise LiveError(f"{path} is no journal that this version of qcompile can read.")
-        self.id: str = row[1]
-        self.kind: Kind = row[2]
-        self.created = datetime.fromisoformat(row[3])
-        self.settings: dict[str, Any] = json.loads(row[4])
 
     @classmethod
     def create(
-        cls, runs: Path, kind: Kind, name: str, settings: dict[str, Any], max_qpu_seconds: float
+        cls,
+        runs: Path,
+        kind: TaskKind,
+        name: str,
+        settings: dict[str, Any],
+        versions: dict[str, str],
+        max_qpu_seconds: float,
     ) -> Journal:
-        """A new run in a folder of its own below `runs`, named by time and `name`.
-
-        Raises:
-            LiveError: the folder cannot be made.
-        """
-        now = datetime.now(UTC).replace(microsecond=0)
+        """A new run in a folder of its own below `runs`, named by time and `name`."""
+        now = datetime.now(UTC)
         words = "".join(c if c.isascii() and c.isalnum() else "-" for c in name)[:12]
         run_id = f"{now:%y%m%d-%H%M%S}-{words}-{secrets.token_hex(2)}"
         folder = runs / run_id
+        values = (FORMAT, run_id, kind, now.isoformat(), json.dumps(settings), json.dumps(versions))
         try:
             folder.mkdir(parents=True)
             db = sqlite3.connect(folder / FILE, isolation_level=None)
@@ -84,8 +99,7 @@ class Journal:
             db.execute("BEGIN")  # the tables come with the run, or not at all
             for statement in _SCHEMA.split(";"):
                 db.execute(statement)
-            values = (FORMAT, run_id, kind, now.isoformat(), json.dumps(settings))
-            db.execute("INSERT INTO run VALUES (?,?,?,?,?,?,NULL)", (*values, max_qpu_seconds))
+            db.execute("INSERT INTO run VALUES (?,?,?,?,?,?,?,NULL)", (*values, max_qpu_seconds))
             db.execute("COMMIT")
             db.close()
         except (OSError, sqlite3.Error) as error:
@@ -95,8 +109,14 @@ class Journal:
             ) from error
         return cls(folder)
 
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *raised: object) -> None:
+        self._db.close()
+
     @contextmanager
-    def held(self) -> Iterator[Journal]:
+    def held(self) -> Iterator[None]:
         """Hold the run: no other process may go on with it meanwhile.
 
         Raises:
@@ -104,174 +124,140 @@ class Journal:
         """
         try:
             with FileLock(self.folder / "lock", timeout=0):
-                yield self
+                yield
         except Timeout as error:
             raise LiveError(
                 f"Run {self.id} is going on in another process.", "Wait for it, or stop it."
             ) from error
+        except OSError as error:
+            raise LiveError(f"{self.folder} cannot be written: {error}.") from error
 
     # The run
 
     @property
     def max_qpu_seconds(self) -> float:
-        return float(self._db.execute("SELECT max_qpu_seconds FROM run").fetchone()[0])
+        return float(self._do("SELECT max_qpu_seconds FROM run").fetchone()[0])
 
     def allow(self, max_qpu_seconds: float) -> None:
         """Set another limit."""
-        self._write("UPDATE run SET max_qpu_seconds = ?", max_qpu_seconds)
+        self._do("UPDATE run SET max_qpu_seconds = ?", max_qpu_seconds)
 
     @property
     def result(self) -> dict[str, Any] | None:
         """What the run found, once it is finished."""
-        text = self._db.execute("SELECT result FROM run").fetchone()[0]
+        text = self._do("SELECT result FROM run").fetchone()[0]
         return None if text is None else dict(json.loads(text))
 
     def finish(self, result: dict[str, Any]) -> None:
-        self._write("UPDATE run SET result = ?", json.dumps(result))
+        self._do("UPDATE run SET result = ?", json.dumps(result))
 
     # Its submissions
 
-    def submissions(self) -> list[Submission]:
+    def submissions(self, where: str = "TRUE") -> list[Submission]:
         """Every attempt, in order."""
-        rows = self._db.execute("SELECT * FROM submission ORDER BY number, attempt")
-        return [Submission.of_row(row) for row in rows]
-
-    def charges(self) -> list[Charge]:
-        """What every attempt costs, in order."""
-        rows = self._db.execute(
-            "SELECT executions, usage_s, state FROM submission ORDER BY number, attempt"
-        )
-        return [Charge(*row) for row in rows]
-
-    def uncharged(self) -> list[Submission]:
-        """Ended attempts whose charge is not known."""
-        rows = self._db.execute(
-            "SELECT * FROM submission WHERE usage_s IS NULL AND state IN ('done', 'failed')"
+        rows = self._do(
+            f"SELECT {Submission.COLUMNS} FROM submission WHERE {where} ORDER BY number, attempt"
         )
         return [Submission.of_row(row) for row in rows]
 
     def latest(self, number: int) -> Submission | None:
         """The last attempt at job `number` of the run."""
-        row = self._db.execute(
-            "SELECT * FROM submission WHERE number = ? ORDER BY attempt DESC LIMIT 1", (number,)
-        ).fetchone()
-        return None if row is None else Submission.of_row(row)
+        found = self.submissions(f"number = {number:d}")
+        return found[-1] if found else None
+
+    def charges(self, but: Submission | None = None) -> list[Charge]:
+        """What was sent costs, `but` one submission."""
+        tag = "" if but is None else but.tag
+        rows = self._do(
+            "SELECT executions, cap_s, charged_s FROM submission WHERE state != 'intended' "
+            "AND tag != ? UNION ALL SELECT executions, cap_s, charged_s FROM extra",
+            tag,
+        )
+        return [Charge(*row) for row in rows]
+
+    def jobs_done(self) -> int:
+        return int(self._do("SELECT COUNT(*) FROM submission WHERE state = 'done'").fetchone()[0])
+
+    def uncharged(self) -> list[str]:
+        """The ids of ended jobs whose charge is not known."""
+        rows = self._do(
+            "SELECT job_id FROM submission WHERE charged_s IS NULL AND state IN ('done', 'failed') "
+            "AND job_id IS NOT NULL UNION SELECT job_id FROM extra WHERE charged_s IS NULL"
+        )
+        return [row[0] for row in rows]
 
     def intend(self, number: int, digest: str, executions: int) -> Submission:
         """Write down that job `number` is about to be sent, once more where it failed before."""
         last = self.latest(number)
         attempt = 0 if last is None else last.attempt + 1
         tag = f"qcompile-{self.id}-{number}-{attempt}"
-        now = datetime.now(UTC).isoformat()
-        self._write(
-            "INSERT INTO submission VALUES (?,?,?,?,?,?,'intended',NULL,NULL,NULL,NULL)",
-            *(number, attempt, tag, digest, executions, now),
+        self._do(
+            f"INSERT INTO submission ({Submission.COLUMNS}) "
+            "VALUES (?,?,?,?,?,'intended',NULL,NULL,NULL,NULL,NULL,NULL)",
+            *(number, attempt, tag, digest, executions),
         )
-        made = self.latest(number)
-        assert made is not None
-        return made
+        return self.submissions(f"number = {number:d}")[-1]
 
-    def note_sending(self, made: Submission) -> None:
-        """It is being sent now."""
-        self._update(made, "created = ?", datetime.now(UTC).isoformat())
+    def note_sending(self, submission: Submission, cap_s: int) -> Submission:
+        """It is being sent now, and IBM is to cut it off after `cap_s`."""
+        now = datetime.now(UTC)
+        self._note(submission, "state = 'sending', sent_at = ?, cap_s = ?", now.isoformat(), cap_s)
+        return replace(submission, state="sending", sent_at=now, cap_s=cap_s)
 
-    def note_sent(self, made: Submission, job_id: str) -> None:
-        """The job of a submission is known by `job_id`."""
-        self._update(made, "state = 'sent', job_id = ?", job_id)
+    def note_sent(self, submission: Submission, job_id: str) -> None:
+        """Its job is known by `job_id`."""
+        self._note(submission, "state = 'sent', job_id = ?", job_id)
 
-    def note_done(self, made: Submission, ones: IntArray, usage_s: float | None) -> None:
+    def note_done(self, submission: Submission, ones: CountArray, charged_s: float | None) -> None:
         """Its counts are here."""
-        self._update(made, "state = 'done', ones = ?, usage_s = ?", to_bytes(ones), usage_s)
+        self._note(submission, "state = 'done', ones = ?, charged_s = ?", to_bytes(ones), charged_s)
 
-    def note_charge(self, made: Submission, usage_s: float) -> None:
-        """What IBM charged for it is known now."""
-        self._update(made, "usage_s = ?", usage_s)
-
-    def note_failed(self, made: Submission, words: str, usage_s: float | None) -> None:
+    def note_failed(self, submission: Submission, words: str, charged_s: float | None) -> None:
         """It ended without counts."""
-        self._update(made, "state = 'failed', words = ?, usage_s = ?", words, usage_s)
+        self._note(submission, "state = 'failed', words = ?, charged_s = ?", words, charged_s)
 
-    def _update(self, made: Submission, what: str, *values: object) -> None:
-        self._write(f"UPDATE submission SET {what} WHERE tag = ?", *values, made.tag)
+    def note_extra(self, submission: Submission, job_id: str) -> None:
+        """IBM has a second job of a submission, which may be charged as well."""
+        values = (job_id, submission.executions, submission.cap_s)
+        self._do("INSERT OR IGNORE INTO extra VALUES (?,?,?,NULL)", *values)
+
+    def note_charge(self, job_id: str, charged_s: float) -> None:
+        """What IBM charged for a job is known now."""
+        for table in ("submission", "extra"):
+            self._do(f"UPDATE {table} SET charged_s = ? WHERE job_id = ?", charged_s, job_id)
+
+    def _note(self, submission: Submission, what: str, *values: object) -> None:
+        self._do(f"UPDATE submission SET {what} WHERE tag = ?", *values, submission.tag)
 
     # Its steps
 
     def step(self, number: int) -> Step | None:
         """Step `number` of the lockstep, if it was taken."""
-        row = self._db.execute(
-            "SELECT observations, actions, rewards FROM step WHERE number = ?", (number,)
+        row = self._do(
+            "SELECT observations, actions, rewards FROM step WHERE number = ?", number
         ).fetchone()
         return None if row is None else Step.of_row(row)
 
-    def note_actions(
-        self, number: int, observations: NDArray[np.float64], actions: NDArray[np.intp]
-    ) -> None:
+    def note_actions(self, number: int, observations: FloatArray, actions: CountArray) -> None:
         """The actions (B,) of a step for its observations (B, features)."""
         values = (number, to_bytes(observations), to_bytes(actions.astype(np.int64)))
-        self._write("INSERT INTO step VALUES (?,?,?,NULL)", *values)
+        self._do("INSERT INTO step VALUES (?,?,?,NULL)", *values)
 
     def note_rewards(self, number: int, rewards: list[float]) -> None:
         """What the actions of a step earned."""
-        earned = to_bytes(np.array(rewards))
-        self._write("UPDATE step SET rewards = ? WHERE number = ?", earned, number)
+        self._do(
+            "UPDATE step SET rewards = ? WHERE number = ?", to_bytes(np.array(rewards)), number
+        )
 
     def step_count(self) -> int:
-        return int(self._db.execute("SELECT COUNT(*) FROM step").fetchone()[0])
+        return int(self._do("SELECT COUNT(*) FROM step").fetchone()[0])
 
-    def close(self) -> None:
-        self._db.close()
-
-    def _write(self, statement: str, *values: object) -> None:
-        """Have it on the disk before anything else happens.
-
-        Raises:
-            LiveError: it cannot be written.
-        """
+    def _do(self, statement: str, *values: object) -> sqlite3.Cursor:
+        """Have it on the disk, or read from it, before anything else happens."""
         try:
-            self._db.execute(statement, values)
+            return self._db.execute(statement, values)
         except sqlite3.Error as error:
             raise LiveError(
-                f"The run's journal in {self.folder} cannot be written: {error}.",
-                "What was sent has its tag in it, and is found again: make room, then",
-                f"`qcompile resume {self.id}` goes on.",
+                f"The run's journal in {self.folder} cannot be read or written: {error}.",
+                "What was sent has its tag in it and is found again, once this is mended.",
             ) from error
-
-
-def journals(
-    runs: Path, on_damage: Callable[[str], None] = lambda words: None
-) -> Iterator[Journal]:
-    """Every run below `runs`, the newest last; `on_damage` gets words on those without a record."""
-    for path in sorted(runs.glob(f"*/{FILE}")):
-        try:
-            yield Journal(path.parent)
-        except LiveError as error:
-            on_damage(str(error))
-
-
-def find_journal(runs: Path, run_id: str) -> Journal:
-    """The run whose id is, begins or ends with `run_id`; `last` is the newest.
-
-    Raises:
-        LiveError: there is none, or there are several.
-    """
-    known = []
-    for journal in journals(runs):
-        known.append(journal.folder.name)
-        journal.close()
-    if run_id in known:
-        return Journal(runs / run_id)
-    if run_id == "last":
-        found = known[-1:]
-    else:
-        found = [name for name in known if run_id and run_id in name]
-    if len(found) == 1:
-        return Journal(runs / found[0])
-    if found:
-        raise LiveError(
-            f"{len(found)} runs are meant by {run_id!r}: {', '.join(found[:4])}.", "Say more of it."
-        )
-    raise LiveError(
-        f"There is no run {run_id!r} in {runs}.",
-        f"It holds {len(known)}: {', '.join(known[-4:])}." if known else "It holds none.",
-        "`qcompile runs` lists them; --runs names another folder.",
-    )

@@ -2,26 +2,28 @@
 
 from __future__ import annotations
 
-import json
+import platform
 from collections.abc import Callable
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
-from qcompile.errors import LiveError, QcompileError
-from qcompile.live.budget import Budget, where_it_stands
+from qcompile.errors import BudgetError, LiveError, QcompileError, ReplayError
 from qcompile.live.connection import Connection
 from qcompile.live.jobs import Jobs
-from qcompile.live.journal import Journal, Kind
+from qcompile.live.journal import Journal, TaskKind
 from qcompile.live.measure import CalibrateTask
 from qcompile.live.play import RunTask
-from qcompile.live.task import Session, Task
+from qcompile.live.task import Context, Task
 from qcompile.live.validate import ValidateTask
-from qcompile.output import write_file
 from qcompile.validation import explain
 
-TASKS: dict[Kind, type[Task]] = {task.kind: task for task in (RunTask, CalibrateTask, ValidateTask)}
+TASKS: dict[TaskKind, type[Task]] = {
+    task.kind: task for task in (RunTask, CalibrateTask, ValidateTask)
+}
+_PACKAGES = ("qcompile", "numpy", "gymnasium", "qiskit", "qiskit-ibm-runtime")
 
 
 def begin(runs: Path, task: Task, max_qpu_seconds: float) -> Journal:
@@ -31,7 +33,7 @@ def begin(runs: Path, task: Task, max_qpu_seconds: float) -> Journal:
         LiveError: the folder cannot be made.
     """
     settings = task.model_dump(mode="json")
-    return Journal.create(runs, task.kind, task.name, settings, max_qpu_seconds)
+    return Journal.create(runs, task.kind, task.name, settings, versions(), max_qpu_seconds)
 
 
 def task_of(journal: Journal) -> Task:
@@ -56,16 +58,16 @@ def go_on(
 ) -> dict[str, Any]:
     """Do what is left of the run; what it found, with its id and what was charged.
 
-    `show` gets how much is done, and words. A finished run gives its result again.
+    `show` gets how much is done, and words. A finished run gives its result again; only where IBM
+    had not said yet what it charged, it is asked.
 
     Raises:
         BudgetError: the limit of QPU seconds would be passed.
         LiveError: a job cannot be had, or Ctrl-C; the same call goes on from there.
+        ReplayError: the run does not repeat what the journal holds.
     """
     with journal.held():
-        if journal.result is not None:
-            return journal.result
-        task, budget = task_of(journal), Budget(journal)
+        task = task_of(journal)
         done = 0.0
 
         def shown(now: float, words: str) -> None:
@@ -74,26 +76,69 @@ def go_on(
             say(words)
 
         def say(words: str) -> None:
-            show(done, f"{words}; {budget.spent_s():.0f} of {budget.limit_s:g} QPU s")
+            budget = jobs.budget
+            show(done, f"{words}; {budget.charged_s():.0f} of {budget.limit_s:g} QPU s")
 
         connection = Connection(task.backend, task.account, task.instance)
         jobs = Jobs(journal, connection, batch=task.batch, max_wait_s=max_wait_s, say=say)
+        if journal.result is None:
+            try:
+                journal.finish(task.perform(Context(jobs, shown)))
+            except KeyboardInterrupt:
+                raise _explained(LiveError("Interrupted."), journal) from None
+            except QcompileError as error:
+                raise _explained(error, journal) from error
+            finally:
+                jobs.close()
+        jobs.learn_charges()
+        return finished(journal)
+
+
+def finished(journal: Journal) -> dict[str, Any]:
+    """What a finished run found, with its id and what IBM has charged up to now."""
+    return {
+        **(journal.result or {}),
+        "run": journal.id,
+        "qpu_seconds": sum(charge.charged_s or 0.0 for charge in journal.charges()),
+        "jobs_uncharged": len(journal.uncharged()),
+        "max_qpu_seconds": journal.max_qpu_seconds,
+    }
+
+
+def where_it_stands(journal: Journal) -> str:
+    """A line of words: jobs and steps of the run so far."""
+    steps = f", {journal.step_count()} steps are played" if journal.kind == "run" else ""
+    return f"{journal.jobs_done()} jobs are done{steps}; all of it is kept."
+
+
+def versions() -> dict[str, str]:
+    """What a run has to be played again with."""
+    found = {"machine": platform.machine()}
+    for package in _PACKAGES:
         try:
-            found = task.perform(Session(jobs, shown))
-            jobs.learn_charges()
-        except KeyboardInterrupt:
-            raise LiveError(
-                "Interrupted.", where_it_stands(journal), f"`qcompile resume {journal.id}` goes on."
-            ) from None
-        except QcompileError as error:
-            if "resume" in str(error):
-                raise
-            hint = f"`qcompile resume {journal.id}` goes on."
-            raise type(error)(str(error), where_it_stands(journal), hint) from error
-        finally:
-            jobs.close()
-        charges = {"qpu_seconds": budget.spent_s(), "max_qpu_seconds": budget.limit_s}
-        result = {**found, "run": journal.id, **charges}
-        journal.finish(result)
-        write_file(journal.folder / "result.json", json.dumps(result, indent=1).encode() + b"\n")
-        return result
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "none"
+    return found
+
+
+def _explained(error: QcompileError, journal: Journal) -> QcompileError:
+    """The error, with where the run stands and what to do."""
+    resume = f"`qcompile resume {journal.id}"
+    export = f"`qcompile runs export {journal.id}` gives what was measured."
+    if isinstance(error, ReplayError):
+        now = versions()
+        other = [
+            f"{name} {was}, now {now.get(name)}"
+            for name, was in journal.versions.items()
+            if now.get(name) != was
+        ]
+        began = f"It began with {'; '.join(other)}." if other else "The versions are the same."
+        return error.with_hints(began, export)
+    if isinstance(error, BudgetError):
+        hint = f"{resume} --max-qpu-seconds S` goes on with more."
+    elif isinstance(error, LiveError):
+        hint = f"{resume}` goes on."
+    else:
+        hint = export
+    return error.with_hints(where_it_stands(journal), hint)

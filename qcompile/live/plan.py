@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from qcompile.execution import Workload
-from qcompile.execution.cost import FREE_SECONDS, USD_PER_SECOND
+from qcompile.limits import FREE_SECONDS, USD_PER_SECOND
 from qcompile.live.play import RunTask
 from qcompile.mitigation import CALIBRATION_SHOTS, calibration_workload
-from qcompile.mitigation.measure import LIVE_ANGLES_RAD, Part
+from qcompile.mitigation.measure import LIVE_ANGLES_RAD
 from qcompile.passes import compile
 from qcompile.rl.evaluate import RunResult, play
 
@@ -62,15 +62,14 @@ def strategies(task: RunTask, forecasted: RunResult) -> list[Strategy]:
     circuits = len(policy.program)
     single = compile(policy.trained_program, task.device, task.level, policy.importance)
     qubits = len(np.unique(single.qubits))
-    measured = Workload()
-    if forecasted.deployment.calibration_load.jobs:
-        part: Part = "readout" if task.mitigation == "readout" else "response"
-        measured = calibration_workload(qubits, CALIBRATION_SHOTS, [part])
+    measured = task.model_copy(update={"copies": 1}).deploy(task.device).calibration_load
     step = Workload.of_batch(1, single.round_count, shots)
-    twin = calibration_workload(qubits, CALIBRATION_SHOTS, ["response"], len(LIVE_ANGLES_RAD))
-    return [
+    ways = [
         Strategy(PAPER, Workload.of_batch(1, 1, shots) * (steps * circuits)),
         Strategy(PACKED, step * steps + measured),
         Strategy(LOCKSTEP, forecasted.total_load),
-        Strategy(TWIN, twin),
     ]
+    if task.level == 2:  # a twin plays nothing else
+        once = calibration_workload(qubits, CALIBRATION_SHOTS, ["response"], len(LIVE_ANGLES_RAD))
+        ways.append(Strategy(TWIN, once))
+    return ways

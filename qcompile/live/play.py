@@ -8,13 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qcompile.calibration import Calibration
-from qcompile.errors import LiveError
+from qcompile.errors import ReplayError
 from qcompile.live.executor import IBMExecutor
-from qcompile.live.journal import Journal, Kind
-from qcompile.live.task import Session, Task
+from qcompile.live.journal import Journal, TaskKind
+from qcompile.live.task import Context, Task
 from qcompile.policy.files import PolicyFile
 from qcompile.rl.evaluate import Deployment, play
 from qcompile.rl.lockstep import Act, Episode
+
+_ROUNDING = 1e-9
+"""Another processor may round the last digits otherwise."""
 
 
 class RunTask(Task):
@@ -23,7 +26,7 @@ class RunTask(Task):
     `calibration` mitigates instead of measuring first; `calibration_file` is the file it came from.
     """
 
-    kind: ClassVar[Kind] = "run"
+    kind: ClassVar[TaskKind] = "run"
 
     policy: PolicyFile
     shots: int
@@ -46,25 +49,26 @@ class RunTask(Task):
     def total(self) -> float:
         return self.episodes
 
-    def perform(self, session: Session) -> dict[str, Any]:
+    def perform(self, context: Context) -> dict[str, Any]:
         """The figures of `qcompile run --json`.
 
         Raises:
-            LiveError: a job cannot be had, or the environment does not repeat what is recorded.
+            LiveError: a job cannot be had.
+            ReplayError: the environment does not repeat what is recorded.
         """
-        deployment = self.deploy(IBMExecutor(self.device, session.jobs))
+        deployment = self.deploy(IBMExecutor(self.device, context.jobs))
         finished: list[Episode] = []
 
         def note(episode: Episode) -> None:
             finished.append(episode)
             rewards = [episode.reward for episode in finished]
-            session.show(len(finished), f"mean reward {sum(rewards) / len(rewards):.1f}")
+            context.show(len(finished), f"mean reward {sum(rewards) / len(rewards):.1f}")
 
         result = play(
             deployment,
             self.episodes,
             max_steps=self.max_steps,
-            record=Steps(session.jobs.journal),
+            record=Steps(context.jobs.journal),
             on_episode=note,
         )
         if result.interrupted:
@@ -102,7 +106,7 @@ class Steps:
         """The actions (B,) for observations (B, features).
 
         Raises:
-            LiveError: the observations are not those recorded.
+            ReplayError: the observations are not those recorded.
         """
         step = self._journal.step(self._number)
         if step is None:
@@ -117,7 +121,7 @@ class Steps:
         """What the last actions earned.
 
         Raises:
-            LiveError: it is not what is recorded.
+            ReplayError: it is not what is recorded.
         """
         step = self._journal.step(self._number)
         if step is None or step.rewards is None:
@@ -127,10 +131,9 @@ class Steps:
         self._number += 1
 
     def _check(self, what: str, recorded: NDArray[Any], found: NDArray[Any]) -> None:
-        if not np.array_equal(recorded, found, equal_nan=True):
-            raise LiveError(
+        same = recorded.shape == found.shape
+        if not same or not np.allclose(recorded, found, _ROUNDING, _ROUNDING, equal_nan=True):
+            raise ReplayError(
                 f"The {what} of step {self._number} are not those recorded: the environment does "
-                "not repeat itself.",
-                "The versions of gymnasium and numpy must be those the run began with.",
-                f"`qcompile runs export {self._journal.id}` gives what was measured.",
+                "not repeat itself."
             )

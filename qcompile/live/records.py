@@ -10,19 +10,19 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-IntArray = NDArray[np.int64]
-FloatArray = NDArray[np.float64]
+from qcompile.execution.executor import CountArray, FloatArray
 
-State = Literal["intended", "sent", "done", "failed"]
+State = Literal["intended", "sending", "sent", "done", "failed"]
+"""`intended` was never sent; of `sending` it is not known whether IBM accepted it."""
 
 
 @dataclass(frozen=True)
 class Submission:
     """One attempt at one job of a run.
 
-    `digest` is that of all it measures; `created` is when it was last sent; `ones` (rows, circuits)
-    are its counts once it is done; `usage_s` is what IBM charged, None as long as it has not said
-    so; `words` say why it failed.
+    `digest` is that of all it measures; `cap_s` the seconds at which IBM cuts it off; `sent_at`
+    when it was last sent, None before. Once it has ended, `ones` (rows, circuits) are its counts or
+    `words` say why there are none; `charged_s` is what IBM charged, None until it says.
     """
 
     number: int
@@ -30,39 +30,37 @@ class Submission:
     tag: str
     digest: str
     executions: int
-    created: datetime
     state: State
+    sent_at: datetime | None
+    cap_s: int | None
     job_id: str | None
-    usage_s: float | None
-    ones: IntArray | None
+    charged_s: float | None
+    ones: CountArray | None
     words: str | None
+
+    COLUMNS = (
+        "number, attempt, tag, digest, executions, state, sent_at, cap_s, job_id, charged_s, "
+        "ones, words"
+    )
 
     @classmethod
     def of_row(cls, row: tuple[Any, ...]) -> Submission:
-        """That of a row of the journal's table."""
-        number, attempt, tag, digest, executions, created, state, job_id, usage_s, ones, words = row
-        return cls(
-            number,
-            attempt,
-            tag,
-            digest,
-            executions,
-            datetime.fromisoformat(created),
-            state,
-            job_id,
-            usage_s,
-            None if ones is None else to_array(ones),
-            words,
-        )
+        """That of a row of COLUMNS."""
+        values = dict(zip(cls.COLUMNS.split(", "), row, strict=True))
+        if values["sent_at"] is not None:
+            values["sent_at"] = datetime.fromisoformat(values["sent_at"])
+        if values["ones"] is not None:
+            values["ones"] = to_array(values["ones"])
+        return cls(**values)
 
 
 @dataclass(frozen=True)
 class Charge:
-    """What one attempt costs: its executions, and what IBM charged, as far as it is known."""
+    """What a job costs: its executions, the cap it was sent with, what IBM charged, if known."""
 
     executions: int
-    usage_s: float | None
-    state: State
+    cap_s: float
+    charged_s: float | None
 
 
 @dataclass(frozen=True)
@@ -70,7 +68,7 @@ class Step:
     """Observations (B, features) of a step, the actions (B,) taken, the rewards (B,) earned."""
 
     observations: FloatArray
-    actions: IntArray
+    actions: NDArray[np.int64]
     rewards: FloatArray | None
 
     @classmethod

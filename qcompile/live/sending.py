@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import os
 import time
 import warnings
 from collections.abc import Callable
-from datetime import UTC, datetime
 from typing import Any
 
 from qcompile.errors import LiveError
-from qcompile.live.connection import Connection, in_words, refused, transient
+from qcompile.live.connection import Connection
 from qcompile.live.journal import Journal
 from qcompile.live.records import Submission
 from qcompile.live.request import Request
+from qcompile.live.words import in_words, refused, seconds_setting, transient
 
-SETTLE_S = float(os.environ.get("QCOMPILE_SETTLE_SECONDS", "10"))
+SETTLE_S = 10.0
 """A job that IBM does not list so long after it was sent was not accepted."""
 _MOST_SENDS = 5
 
@@ -31,49 +30,36 @@ class Sender:
         self, journal: Journal, connection: Connection, batch: bool, say: Callable[[str], None]
     ):
         self._journal, self._connection, self._say = journal, connection, say
+        self._settle_s = seconds_setting("QCOMPILE_SETTLE_SECONDS", SETTLE_S)
         self._wants_batch = batch
         self._batch: Any = None
         self._older = False
-        self._tried: set[str] = set()
 
-    def find(self, made: Submission) -> Any:
-        """The job of a submission: by its id, or by its tag; None where IBM has none."""
-        if made.job_id is not None:
-            return self._connection.ask(lambda service: service.job(made.job_id))
-        age_s = (datetime.now(UTC) - made.created).total_seconds()
-        time.sleep(min(max(SETTLE_S - age_s, 0.0), SETTLE_S))
-        return self._tagged(made)
-
-    def send(self, made: Submission, request: Request, limit_s: float) -> Any:
-        """The job of a submission that IBM does not have; it may take `limit_s` at most.
+    def job_of(
+        self, submission: Submission, request: Request, cap_s: Callable[[Submission], int]
+    ) -> Any:
+        """The job of a submission. `cap_s` says what one that is sent may take.
 
         Raises:
-            LiveError: IBM refuses it, or does not answer.
+            BudgetError: what `cap_s` raises.
+            LiveError: IBM refuses it, or does not answer, or has it no more.
         """
-        from qiskit.exceptions import QiskitError
-        from requests import RequestException
+        if submission.job_id is not None:
+            return self._still_there(submission, submission.job_id)
+        unanswered = submission.state == "sending"
+        if unanswered:
+            job = self._settled(submission)
+            if job is not None:
+                return job
+        return self._sent(submission, request, cap_s, unanswered)
 
-        for attempt in range(_MOST_SENDS):
-            try:
-                job = self._send(made, request, limit_s)
-            except LiveError:
-                raise
-            except (QiskitError, RequestException, OSError) as error:
-                last = error
-                if refused(error) and not transient(error):
-                    if self._another_way(error):
-                        continue
-                    self._journal.note_failed(made, str(in_words(error)), 0.0)
-                    raise in_words(error) from error
-                self._say("no answer to a job; looking whether it was accepted")
-                time.sleep(SETTLE_S)
-                found = self._tagged(made)
-                if found is not None:
-                    return found
-            else:
-                self._journal.note_sent(made, job.job_id())
-                return job if attempt == 0 else self._tagged(made) or job
-        raise in_words(last) from last
+    def known(self, job_id: str) -> Any:
+        """The job of this id.
+
+        Raises:
+            LiveError: IBM has it no more, or does not answer.
+        """
+        return self._connection.ask(lambda service: service.job(job_id))
 
     def close(self) -> None:
         """Close the batch, if one was opened."""
@@ -84,14 +70,55 @@ class Sender:
         except LiveError:
             self._say("the batch could not be closed; IBM closes it after a while")
 
-    def _send(self, made: Submission, request: Request, limit_s: float) -> Any:
+    def _sent(
+        self,
+        submission: Submission,
+        request: Request,
+        cap_s: Callable[[Submission], int],
+        unanswered: bool,
+    ) -> Any:
+        """A new job; `unanswered` says that IBM may have accepted one of the submission before."""
+        from qiskit.exceptions import QiskitError
+        from qiskit.providers.exceptions import QiskitBackendNotFoundError
+        from requests import RequestException
+
+        tried: set[str] = set()
+        for _ in range(_MOST_SENDS):
+            submission = self._journal.note_sending(submission, cap_s(submission))
+            try:
+                job = self._send(submission, request)
+            except LiveError:
+                raise
+            except QiskitBackendNotFoundError as error:  # before anything was sent
+                last: Exception = error
+                self._connection.look_again()
+            except (QiskitError, RequestException, OSError, ValueError) as error:
+                last = error
+                if refused(error):
+                    if self._another_way(error, tried):
+                        continue
+                    if not unanswered:
+                        self._journal.note_failed(submission, str(in_words(error)), 0.0)
+                    raise in_words(error) from error
+                unanswered = unanswered or transient(error)
+                self._say("no answer to a job; looking whether it was accepted")
+                found = self._settled(submission)
+                if found is not None:
+                    return found
+            else:
+                found = self._tagged(submission) if unanswered else None
+                if found is None:
+                    self._journal.note_sent(submission, job.job_id())
+                return found or job
+        raise in_words(last) from last
+
+    def _send(self, submission: Submission, request: Request) -> Any:
         backend = self._connection.backend
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # deprecations are the business of who writes qcompile
             sampler = self._sampler(backend)
-            sampler.options.environment.job_tags = ["qcompile", made.tag]
-            sampler.options.max_execution_time = max(int(limit_s), 1)
-            self._journal.note_sending(made)
+            sampler.options.environment.job_tags = ["qcompile", submission.tag]
+            sampler.options.max_execution_time = submission.cap_s
             return sampler.run(request.pubs(), shots=request.shots)
 
     def _sampler(self, backend: Any) -> Any:
@@ -107,7 +134,7 @@ class Sender:
             return qiskit_ibm_runtime.SamplerV2(mode=mode)
         return qiskit_ibm_runtime.SamplerV2(mode=mode) if self._older else Sampler(mode=mode)
 
-    def _another_way(self, error: BaseException) -> bool:
+    def _another_way(self, error: BaseException, tried: set[str]) -> bool:
         """Whether there is something else to try, each once, where IBM refuses a job."""
         from qiskit_ibm_runtime.exceptions import IBMNotAuthorizedError, RuntimeProgramNotFound
 
@@ -122,19 +149,43 @@ class Sender:
             self._batch = None  # it may be closed: batches end after a while
         else:
             return False
-        new = way not in self._tried
-        self._tried.add(way)
+        new = way not in tried
+        tried.add(way)
         return new
 
-    def _tagged(self, made: Submission) -> Any:
-        """The first job with the submission's tag, written down; any other is cancelled."""
-        jobs = self._connection.ask(lambda service: service.jobs(limit=None, job_tags=[made.tag]))
+    def _still_there(self, submission: Submission, job_id: str) -> Any:
+        from qiskit_ibm_runtime.exceptions import RuntimeJobNotFound
+
+        try:
+            return self.known(job_id)
+        except LiveError as error:
+            if not isinstance(error.__cause__, RuntimeJobNotFound):
+                raise
+            self._journal.note_failed(submission, "IBM has it no more.", None)
+            raise LiveError(
+                f"IBM has no job {job_id} any more: somebody deleted it.",
+                "To go on is to send it once more, and to pay for it again.",
+            ) from error
+
+    def _settled(self, submission: Submission) -> Any:
+        """The job of a submission that may have been accepted, once IBM would list it."""
+        time.sleep(self._settle_s)
+        return self._tagged(submission)
+
+    def _tagged(self, submission: Submission) -> Any:
+        """The first job with the submission's tag, written down, as is any other; None if none.
+
+        Another one is cancelled; what it was charged counts.
+        """
+        tags = [submission.tag]
+        jobs = self._connection.ask(lambda service: service.jobs(limit=None, job_tags=tags))
         if not jobs:
             return None
-        first, *extras = sorted(jobs, key=lambda job: str(job.creation_date))
+        first, *extras = sorted(jobs, key=lambda job: job.creation_date)
         for extra in extras:
+            self._journal.note_extra(submission, extra.job_id())
             self._cancel(extra)
-        self._journal.note_sent(made, first.job_id())
+        self._journal.note_sent(submission, first.job_id())
         return first
 
     def _cancel(self, job: Any) -> None:

@@ -10,11 +10,11 @@ from pydantic import BaseModel, ConfigDict
 
 from qcompile.device import Device
 from qcompile.live.jobs import Jobs
-from qcompile.live.journal import Kind
+from qcompile.live.journal import TaskKind
 
 
 @dataclass(frozen=True)
-class Session:
+class Context:
     """The jobs of a run, and `show`, which gets how much is done, and words."""
 
     jobs: Jobs
@@ -31,7 +31,7 @@ class Task(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    kind: ClassVar[Kind]
+    kind: ClassVar[TaskKind]
 
     backend: str
     device: Device
@@ -46,9 +46,9 @@ class Task(BaseModel):
 
     @property
     def total(self) -> float:
-        """What `Session.show` counts to."""
+        """What `Context.show` counts to."""
         return 1.0
 
-    def perform(self, session: Session) -> dict[str, Any]:
+    def perform(self, context: Context) -> dict[str, Any]:
         """Do it; what it found, as plain values. Asked again, it asks for the same jobs."""
         raise NotImplementedError

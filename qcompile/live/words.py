@@ -1,0 +1,120 @@
+"""What an error of IBM's client means: whether to try again, and in words, without secrets."""
+
+from __future__ import annotations
+
+import math
+import os
+
+from qcompile.errors import LiveError
+
+PATIENCE_S = 300.0
+"""A service that does not answer is asked again for so long."""
+_REFUSED = frozenset(range(400, 500)) - {408, 429}
+_SAVE = (
+    'Save one: python -c "from qiskit_ibm_runtime import QiskitRuntimeService as S; '
+    "S.save_account(token='...', instance='...')\"",
+    "or set QISKIT_IBM_TOKEN and QISKIT_IBM_INSTANCE. docs/hardware.md has the steps.",
+)
+
+
+def seconds_setting(name: str, default: float) -> float:
+    """The seconds that an environment variable says, or the default.
+
+    Raises:
+        LiveError: it says something else.
+    """
+    text = os.environ.get(name)
+    if text is None:
+        return default
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = math.nan
+    if not 0 <= seconds < math.inf:
+        raise LiveError(
+            f"{name} is {text!r}.", f"It needs a number of seconds, such as {default:g}."
+        )
+    return seconds
+
+
+def transient(error: BaseException) -> bool:
+    """Whether the same request may be answered a little later."""
+    from requests import ConnectionError, Timeout
+    from requests.exceptions import ChunkedEncodingError, JSONDecodeError
+
+    status = status_code(error)
+    if status is not None:
+        return status not in _REFUSED
+    return any(
+        isinstance(cause, ConnectionError | Timeout | ChunkedEncodingError | JSONDecodeError)
+        for cause in chain_of(error)
+    )
+
+
+def refused(error: BaseException) -> bool:
+    """Whether what was sent was not taken: by the service, or by the client before it was sent."""
+    status = status_code(error)
+    return status in _REFUSED if status is not None else not transient(error)
+
+
+def status_code(error: BaseException) -> int | None:
+    """The HTTP status behind an error of the client, -1 without one; None where none was asked."""
+    from ibm_cloud_sdk_core import ApiException
+    from qiskit_ibm_runtime.api.exceptions import RequestsApiError
+    from qiskit_ibm_runtime.exceptions import IBMNotAuthorizedError
+
+    for cause in chain_of(error):
+        if isinstance(cause, IBMNotAuthorizedError):
+            return 401
+        if isinstance(cause, ApiException):  # of the identity service, which answers 400 to a key
+            return 401 if cause.status_code == 400 else int(cause.status_code)
+        if isinstance(cause, RequestsApiError):
+            return int(cause.status_code)
+    return None
+
+
+def chain_of(error: BaseException) -> list[BaseException]:
+    """The error and what it came from; the client hides its causes with `from None`."""
+    found: list[BaseException] = []
+    cause: BaseException | None = error
+    while cause is not None and cause not in found:
+        found.append(cause)
+        cause = cause.__cause__ or cause.__context__
+    return found
+
+
+def in_words(error: BaseException) -> LiveError:
+    """What happened, without what is secret, and what to try."""
+    from qiskit_ibm_runtime.accounts.exceptions import AccountNotFoundError
+
+    words = without_secrets(" ".join(str(error).split()))[:300]
+    if isinstance(error, AccountNotFoundError):
+        return LiveError("No account of IBM Quantum is saved on this machine.", *_SAVE)
+    if status_code(error) == 401:
+        return LiveError(
+            "IBM refuses the account's token: it has expired, or is not of this instance.",
+            f"IBM says: {words}",
+            "Make a new one on quantum.cloud.ibm.com and save it over the old (overwrite=True).",
+        )
+    if transient(error):
+        return LiveError(
+            "IBM's service does not answer.",
+            f"Last it said: {words}",
+            "Nothing is lost: go on later.",
+        )
+    return LiveError("IBM's service or client refuses.", f"It says: {words}")
+
+
+def without_secrets(words: str) -> str:
+    """`words` without any token of the accounts known on this machine."""
+    from qiskit_ibm_runtime import QiskitRuntimeService
+
+    secrets = [os.environ.get("QISKIT_IBM_TOKEN", "")]
+    try:
+        saved = QiskitRuntimeService.saved_accounts().values()
+    except (OSError, ValueError):
+        saved = ()
+    secrets += [str(account.get("token", "")) for account in saved]
+    for secret in filter(None, secrets):
+        words = words.replace(secret, "(token)")
+    return words

@@ -1,0 +1,122 @@
+"""Live runs: as plain values, and on the terminal."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from qcompile.calibration import Calibration
+from qcompile.live.journal import Journal, TaskKind
+from qcompile.live.perform import finished, where_it_stands
+from qcompile.report.calibration_values import calibration_values, print_calibration
+from qcompile.report.tables import plural, print_run, print_table
+
+
+def overview(journal: Journal) -> dict[str, Any]:
+    """A run in a few plain values; `qpu_seconds` is what IBM has charged up to now."""
+    charges = finished(journal)
+    states = [submission.state for submission in journal.submissions()]
+    return {
+        "run": journal.id,
+        "kind": journal.kind,
+        "backend": journal.settings.get("backend"),
+        "created": journal.created.isoformat(),
+        "state": "unfinished" if journal.result is None else "finished",
+        "jobs_done": states.count("done"),
+        "jobs_open": states.count("sending") + states.count("sent"),
+        "steps": journal.step_count(),
+        "qpu_seconds": charges["qpu_seconds"],
+        "jobs_uncharged": charges["jobs_uncharged"],
+        "max_qpu_seconds": charges["max_qpu_seconds"],
+    }
+
+
+def exported(journal: Journal) -> dict[str, Any]:
+    """All of a run as plain values."""
+    jobs = [
+        {
+            "number": submission.number,
+            "attempt": submission.attempt,
+            "tag": submission.tag,
+            "job_id": submission.job_id,
+            "state": submission.state,
+            "sent_at": submission.sent_at.isoformat() if submission.sent_at else None,
+            "executions": submission.executions,
+            "qpu_seconds": submission.charged_s,
+            "ones": None if submission.ones is None else submission.ones.tolist(),
+            "words": submission.words,
+        }
+        for submission in journal.submissions()
+    ]
+    steps = [
+        {
+            "observations": step.observations.tolist(),
+            "actions": step.actions.tolist(),
+            "rewards": None if step.rewards is None else step.rewards.tolist(),
+        }
+        for step in map(journal.step, range(journal.step_count()))
+        if step is not None
+    ]
+    return {
+        **overview(journal),
+        "versions": journal.versions,
+        "settings": journal.settings,
+        "jobs": jobs,
+        "steps": steps,
+        "result": journal.result,
+    }
+
+
+def result_values(kind: TaskKind, result: dict[str, Any]) -> dict[str, Any]:
+    """What the command that began the run prints with --json."""
+    if kind != "calibrate":
+        return result
+    rest = {name: value for name, value in result.items() if name != "calibration"}
+    return calibration_values(Calibration.model_validate(result["calibration"])) | rest
+
+
+def print_overview(journal: Journal) -> None:
+    """Print where an unfinished run stands."""
+    row = overview(journal)
+    click.echo(f"{row['run']}, {row['kind']} on {row['backend']}: {row['state']}")
+    click.echo(where_it_stands(journal))
+    click.echo(f"{row['qpu_seconds']:.1f} of {row['max_qpu_seconds']:g} QPU seconds are charged")
+    click.echo(f"`qcompile resume {row['run']}` goes on.")
+
+
+def print_result(kind: TaskKind, result: dict[str, Any]) -> None:
+    """Print what a finished run found."""
+    if kind == "run":
+        print_run(result)
+        return
+    if kind == "validate":
+        print_validation(result)
+    else:
+        print_calibration(result_values(kind, result))
+        if result["file"]:
+            click.echo(f"calibration in {result['file']}")
+    click.echo(charged(result))
+
+
+def print_validation(found: dict[str, Any]) -> None:
+    """Print what a validation found, a row for each qubit."""
+    columns = ("qubits", "chi_square", "degrees", "p_value")
+    print_table(
+        ["qubit", "chi-square", "expected", "p-value", ""],
+        [
+            [*row, "fails" if row[0] in found["failed"] else "holds"]
+            for row in zip(*(found[column] for column in columns), strict=True)
+        ],
+        f"Twin of {found['file']} against fresh counts of {found['shots']} shots",
+    )
+    verdict = "pass" if found["passed"] else "fail"
+    click.echo(f"{verdict}; the largest difference of a <Z> is {found['largest_difference']:.3f}")
+
+
+def charged(result: dict[str, Any]) -> str:
+    """A line on what a finished run was charged."""
+    words = f"run {result['run']} was charged {result['qpu_seconds']:.1f} QPU seconds"
+    if result["jobs_uncharged"]:
+        words += f"; of {plural(result['jobs_uncharged'], 'job')} IBM has not said it yet"
+    return words
