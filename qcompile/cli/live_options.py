@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,6 +36,21 @@ class Live:
         return {"account": self.account, "instance": self.instance, "batch": self.batch}
 
 
+class _Seconds(click.FloatRange):
+    """A number of seconds above 0; nan, which no comparison finds out of range, is none."""
+
+    def __init__(self, most: float | None = None):
+        super().__init__(0, most, min_open=True)
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        seconds = float(super().convert(value, param, ctx))
+        if math.isnan(seconds):
+            self.fail("nan is no number of seconds.", param, ctx)
+        return seconds
+
+
 runs_option: Decorator = click.option(
     "--runs",
     type=click.Path(file_okay=False, path_type=Path),
@@ -45,12 +61,12 @@ runs_option: Decorator = click.option(
 )
 seconds_option: Decorator = click.option(
     "--max-qpu-seconds",
-    type=click.FloatRange(0, min_open=True, max=1e6),
+    type=_Seconds(1e6),
     help="With --live: the run stops before it would take more.",
 )
 wait_option: Decorator = click.option(
     "--max-wait-seconds",
-    type=click.FloatRange(0, min_open=True),
+    type=_Seconds(),
     help="Give up waiting for a job after so long; `resume` fetches it.  [default: wait]",
 )
 yes_option: Decorator = click.option("--yes", is_flag=True, help="Spend without asking.")
