@@ -117,7 +117,7 @@ class Journal:
         Raises:
             LiveError: the folder cannot be made.
         """
-        now = datetime.now(UTC).replace(microsecond=0)
+        now = datetime.now(UTC)
         words = "".join(c if c.isascii() and c.isalnum() else "-" for c in name)[:16]
         run_id = f"{now:%Y%m%d-%H%M%S}-{words}-{secrets.token_hex(3)}"
         folder = runs / run_id
@@ -282,8 +282,8 @@ def _array(contents: bytes) -> NDArray[Any]:
 
 def journals(runs: Path) -> list[Journal]:
     """Every run below `runs`, the newest last; folders without a journal are passed over."""
-    folders = sorted(path.parent for path in runs.glob(f"*/{FILE}"))
-    return [Journal(folder) for folder in folders]
+    found = [Journal(path.parent) for path in runs.glob(f"*/{FILE}")]
+    return sorted(found, key=lambda journal: journal.created)
 
 
 def find_journal(runs: Path, run_id: str) -> Journal:
@@ -296,7 +296,7 @@ def find_journal(runs: Path, run_id: str) -> Journal:
     if run_id in known:
         return Journal(runs / run_id)
     if run_id == "last":
-        found = known[-1:]
+        found = [journal.folder.name for journal in journals(runs)[-1:]]
     else:
         found = [name for name in known if run_id and run_id in name]
     if len(found) == 1:
