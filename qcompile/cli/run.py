@@ -206,8 +206,9 @@ def _mitigation_of(calibration: Calibration | None, backend: str) -> str:
 
     if calibration is None and is_calibration(Path(backend)):
         calibration = load_calibration(Path(backend))
-    responses_alone = calibration is not None and calibration.readout is None
-    return "response" if responses_alone else "readout"
+    if calibration is None or calibration.response is None or calibration.readout is not None:
+        return "readout"
+    return "response"
 
 
 def _run_live(live: Live, as_json: bool, copies: int | None, **settings: Any) -> None:
