@@ -36,7 +36,10 @@ ORDER = (
 
 LEVEL = {room: level for level, rooms in enumerate(ORDER) for room in rooms}
 
-HEAVY = ("torch", "cvxpy", "gymnasium", "matplotlib", "qiskit", "openqasm3", "imageio")
+HEAVY = (
+    *("torch", "cvxpy", "gymnasium", "matplotlib", "qiskit", "openqasm3", "imageio"),
+    *("qiskit_ibm_runtime", "ibm_cloud_sdk_core", "tenacity", "requests"),
+)
 
 
 def room(path: Path) -> str:
@@ -97,14 +100,26 @@ def loaded_by(statement: str) -> set[str]:
         "qcompile.execution, qcompile.policy, qcompile.device, "
         "qcompile.snapshot, qcompile.mitigation, qcompile.qasm, "
         "qcompile.jobs.program_file, qcompile.jobs.policy_job",
+        "import qcompile.live.budget, qcompile.live.connection, qcompile.live.executor, "
+        "qcompile.live.jobs, qcompile.live.journal, qcompile.live.measure, qcompile.live.task",
         "import qcompile\nfor name in qcompile.__all__: getattr(qcompile, name)",
         "import sys\nfrom qcompile.cli import main\nsys.argv = ['qcompile', '--help']\n"
         "try: main()\nexcept SystemExit as ended: assert ended.code == 0",
     ],
-    ids=["qcompile", "rooms", "names", "--help"],
+    ids=["qcompile", "rooms", "live", "names", "--help"],
 )
 def test_heavy_packages_are_loaded_where_used(statement: str) -> None:
     assert loaded_by(statement) == set()
+
+
+def test_playing_live_loads_no_more_than_the_environments() -> None:
+    rooms = "qcompile.live.perform, qcompile.live.plan, qcompile.live.play, qcompile.live.validate"
+    assert loaded_by(f"import {rooms}") <= {"gymnasium"}
+
+
+@pytest.mark.parametrize("command", ["run", "plan", "calibrate", "validate", "runs", "resume"])
+def test_help_of_a_command_loads_nothing_heavy(command: str) -> None:
+    assert loaded_by(f"import qcompile.cli.{command}") == set()
 
 
 def test_the_measure_of_what_is_loaded_works() -> None:

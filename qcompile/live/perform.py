@@ -107,8 +107,8 @@ def finished(journal: Journal) -> dict[str, Any]:
 
 def where_it_stands(journal: Journal) -> str:
     """A line of words: jobs and steps of the run so far."""
-    steps = f", {journal.step_count()} steps are played" if journal.kind == "run" else ""
-    return f"{journal.jobs_done()} jobs are done{steps}; all of it is kept."
+    steps = f", steps played: {journal.step_count()}" if journal.kind == "run" else ""
+    return f"Jobs done: {journal.jobs_done()}{steps}; all of it is kept."
 
 
 def versions() -> dict[str, str]:

@@ -16,12 +16,13 @@ def journals(
 
     `on_damage` gets words on each that cannot be read.
     """
+    found = []
     for folder in _folders(runs):
         try:
-            journal = Journal(folder)
+            found.append(Journal(folder))
         except LiveError as error:
             on_damage(str(error))
-            continue
+    for journal in sorted(found, key=lambda journal: journal.created):
         with journal:
             yield journal
 
@@ -53,5 +54,5 @@ def find_journal(runs: Path, run_id: str) -> Journal:
 
 
 def _folders(runs: Path) -> list[Path]:
-    """Folders with a journal, by their names, which begin with the time."""
+    """Folders with a journal, by name."""
     return sorted(path.parent for path in runs.glob(f"*/{FILE}"))

@@ -26,12 +26,14 @@ def again(journal: Journal) -> Journal:
 
 
 def test_a_new_run_has_a_folder_named_by_time_and_name() -> None:
-    before = datetime.now(UTC).replace(microsecond=0)
+    before = datetime.now(UTC)
     journal = new("lunar lander/ü")
     found = again(journal)
-    stamp, words = found.id[:13], found.id[14:]
-    assert datetime.strptime(stamp, "%y%m%d-%H%M%S").replace(tzinfo=UTC) >= before
-    assert re.fullmatch(r"lunar-lander-[0-9a-f]{4}", words)
+    stamp, words = found.id[:15], found.id[16:]
+    assert datetime.strptime(stamp, "%Y%m%d-%H%M%S").replace(tzinfo=UTC) >= before.replace(
+        microsecond=0
+    )
+    assert re.fullmatch(r"lunar-lander---[0-9a-f]{6}", words)
     assert found.folder == RUNS / found.id
     assert (found.kind, found.settings, found.max_qpu_seconds) == ("run", SETTINGS, 12.5)
     assert found.created == journal.created >= before
@@ -152,7 +154,14 @@ def test_runs_are_listed_by_age() -> None:
     ids = three()
     (RUNS / "notes").mkdir()
     assert [journal.folder.name for journal in journals(RUNS)] == ids
-    assert list(journals(Path("nowhere"))) == []
+    assert journals(Path("nowhere")) == []
+
+
+def test_the_newest_of_runs_of_one_second_is_the_last() -> None:
+    """Whatever their names and their chance letters."""
+    made = [new(name).id for name in ("x", "cart", "z", "a", "m")]
+    assert find_journal(RUNS, "last").id == made[-1]
+    assert [journal.id for journal in journals(RUNS)] == made
 
 
 @pytest.mark.parametrize(

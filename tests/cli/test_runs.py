@@ -1,0 +1,190 @@
+"""`qcompile runs` and `resume` on journals written by hand: no service, no account."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from qcompile.live.journal import Journal
+
+Call = Callable[..., Any]
+RESULT = {"passed": True, "failed": [], "qubits": [3], "chi_square": [4.0], "degrees": [5],
+          "p_value": [0.5], "largest_difference": 0.02, "file": "lima.json", "shots": 100,
+          "qpu_seconds": 2.25, "max_qpu_seconds": 9.0}  # fmt: skip
+
+
+def journal(kind: Any = "run", runs: str = "runs") -> Journal:
+    """A run with a job done, one that failed and one under way, and a step and a half."""
+    made = Journal.create(Path(runs), kind, "cart", {"backend": "somewhere"}, 9.0)
+    made.note_done(made.intend(0, "d", 100), np.array([[3, 97]]), 2.25)
+    made.note_failed(made.intend(1, "d", 100), "it rained", 0.0)
+    made.note_sent(made.intend(1, "d", 100), "job-b")
+    made.note_actions(0, np.array([[0.5, -1.0]]), np.array([1]))
+    made.note_rewards(0, [1.0])
+    made.note_actions(1, np.array([[0.25, 2.0]]), np.array([0]))
+    return made
+
+
+def test_an_empty_folder(qcompile: Call) -> None:
+    answer = qcompile("runs")
+    assert (answer.code, answer.out, answer.err) == (0, "There is no live run in runs.\n", "")
+    assert qcompile("runs", "--json").json() == []
+
+
+def test_the_list(qcompile: Call, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "120")
+    first = journal()
+    first.finish(RESULT)
+    second = journal("validate")
+    rows = qcompile("runs", "--json").json()
+    assert {row["run"] for row in rows} == {first.id, second.id}
+    row = next(row for row in rows if row["run"] == first.id)
+    assert row == {
+        "run": first.id,
+        "kind": "run",
+        "backend": "somewhere",
+        "created": first.created.isoformat(),
+        "state": "finished",
+        "jobs_done": 1,
+        "jobs_open": 1,
+        "steps": 2,
+        "qpu_seconds": 2.25,
+        "max_qpu_seconds": 9.0,
+    }
+    answer = qcompile("runs")
+    assert answer.code == 0
+    assert first.id in answer.out
+    assert second.id in answer.out
+    assert "unfinished" in answer.out
+
+
+def test_another_folder_by_option_and_by_environment(
+    qcompile: Call, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = journal(runs="elsewhere")
+    assert [row["run"] for row in qcompile("runs", "--runs", "elsewhere", "--json").json()] == [
+        made.id
+    ]
+    assert qcompile("runs", "--json").json() == []
+    monkeypatch.setenv("QCOMPILE_RUNS", "elsewhere")
+    assert len(qcompile("runs", "--json").json()) == 1
+
+
+def test_where_an_unfinished_run_stands(qcompile: Call) -> None:
+    made = journal()
+    answer = qcompile("runs", "show", "last")
+    assert answer.code == 0
+    assert answer.out == (
+        f"{made.id} on somewhere: unfinished\n"
+        "1 jobs are done, 2 steps are played; all of it is kept.\n"
+        "2.2 of 9 QPU seconds are charged\n"
+        f"`qcompile resume {made.id}` goes on.\n"
+    )
+    values = qcompile("runs", "show", made.id, "--json").json()
+    assert (values["state"], values["result"]) == ("unfinished", None)
+
+
+def test_a_finished_run_is_shown_again_without_asking_anybody(
+    qcompile: Call, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("QISKIT_IBM_URL", "http://127.0.0.1:9/experimental")
+    made = Journal.create(Path("runs"), "validate", "cart", settings(), 9.0)
+    made.finish(RESULT)
+    for words in (("runs", "show"), ("resume",)):
+        answer = qcompile(*words, "last")
+        assert answer.code == 0, answer.err
+        assert "pass; the largest difference of a <Z> is 0.020" in answer.out
+        assert "2.2 QPU seconds were charged" in answer.out
+    assert qcompile("resume", "last", "--json").json() == RESULT
+
+
+def settings() -> dict[str, Any]:
+    """What a task of a validation needs."""
+    from qcompile.device import load_device
+    from qcompile.execution import OfflineExecutor
+    from qcompile.live.validate import ValidateTask
+    from qcompile.mitigation import calibrate
+    from qcompile.policy import load_policy
+    from qcompile.policy.files import policy_values
+
+    device = load_device("fake_lima")
+    task = ValidateTask.model_validate(
+        {
+            "backend": "fake_lima",
+            "device": device,
+            "calibration": calibrate(OfflineExecutor(device), np.arange(5), None),
+            "calibration_file": "lima.json",
+            "policy": policy_values(load_policy("cartpole")),
+            "observations": [[0.0] * 4],
+            "shots": 100,
+        }
+    )
+    return task.model_dump(mode="json")
+
+
+def test_all_that_a_run_holds(qcompile: Call) -> None:
+    made = journal()
+    values = qcompile("runs", "export", "last").json()
+    assert values["settings"] == {"backend": "somewhere"}
+    assert [(job["number"], job["attempt"], job["state"]) for job in values["jobs"]] == [
+        (0, 0, "done"),
+        (1, 0, "failed"),
+        (1, 1, "sent"),
+    ]
+    assert values["jobs"][0]["ones"] == [[3, 97]]
+    assert values["jobs"][1]["words"] == "it rained"
+    assert values["jobs"][2]["job_id"] == "job-b"
+    assert values["steps"] == [
+        {"observations": [[0.5, -1.0]], "actions": [1], "rewards": [1.0]},
+        {"observations": [[0.25, 2.0]], "actions": [0], "rewards": None},
+    ]
+    answer = qcompile("runs", "export", made.id, "--out", "all.json")
+    assert answer.out == "3 jobs and 2 steps in all.json\n"
+    assert json.loads(Path("all.json").read_text()) == values
+
+
+@pytest.mark.parametrize("words", [("runs", "show"), ("runs", "export"), ("resume",)])
+def test_an_unknown_run_is_explained(qcompile: Call, words: tuple[str, ...]) -> None:
+    made = journal()
+    answer = qcompile(*words, "nosuch")
+    assert (answer.code, answer.out) == (1, "")
+    assert answer.err == (
+        f"Error: There is no run 'nosuch' in runs.\n  It holds 1: {made.id}.\n"
+        "  `qcompile runs` lists them; --runs names another folder.\n"
+    )
+
+
+def test_a_run_that_goes_on_elsewhere_is_left_alone(qcompile: Call) -> None:
+    made = Journal.create(Path("runs"), "validate", "cart", settings(), 9.0)
+    with made.held():
+        for more in ((), ("--max-qpu-seconds", 20, "--yes")):
+            answer = qcompile("resume", "last", *more)
+            assert answer.code == 1
+            assert f"Error: Run {made.id} is going on in another process.\n" in answer.err
+    assert made.max_qpu_seconds == 9.0
+
+
+def test_a_run_of_a_newer_version_is_explained(qcompile: Call) -> None:
+    made = journal()
+    answer = qcompile("resume", "last")
+    assert answer.code == 1
+    assert f"Error: Run {made.id} cannot be read by this version of qcompile.\n" in answer.err
+    assert "Traceback" not in answer.err
+
+
+def test_json_goes_behind_the_name(qcompile: Call) -> None:
+    journal()
+    answer = qcompile("runs", "--json", "show", "last")
+    assert (answer.code, answer.out) == (2, "")
+    assert "--json goes behind the name: runs show ID --json" in answer.err
+
+
+def test_a_limit_of_nan_is_none(qcompile: Call) -> None:
+    made = journal()
+    assert qcompile("resume", "last", "--max-qpu-seconds", "nan", "--yes").code == 2
+    assert made.max_qpu_seconds == 9.0
