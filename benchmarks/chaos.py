@@ -232,6 +232,7 @@ def main(kills: int, faults: int, seed: int, keep: bool) -> None:
         struck = Counter(stand_in.ledger().faults)
         stand_in.faults.wait_seconds = 1.0
         stand_in.faults.listing_lag_seconds = 0.3
+        stand_in.settings.usage_lag_seconds = 0.3
         for kind, (probability, on) in AT_RANDOM.items():
             stand_in.faults.chance(kind, probability, on=on)
         starts = 0

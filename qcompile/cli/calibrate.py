@@ -157,11 +157,13 @@ def command(
             parts=parts or ("response",),
             angles_rad=tuple(angles_rad.tolist()),
             out=None if out is None else str(out.resolve()),
+            force=force,
             **live.where,
         )
         found = spend(task, task.load, live, connection)
         calibration = Calibration.model_validate(found["calibration"])
         values = result_values("calibrate", found)
+        out = None if found["file"] is None else Path(found["file"])
     else:
         try:
             with progress_bar(f"calibrate {device.name}", 1) as show:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -81,7 +82,7 @@ def live_options(function: Callable[..., Any]) -> Callable[..., Any]:
             for name, value in given.items():
                 if value:
                     option = f"--{name.replace('_', '-')}"
-                    raise click.UsageError(f"{option} is for --live: nothing else spends.")
+                    raise click.UsageError(f"{option} is for --live.")
             return function(live=None, **values)
         if given["max_qpu_seconds"] is None:
             raise click.UsageError(
@@ -110,11 +111,11 @@ def spend(task: Task, load: Workload, live: Live, connection: Connection) -> dic
     from qcompile.report.tables import plural
 
     seconds, left_s = load.qpu_seconds, connection.left_on_plan_s()
-    task = task.model_copy(update={"instance": connection.crn})
+    task = task.model_copy(update={"instance": connection.crn, "planned_jobs": load.jobs})
     click.echo(
         f"{task.backend}: {plural(load.jobs, 'job')}, {load.executions:,} executions, "
         f"about {seconds:.1f} QPU seconds by IBM's estimate; the limit is {live.max_qpu_seconds:g}."
-        + ("" if left_s is None else f" The plan has {left_s:.0f} s left."),
+        + ("" if left_s is None else f" The plan has {left_s:,.0f} s left."),
         err=True,
     )
     if seconds + 1 > live.max_qpu_seconds:  # IBM cuts jobs off at whole seconds
@@ -131,17 +132,37 @@ def spend(task: Task, load: Workload, live: Live, connection: Connection) -> dic
             f"The Open Plan gives {FREE_SECONDS:g} in 28 days; --instance names another instance.",
         )
     if not live.yes:
-        click.confirm("Spend them?", abort=True, err=True)
+        confirm("Spend them?")
     with begin(live.runs, task, live.max_qpu_seconds) as journal:
         return follow(journal, live.max_wait_s)
 
 
-def follow(journal: Any, max_wait_s: float | None) -> dict[str, Any]:
+def confirm(question: str) -> None:
+    """Nothing, if somebody says yes.
+
+    Raises:
+        click.Abort: somebody says no.
+        LiveError: nobody is there to say it.
+    """
+    from qcompile.errors import LiveError
+
+    try:
+        click.confirm(question, abort=True, err=True)
+    except click.Abort:
+        if sys.stdin is None or sys.stdin.closed or not sys.stdin.isatty():
+            click.echo(err=True)
+            raise LiveError(
+                "Nobody said yes. Nothing was sent.", "In a script say --yes."
+            ) from None
+        raise
+
+
+def follow(journal: Any, max_wait_s: float | None, out: Path | None = None) -> dict[str, Any]:
     """Go on with a run, showing how far it is; what it found."""
     from qcompile.live.perform import go_on, task_of
     from qcompile.report.progress import progress_bar
 
     task = task_of(journal)
     click.echo(f"run {journal.id}", err=True)
-    with progress_bar(f"{task.name} on {task.backend}", task.total) as show:
-        return go_on(journal, max_wait_s=max_wait_s, show=show)
+    with progress_bar(task.name, task.planned_jobs) as show:
+        return go_on(journal, max_wait_s=max_wait_s, out=out, show=show)

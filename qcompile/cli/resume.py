@@ -7,20 +7,27 @@ from pathlib import Path
 import click
 
 from qcompile.cli.live_options import (
+    confirm,
     follow,
     runs_option,
-    seconds_option,
     wait_option,
     yes_option,
 )
-from qcompile.cli.options import echo_json, json_option
+from qcompile.cli.options import Positive, echo_json, json_option
 
 
 @click.command("resume")
 @click.argument("run_id", metavar="ID")
-@seconds_option
+@click.option(
+    "--max-qpu-seconds", type=Positive("seconds"), help="Another limit.  [default: the run's]"
+)
 @yes_option
 @wait_option
+@click.option(
+    "--out",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="File for a calibration.  [default: the one it was begun with]",
+)
 @runs_option
 @json_option
 def command(
@@ -28,13 +35,15 @@ def command(
     max_qpu_seconds: float | None,
     yes: bool,
     max_wait_seconds: float | None,
+    out: Path | None,
     runs: Path,
     as_json: bool,
 ) -> None:
     """Go on with run ID (a part of it will do, `last` is the newest) where it stopped.
 
     What was paid for is fetched and not paid again. The limit stays that of the run unless
-    --max-qpu-seconds sets another; a higher one is confirmed. A finished run shows its result.
+    --max-qpu-seconds sets another; a higher one is confirmed. A finished run shows its result. A
+    calibration is written to its file, and nothing is drawn or checked.
     """
     from qcompile.live.runs import find_journal
     from qcompile.report.live import print_result, result_values
@@ -44,10 +53,10 @@ def command(
             if max_qpu_seconds > journal.max_qpu_seconds and not yes:
                 was = journal.max_qpu_seconds
                 words = f"Allow {max_qpu_seconds:g} QPU seconds instead of {was:g}?"
-                click.confirm(words, abort=True, err=True)
+                confirm(words)
             with journal.held():
                 journal.allow(max_qpu_seconds)
-        result = follow(journal, max_wait_seconds)
+        result = follow(journal, max_wait_seconds, out)
     if as_json:
         echo_json(result_values(journal.kind, result))
     else:

@@ -7,7 +7,11 @@ from pathlib import Path
 import click
 
 from qcompile.cli.live_options import runs_option
-from qcompile.cli.options import echo_json, json_option
+from qcompile.cli.options import Decorator, echo_json, json_option
+
+_own_runs: Decorator = click.option(
+    "--runs", type=click.Path(file_okay=False, path_type=Path), help="Folder of the journals."
+)
 
 
 @click.group("runs", invoke_without_command=True)
@@ -25,14 +29,15 @@ def command(ctx: click.Context, runs: Path, as_json: bool) -> None:
         if as_json:
             raise click.UsageError("--json goes behind the name: runs show ID --json")
         return
-    found = [
-        overview(journal) for journal in journals(runs, lambda words: click.echo(words, err=True))
-    ]
+    damaged: list[str] = []
+    found = [overview(journal) for journal in journals(runs, damaged.append)]
+    for words in damaged:
+        click.echo(words, err=True)
     if as_json:
         echo_json(found)
         return
     if not found:
-        click.echo(f"There is no live run in {runs}.")
+        click.echo(f"There is no live run in {runs}." if not damaged else "No other run is there.")
         return
     print_table(
         ["run", "what", "backend", "state", "QPU seconds"],
@@ -52,15 +57,16 @@ def command(ctx: click.Context, runs: Path, as_json: bool) -> None:
 
 @command.command("show")
 @click.argument("run_id", metavar="ID")
+@_own_runs
 @json_option
 @click.pass_obj
-def show(runs: Path, run_id: str, as_json: bool) -> None:
+def show(of_group: Path, run_id: str, runs: Path | None, as_json: bool) -> None:
     """Show the result of run ID, or where it stands."""
     from qcompile.live.perform import finished
     from qcompile.live.runs import find_journal
     from qcompile.report.live import overview, print_overview, print_result, result_values
 
-    with find_journal(runs, run_id) as journal:
+    with find_journal(runs or of_group, run_id) as journal:
         result = None if journal.result is None else finished(journal)
         if as_json:
             shown = None if result is None else result_values(journal.kind, result)
@@ -78,8 +84,9 @@ def show(runs: Path, run_id: str, as_json: bool) -> None:
     type=click.Path(dir_okay=False, path_type=Path),
     help="File to write, overwritten.  [default: standard output]",
 )
+@_own_runs
 @click.pass_obj
-def export(runs: Path, run_id: str, out: Path | None) -> None:
+def export(of_group: Path, run_id: str, out: Path | None, runs: Path | None) -> None:
     """Write all that run ID holds as JSON: settings, jobs with their counts, steps, result."""
     import json
 
@@ -87,7 +94,7 @@ def export(runs: Path, run_id: str, out: Path | None) -> None:
     from qcompile.output import write_file
     from qcompile.report.live import exported
 
-    with find_journal(runs, run_id) as journal:
+    with find_journal(runs or of_group, run_id) as journal:
         values = exported(journal)
     if out is None:
         click.echo(json.dumps(values))

@@ -74,6 +74,13 @@ def command(
         from qcompile.live.validate import ValidateTask
 
         connection = Connection(calibration.backend, live.account, live.instance)
+        machine = connection.device()
+        if len(machine.qubits) != len(calibration.device.qubits):
+            raise CalibrationError(
+                f"{file} has {len(calibration.device.qubits)} qubits, {machine.name} has "
+                f"{len(machine.qubits)}.",
+                "Calibrate the machine anew.",
+            )
         task = ValidateTask.model_validate(
             {
                 **live.where,

@@ -32,6 +32,8 @@ class Connection:
     """
 
     def __init__(self, backend: str, account: str | None = None, instance: str | None = None):
+        if not backend:
+            raise LiveError("The backend has no name.", "Name a machine of the account.")
         self.name, self._account, self._instance = backend, account, instance
         self._patience_s = seconds_setting("QCOMPILE_PATIENCE_SECONDS", words.PATIENCE_S)
         self._service: Any = None

@@ -137,7 +137,7 @@ class Jobs:
             if status in _FINAL:
                 return status
             waited_s = time.monotonic() - started
-            self._say(f"job {job.job_id()} is {status.lower()}, {waited_s:.0f} s")
+            self._say(f"job {status.lower()} {waited_s:.0f} s")
             if self._max_wait_s is not None and waited_s > self._max_wait_s:
                 raise LiveError(
                     f"Job {job.job_id()} is {status.lower()} for {waited_s:.0f} s now.",

@@ -69,11 +69,12 @@ class Journal:
             self.id: str = row[1]
             self.kind: TaskKind = row[2]
             self.created = datetime.fromisoformat(row[3])
-            self.settings: dict[str, Any] = json.loads(row[4])
-            self.versions: dict[str, str] = json.loads(row[5])
+            self.settings: dict[str, Any] = dict(json.loads(row[4]))
+            self.versions: dict[str, str] = dict(json.loads(row[5]))
         except (sqlite3.Error, ValueError, TypeError) as error:
             raise LiveError(
-                f"{path} cannot be read: {error}.", "Restore it from a copy."
+                f"{path} cannot be read: {error}.",
+                "Copy the run to a folder that can be written; if it is damaged, restore it.",
             ) from error
 
     @classmethod
@@ -146,7 +147,12 @@ class Journal:
     def result(self) -> dict[str, Any] | None:
         """What the run found, once it is finished."""
         text = self._do("SELECT result FROM run").fetchone()[0]
-        return None if text is None else dict(json.loads(text))
+        try:
+            return None if text is None else dict(json.loads(text))
+        except (TypeError, ValueError) as error:
+            raise LiveError(
+                f"The result in {self.folder} is damaged.", "Restore a copy."
+            ) from error
 
     def finish(self, result: dict[str, Any]) -> None:
         self._do("UPDATE run SET result = ?", json.dumps(result))

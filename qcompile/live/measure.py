@@ -7,6 +7,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from qcompile.calibration import Calibration, load_calibration
+from qcompile.errors import CalibrationError
 from qcompile.execution import Workload
 from qcompile.live.executor import IBMExecutor
 from qcompile.live.journal import TaskKind
@@ -16,7 +18,10 @@ from qcompile.mitigation.measure import Part
 
 
 class CalibrateTask(Task):
-    """Measure `parts` on `qubits`, `shots` of each circuit, into the file `out`, if any."""
+    """Measure `parts` on `qubits`, `shots` of each circuit, into the file `out`, if any.
+
+    A file that is there is overwritten with `force` alone; without, another name is taken.
+    """
 
     kind: ClassVar[TaskKind] = "calibrate"
 
@@ -25,6 +30,7 @@ class CalibrateTask(Task):
     parts: tuple[Part, ...]
     angles_rad: tuple[float, ...]
     out: str | None
+    force: bool = False
 
     @property
     def load(self) -> Workload:
@@ -32,19 +38,40 @@ class CalibrateTask(Task):
         return calibration_workload(len(self.qubits), self.shots, self.parts, len(self.angles_rad))
 
     def perform(self, context: Context) -> dict[str, Any]:
-        """The calibration as plain values, which is in its file then."""
+        """The calibration as plain values."""
         calibration = calibrate(
             IBMExecutor(self.device, context.jobs),
             np.array(self.qubits),
             self.shots,
             parts=self.parts,
             angles_rad=np.array(self.angles_rad),
-            on_circuit=lambda done, of: context.show(done / of, f"circuit {done} of {of}"),
+            on_circuit=lambda done, of: context.say(f"circuit {done} of {of}"),
         )
         first = context.jobs.journal.latest(0)
         if first is not None and first.sent_at is not None:  # and not when it was gone on with
             sent_at = first.sent_at.replace(microsecond=0)
             calibration = calibration.model_copy(update={"created": sent_at})
-        if self.out is not None:
-            calibration.save(Path(self.out))
-        return {"calibration": calibration.model_dump(mode="json"), "file": self.out}
+        return {"calibration": calibration.model_dump(mode="json")}
+
+    def deliver(self, found: dict[str, Any], out: Path | None) -> dict[str, Any]:
+        """The calibration, once it is in its file: `out`, or that of the task.
+
+        Raises:
+            OutputError: the file cannot be written; the journal keeps the calibration.
+        """
+        path = out or (None if self.out is None else Path(self.out))
+        if path is None:
+            return found | {"file": None}
+        calibration = Calibration.model_validate(found["calibration"])
+        if path.exists() and not self.force and not _holds(path, calibration):
+            path = path.with_stem(f"{path.stem}-{found['run']}")
+        if not _holds(path, calibration):
+            calibration.save(path)
+        return found | {"file": str(path)}
+
+
+def _holds(path: Path, calibration: Calibration) -> bool:
+    try:
+        return load_calibration(path) == calibration
+    except CalibrationError:
+        return False

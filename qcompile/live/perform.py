@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+import shlex
 from collections.abc import Callable
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from qcompile.errors import BudgetError, LiveError, QcompileError, ReplayError
+from qcompile.errors import BudgetError, LiveError, OutputError, QcompileError, ReplayError
 from qcompile.live.connection import Connection
 from qcompile.live.jobs import Jobs
 from qcompile.live.journal import Journal, TaskKind
@@ -54,12 +55,14 @@ def go_on(
     journal: Journal,
     *,
     max_wait_s: float | None = None,
+    out: Path | None = None,
     show: Callable[[float, str], None] = lambda done, words: None,
 ) -> dict[str, Any]:
     """Do what is left of the run; what it found, with its id and what was charged.
 
-    `show` gets how much is done, and words. A finished run gives its result again; only where IBM
-    had not said yet what it charged, it is asked.
+    `show` gets how many jobs are done, and words. A finished run gives its result again; only where
+    IBM had not said yet what it charged, it is asked. `out` is another file for a calibration than
+    the one it has.
 
     Raises:
         BudgetError: the limit of QPU seconds would be passed.
@@ -68,22 +71,22 @@ def go_on(
     """
     with journal.held():
         task = task_of(journal)
-        done = 0.0
-
-        def shown(now: float, words: str) -> None:
-            nonlocal done
-            done = now
-            say(words)
+        step = ""
 
         def say(words: str) -> None:
-            budget = jobs.budget
-            show(done, f"{words}; {budget.charged_s():.0f} of {budget.limit_s:g} QPU s")
+            spent = f"{jobs.budget.charged_s():.0f} of {jobs.budget.limit_s:g} QPU s"
+            show(journal.jobs_done(), ", ".join(filter(None, (step, words, spent))))
+
+        def say_step(words: str) -> None:
+            nonlocal step
+            step = words
+            say("")
 
         connection = Connection(task.backend, task.account, task.instance)
         jobs = Jobs(journal, connection, batch=task.batch, max_wait_s=max_wait_s, say=say)
         if journal.result is None:
             try:
-                journal.finish(task.perform(Context(jobs, shown)))
+                journal.finish(task.perform(Context(jobs, say_step)))
             except KeyboardInterrupt:
                 raise _explained(LiveError("Interrupted."), journal) from None
             except QcompileError as error:
@@ -91,7 +94,11 @@ def go_on(
             finally:
                 jobs.close()
         jobs.learn_charges()
-        return finished(journal)
+        try:
+            return task.deliver(finished(journal), out)
+        except OutputError as error:
+            hint = f"It is measured and kept: `{_resume(journal)} --out FILE` writes it elsewhere."
+            raise error.with_hints(hint) from error
 
 
 def finished(journal: Journal) -> dict[str, Any]:
@@ -124,8 +131,7 @@ def versions() -> dict[str, str]:
 
 def _explained(error: QcompileError, journal: Journal) -> QcompileError:
     """The error, with where the run stands and what to do."""
-    resume = f"`qcompile resume {journal.id}"
-    export = f"`qcompile runs export {journal.id}` gives what was measured."
+    export = f"`qcompile runs{_folder(journal)} export {journal.id}` gives what was measured."
     if isinstance(error, ReplayError):
         now = versions()
         other = [
@@ -136,9 +142,20 @@ def _explained(error: QcompileError, journal: Journal) -> QcompileError:
         began = f"It began with {'; '.join(other)}." if other else "The versions are the same."
         return error.with_hints(began, export)
     if isinstance(error, BudgetError):
-        hint = f"{resume} --max-qpu-seconds S` goes on with more."
+        hint = f"`{_resume(journal)} --max-qpu-seconds S` goes on with more."
     elif isinstance(error, LiveError):
-        hint = f"{resume}` goes on."
+        hint = f"`{_resume(journal)}` goes on."
     else:
         hint = export
     return error.with_hints(where_it_stands(journal), hint)
+
+
+def _resume(journal: Journal) -> str:
+    """The command that goes on with a run."""
+    return f"qcompile resume {journal.id}{_folder(journal)}"
+
+
+def _folder(journal: Journal) -> str:
+    """The option that names the folder of a run, where it is not the usual one."""
+    runs = journal.folder.parent
+    return "" if runs == Path("runs") else f" --runs {shlex.quote(str(runs))}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, ClassVar
 
 import numpy as np
@@ -14,7 +15,7 @@ from qcompile.live.journal import Journal, TaskKind
 from qcompile.live.task import Context, Task
 from qcompile.policy.files import PolicyFile
 from qcompile.rl.evaluate import Deployment, play
-from qcompile.rl.lockstep import Act, Episode
+from qcompile.rl.lockstep import Act
 
 _ROUNDING = 1e-9
 """Another processor may round the last digits otherwise."""
@@ -45,10 +46,6 @@ class RunTask(Task):
     def name(self) -> str:
         return self.policy.name
 
-    @property
-    def total(self) -> float:
-        return self.episodes
-
     def perform(self, context: Context) -> dict[str, Any]:
         """The figures of `qcompile run --json`.
 
@@ -57,19 +54,12 @@ class RunTask(Task):
             ReplayError: the environment does not repeat what is recorded.
         """
         deployment = self.deploy(IBMExecutor(self.device, context.jobs))
-        finished: list[Episode] = []
-
-        def note(episode: Episode) -> None:
-            finished.append(episode)
-            rewards = [episode.reward for episode in finished]
-            context.show(len(finished), f"mean reward {sum(rewards) / len(rewards):.1f}")
-
+        steps = Steps(context.jobs.journal, context.say)
         result = play(
             deployment,
             self.episodes,
             max_steps=self.max_steps,
-            record=Steps(context.jobs.journal),
-            on_episode=note,
+            record=steps,
         )
         if result.interrupted:
             raise KeyboardInterrupt
@@ -99,8 +89,8 @@ class Steps:
     nothing had happened.
     """
 
-    def __init__(self, journal: Journal):
-        self._journal, self._number = journal, 0
+    def __init__(self, journal: Journal, say: Callable[[str], None] = lambda words: None):
+        self._journal, self._say, self._number = journal, say, 0
 
     def act(self, act: Act, observations: NDArray[np.float64]) -> NDArray[np.intp]:
         """The actions (B,) for observations (B, features).
@@ -109,6 +99,7 @@ class Steps:
             ReplayError: the observations are not those recorded.
         """
         step = self._journal.step(self._number)
+        self._say(f"step {self._number + 1}")
         if step is None:
             actions = act(observations)
             self._journal.note_actions(self._number, observations, actions)

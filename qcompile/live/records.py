@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from qcompile.errors import LiveError
 from qcompile.execution.executor import CountArray, FloatArray
 
 State = Literal["intended", "sending", "sent", "done", "failed"]
@@ -48,7 +49,7 @@ class Submission:
         """That of a row of COLUMNS."""
         values = dict(zip(cls.COLUMNS.split(", "), row, strict=True))
         if values["sent_at"] is not None:
-            values["sent_at"] = datetime.fromisoformat(values["sent_at"])
+            values["sent_at"] = to_time(values["sent_at"])
         if values["ones"] is not None:
             values["ones"] = to_array(values["ones"])
         return cls(**values)
@@ -79,6 +80,18 @@ class Step:
         return cls(to_array(observations), to_array(actions), earned)
 
 
+def to_time(text: str) -> datetime:
+    """A time as the journal writes it.
+
+    Raises:
+        LiveError: it is damaged.
+    """
+    try:
+        return datetime.fromisoformat(text)
+    except (TypeError, ValueError) as error:
+        raise LiveError("A time in the run's journal is damaged.", "Restore a copy.") from error
+
+
 def to_bytes(array: NDArray[Any]) -> bytes:
     """An array as the bytes of a .npy file."""
     file = BytesIO()
@@ -87,5 +100,12 @@ def to_bytes(array: NDArray[Any]) -> bytes:
 
 
 def to_array(contents: bytes) -> NDArray[Any]:
-    """What `to_bytes` was given."""
-    return np.asarray(np.load(BytesIO(contents), allow_pickle=False))
+    """What `to_bytes` was given.
+
+    Raises:
+        LiveError: it is damaged.
+    """
+    try:
+        return np.asarray(np.load(BytesIO(contents), allow_pickle=False))
+    except Exception as error:  # wrong bytes lead numpy's reader into errors of any type
+        raise LiveError("An array in the run's journal is damaged.", "Restore a copy.") from error

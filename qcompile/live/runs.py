@@ -36,8 +36,12 @@ def find_journal(runs: Path, run_id: str) -> Journal:
     known = [folder.name for folder in _folders(runs)]
     if run_id in known:
         return Journal(runs / run_id)
+    damaged: list[str] = []
     if run_id == "last":
-        found = [journal.folder.name for journal in journals(runs)][-1:]
+        found = [journal.folder.name for journal in journals(runs, damaged.append)][-1:]
+        if damaged:
+            words = "Which run is the last is not known: not all of them can be read."
+            raise LiveError(words, *damaged, "Name the run.")
     else:
         found = [name for name in known if run_id and run_id in name]
     if len(found) == 1:

@@ -34,6 +34,7 @@ class Sender:
         self._wants_batch = batch
         self._batch: Any = None
         self._older = False
+        self._may_be_behind = True
 
     def job_of(
         self, submission: Submission, request: Request, cap_s: Callable[[Submission], int]
@@ -49,8 +50,13 @@ class Sender:
         unanswered = submission.state == "sending"
         if unanswered:
             job = self._settled(submission)
-            if job is not None:
-                return job
+        elif self._may_be_behind:  # the journal may be a copy from before the run went on
+            job = self._tagged(submission)
+            self._may_be_behind = job is not None
+        else:
+            job = None
+        if job is not None:
+            return job
         return self._sent(submission, request, cap_s, unanswered)
 
     def known(self, job_id: str) -> Any:

@@ -4,21 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict
 
 from qcompile.device import Device
+from qcompile.errors import LiveError
 from qcompile.live.jobs import Jobs
 from qcompile.live.journal import TaskKind
 
 
 @dataclass(frozen=True)
 class Context:
-    """The jobs of a run, and `show`, which gets how much is done, and words."""
+    """The jobs of a run, and `say`, which gets words on how far it is."""
 
     jobs: Jobs
-    show: Callable[[float, str], None]
+    say: Callable[[str], None]
 
 
 class Task(BaseModel):
@@ -26,7 +28,7 @@ class Task(BaseModel):
 
     `device` are the backend's qubits and their calibration when the task began: placement and
     compilation do not change when IBM calibrates anew. `account` and `instance` are names of IBM's
-    own tools; a token is never part of a task.
+    own tools; a token is never part of a task. `planned_jobs` are those it is expected to take.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -38,17 +40,23 @@ class Task(BaseModel):
     account: str | None = None
     instance: str | None = None
     batch: bool = False
+    planned_jobs: int = 1
 
     @property
     def name(self) -> str:
         """A word for its folder."""
         return self.backend
 
-    @property
-    def total(self) -> float:
-        """What `Context.show` counts to."""
-        return 1.0
-
     def perform(self, context: Context) -> dict[str, Any]:
         """Do it; what it found, as plain values. Asked again, it asks for the same jobs."""
         raise NotImplementedError
+
+    def deliver(self, found: dict[str, Any], out: Path | None) -> dict[str, Any]:
+        """What it found, once it is in a file, where the task has one; `out` is another one.
+
+        Raises:
+            LiveError: a file is asked for that the task does not have.
+        """
+        if out is not None:
+            raise LiveError(f"A {self.kind} has no file of its own.", "Leave --out away.")
+        return found

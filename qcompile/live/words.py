@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from typing import Any
 
 from qcompile.errors import LiveError
 
@@ -89,6 +90,11 @@ def in_words(error: BaseException) -> LiveError:
 
     words = without_secrets(" ".join(str(error).split()))[:300]
     if isinstance(error, AccountNotFoundError):
+        saved = ", ".join(saved_accounts())
+        if saved:
+            return LiveError(
+                "There is no such account.", f"It says: {words}", f"Saved are: {saved}."
+            )
         return LiveError("No account of IBM Quantum is saved on this machine.", *_SAVE)
     if status_code(error) == 401:
         return LiveError(
@@ -102,19 +108,27 @@ def in_words(error: BaseException) -> LiveError:
             f"Last it said: {words}",
             "Nothing is lost: go on later.",
         )
-    return LiveError("IBM's service or client refuses.", f"It says: {words}")
+    return LiveError(
+        "IBM's service or client refuses.",
+        f"It says: {words}",
+        "Look at --backend, --account, --instance; `qcompile plan --live` tries them at no cost.",
+    )
 
 
 def without_secrets(words: str) -> str:
     """`words` without any token of the accounts known on this machine."""
-    from qiskit_ibm_runtime import QiskitRuntimeService
-
     secrets = [os.environ.get("QISKIT_IBM_TOKEN", "")]
-    try:
-        saved = QiskitRuntimeService.saved_accounts().values()
-    except (OSError, ValueError):
-        saved = ()
-    secrets += [str(account.get("token", "")) for account in saved]
+    secrets += [str(account.get("token", "")) for account in saved_accounts().values()]
     for secret in filter(None, secrets):
         words = words.replace(secret, "(token)")
     return words
+
+
+def saved_accounts() -> dict[str, dict[str, Any]]:
+    """The accounts that IBM's tools keep on this machine, by name."""
+    from qiskit_ibm_runtime import QiskitRuntimeService
+
+    try:
+        return dict(QiskitRuntimeService.saved_accounts())
+    except (OSError, ValueError):
+        return {}

@@ -94,7 +94,7 @@ def print_result(kind: TaskKind, result: dict[str, Any]) -> None:
         print_validation(result)
     else:
         print_calibration(result_values(kind, result))
-        if result["file"]:
+        if result.get("file"):
             click.echo(f"calibration in {result['file']}")
     click.echo(charged(result))
 
