@@ -235,6 +235,11 @@ class Calibration(_Record):
         counts = (self.readout_counts, self.response_counts)
         return sum(len(c.ones) * (c.shots or 0) for c in counts if c is not None)
 
+    @property
+    def mitigation(self) -> str:
+        """The mitigation it serves: `readout`, unless it knows responses alone."""
+        return "response" if self.readout is None and self.response is not None else "readout"
+
     def rows(self, qubits: IntArray) -> IntArray:
         """Where each of `qubits` (n,) stands in `self.qubits`.
 

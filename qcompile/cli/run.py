@@ -132,33 +132,22 @@ def command(
         report_age(calibration_file, calibration)
     opened = backend if live is not None else load_backend(backend)
     known = calibration if isinstance(opened, str) else calibration or opened.calibration
-    if (
-        mitigation is None
-        and chosen == "readout"
-        and known
-        and not known.readout
-        and known.response
-    ):
-        chosen = "response"
+    if mitigation is None and chosen == "readout" and known is not None:
+        chosen = known.mitigation
     file = None if calibration_file is None else str(calibration_file)
+    settings: dict[str, Any] = {
+        "shots": shots,
+        "level": level,
+        "mitigation": chosen,
+        "calibration": calibration,
+        "predistort": predistort,
+        "greedy": greedy,
+        "seed": seed,
+    }
     if live is not None:
-        _run_live(
-            live,
-            as_json,
-            copies,
-            backend=backend,
-            policy=policy_values(loaded),
-            shots=shots,
-            episodes=episodes,
-            seed=seed,
-            level=level,
-            mitigation=chosen,
-            calibration=calibration,
-            calibration_file=file,
-            predistort=predistort,
-            greedy=greedy,
-            max_steps=max_steps,
-        )
+        settings |= {"backend": backend, "policy": policy_values(loaded), "episodes": episodes}
+        settings |= {"calibration_file": file, "max_steps": max_steps}
+        _run_live(live, as_json, copies, settings)
         return
     with (
         nullcontext() if video is None else Film(video) as film,
@@ -166,18 +155,7 @@ def command(
     ):
         measures = calibration is None and (chosen != "none" or predistort)
         show(0, "calibrating" if measures else "compiling")
-        deployment = Deployment(
-            loaded,
-            opened,
-            shots=shots,
-            level=level,
-            mitigation=chosen,
-            calibration=calibration,
-            predistort=predistort,
-            greedy=greedy,
-            seed=seed,
-            copies=copies or 1,
-        )
+        deployment = Deployment(loaded, opened, copies=copies or 1, **settings)
         show(0, "")
         rewards: list[float] = []
 
@@ -207,7 +185,7 @@ def command(
         )
 
 
-def _run_live(live: Live, as_json: bool, copies: int | None, **settings: Any) -> None:
+def _run_live(live: Live, as_json: bool, copies: int | None, settings: dict[str, Any]) -> None:
     """Plan the run on the noise model of the backend of now, have it confirmed, and play it."""
     from qcompile.cli.live_options import spend
     from qcompile.live.connection import Connection
