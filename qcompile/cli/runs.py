@@ -16,6 +16,7 @@ from qcompile.cli.options import echo_json, json_option
 @click.pass_context
 def command(ctx: click.Context, runs: Path, as_json: bool) -> None:
     """List the live runs, the newest last; `show` one, or `export` all that one holds."""
+    from qcompile.errors import LiveError
     from qcompile.live.runs import journals
     from qcompile.report.live import overview
     from qcompile.report.tables import print_table
@@ -25,9 +26,12 @@ def command(ctx: click.Context, runs: Path, as_json: bool) -> None:
         if as_json:
             raise click.UsageError("--json goes behind the name: runs show ID --json")
         return
-    found = [
-        overview(journal) for journal in journals(runs, lambda words: click.echo(words, err=True))
-    ]
+    found = []
+    for journal in journals(runs, lambda words: click.echo(words, err=True)):
+        try:
+            found.append(overview(journal))
+        except LiveError as error:
+            click.echo(str(error), err=True)
     if as_json:
         echo_json(found)
         return
