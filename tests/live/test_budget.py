@@ -164,7 +164,7 @@ def test_less_than_the_expected_is_refused_though_it_would_be_enough_in_parts(
     """5.9 s are left, of which IBM cuts off at 5; 5.5 are expected."""
     journal.allow(11.4)
     done(journal, 5.5)
-    with pytest.raises(BudgetError, match="the next job takes about 5.5 s"):
+    with pytest.raises(BudgetError, match=r"the next job takes about 5\.5 s"):
         cap(journal)
 
 
