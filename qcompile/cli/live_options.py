@@ -48,7 +48,7 @@ runs_option: Decorator = click.option(
 )
 seconds_option: Decorator = click.option(
     "--max-qpu-seconds",
-    type=Positive("seconds"),
+    type=Positive("seconds", most=1e6),
     help="With --live: the run stops before it would take more.",
 )
 wait_option: Decorator = click.option(

@@ -65,10 +65,10 @@ class Shots(click.ParamType[int | None]):
 
 
 class Positive(click.FloatRange):
-    """A positive number of a unit, infinitely many among them."""
+    """A positive number of a unit, infinitely many among them where `most` is None."""
 
-    def __init__(self, unit: str, *, zero: bool = False) -> None:
-        super().__init__(0, min_open=not zero)
+    def __init__(self, unit: str, *, zero: bool = False, most: float | None = None) -> None:
+        super().__init__(0, most, min_open=not zero)
         self._unit = unit
 
     def convert(

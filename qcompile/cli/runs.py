@@ -20,6 +20,7 @@ _own_runs: Decorator = click.option(
 @click.pass_context
 def command(ctx: click.Context, runs: Path, as_json: bool) -> None:
     """List the live runs, the newest last; `show` one, or `export` all that one holds."""
+    from qcompile.errors import LiveError
     from qcompile.live.runs import journals
     from qcompile.report.live import overview
     from qcompile.report.tables import print_table
@@ -30,7 +31,12 @@ def command(ctx: click.Context, runs: Path, as_json: bool) -> None:
             raise click.UsageError("--json goes behind the name: runs show ID --json")
         return
     damaged: list[str] = []
-    found = [overview(journal) for journal in journals(runs, damaged.append)]
+    found = []
+    for journal in journals(runs, damaged.append):
+        try:
+            found.append(overview(journal))
+        except LiveError as error:
+            damaged.append(str(error))
     for words in damaged:
         click.echo(words, err=True)
     if as_json:

@@ -63,7 +63,7 @@ class Jobs:
             if submission is None or submission.state == "failed":
                 submission = self.journal.intend(number, request.digest, request.executions)
             job = self._sender.job_of(submission, request, self._cap_s)
-            self._settle(submission, job, request)
+            self._settle(self.journal.latest(number) or submission, job, request)
             submission = self.journal.latest(number)
         return submission.ones
 
@@ -113,11 +113,12 @@ class Jobs:
             return
         words, too_long = self._failure(job)
         charged_s = self._charged_s(job)
+        expected_s = self.budget.expected_s(submission.executions)  # and not after what it took
         self.journal.note_failed(submission, words, charged_s)
         if too_long:
             raise BudgetError(
                 f"IBM cut job {job.job_id()} off at {submission.cap_s} s.",
-                f"It was expected to take {self.budget.expected_s(submission.executions):.1f} s.",
+                f"It was expected to take {expected_s:.1f} s.",
             )
         if status == "CANCELLED":
             raise LiveError(f"Job {job.job_id()} was cancelled.")

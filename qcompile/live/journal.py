@@ -60,8 +60,8 @@ class Journal:
             raise LiveError(f"{folder} holds no run.", "`qcompile runs` lists the runs.")
         try:
             self._db = sqlite3.connect(path, isolation_level=None)
-            self._do("PRAGMA synchronous = FULL")
-            row = self._do(
+            self._db.execute("PRAGMA synchronous = FULL")
+            row = self._db.execute(
                 "SELECT format, id, kind, created, settings, versions FROM run"
             ).fetchone()
             if row is None or row[0] != FORMAT:

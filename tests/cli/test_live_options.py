@@ -20,6 +20,7 @@ def _no_account(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Whatever is forgotten here may not reach anybody."""
     monkeypatch.setenv("QISKIT_IBM_URL", "http://127.0.0.1:9/experimental")
     monkeypatch.setenv("IAM_URL", "http://127.0.0.1:9")
+    monkeypatch.setenv("QCOMPILE_PATIENCE_SECONDS", "0.1")
 
 
 @pytest.fixture
@@ -63,7 +64,7 @@ def test_options_of_live_runs_need_live(
     assert f"{words[0]} is for --live: nothing else spends." in answer.err
 
 
-@pytest.mark.parametrize("seconds", ["0", "-1", "nan", "some", "1e7"])
+@pytest.mark.parametrize("seconds", ["0", "-1", "nan", "some", "1e7", "inf"])
 def test_a_limit_is_a_number_above_zero(
     qcompile: Call, commands: dict[str, Any], seconds: str
 ) -> None:
@@ -87,3 +88,29 @@ def test_what_a_machine_cannot_do_is_wrong_usage(
     answer = qcompile(*commands[name], *words, "--live", "--max-qpu-seconds", "5")
     assert (answer.code, answer.out) == (2, "")
     assert words[0] in answer.err
+
+
+@pytest.mark.parametrize("name", ["run", "calibrate", "validate"])
+@pytest.mark.parametrize("said", ["soon", "", "-1", "nan", "inf"])
+def test_a_patience_that_is_no_number_of_seconds_is_explained(
+    qcompile: Call,
+    commands: dict[str, Any],
+    name: str,
+    said: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("QCOMPILE_PATIENCE_SECONDS", said)
+    answer = qcompile(*commands[name], "--live", "--max-qpu-seconds", "5", "--yes")
+    assert (answer.code, answer.out) == (1, "")
+    assert answer.err == (
+        f"Error: QCOMPILE_PATIENCE_SECONDS is {said!r}.\n"
+        "  It needs a number of seconds, such as 300.\n"
+    )
+    assert not Path("runs").exists()
+
+
+def test_nothing_of_it_matters_to_what_is_not_live(
+    qcompile: Call, commands: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("QCOMPILE_PATIENCE_SECONDS", "soon")
+    assert qcompile(*commands["run"], "--episodes", "1").code == 0

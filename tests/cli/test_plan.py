@@ -15,7 +15,7 @@ def test_the_contract_of_json(qcompile: Call) -> None:
     answer = qcompile(*WORDS, "--json")
     assert (answer.code, answer.err) == (0, "")
     ways = answer.json()["strategies"]
-    assert ways[0]["name"].startswith("paper")
+    assert ways[0]["name"] == "as in the paper"
     for way in ways:
         assert {"name", "jobs", "executions", "qpu_seconds", "price_usd"} <= set(way)
         assert isinstance(way["jobs"], int)
@@ -27,7 +27,7 @@ def test_the_contract_of_json(qcompile: Call) -> None:
 def test_the_table_says_where_its_figures_come_from(qcompile: Call) -> None:
     answer = qcompile(*WORDS)
     assert answer.code == 0
-    for words in ("paper: one circuit a job", "packed, lockstep", "calibrate, play twin"):
+    for words in ("as in the paper", "packed, lockstep", "calibrate, play twin"):
         assert words in answer.out
     assert "IBM's published estimate, 2 for a job and 0.00035 for an execution" in answer.out
     assert "price: 1.6 USD a second" in answer.out

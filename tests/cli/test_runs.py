@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sqlite3
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,19 +12,32 @@ import numpy as np
 import pytest
 
 from qcompile.live.journal import Journal
+from qcompile.live.records import Submission
 
 Call = Callable[..., Any]
 RESULT = {"passed": True, "failed": [], "qubits": [3], "chi_square": [4.0], "degrees": [5],
-          "p_value": [0.5], "largest_difference": 0.02, "file": "lima.json", "shots": 100,
-          "qpu_seconds": 2.25, "max_qpu_seconds": 9.0}  # fmt: skip
+          "p_value": [0.5], "largest_difference": 0.02, "file": "lima.json",
+          "shots": 100}  # fmt: skip
+VERSIONS = {"numpy": "2.0.1"}
 
 
 def journal(kind: Any = "run", runs: str = "runs") -> Journal:
-    """A run with a job done, one that failed and one under way, and a step and a half."""
-    made = Journal.create(Path(runs), kind, "cart", {"backend": "somewhere"}, 9.0)
-    made.note_done(made.intend(0, "d", 100), np.array([[3, 97]]), 2.25)
-    made.note_failed(made.intend(1, "d", 100), "it rained", 0.0)
-    made.note_sent(made.intend(1, "d", 100), "job-b")
+    """A run with a job done, one that failed and one under way, and a step and a half.
+
+    What the one that failed was charged is not known, nor is the second job of the first.
+    """
+    made = Journal.create(Path(runs), kind, "cart", {"backend": "somewhere"}, VERSIONS, 9.0)
+
+    def sent(number: int, job_id: str) -> Submission:
+        submission = made.note_sending(made.intend(number, "d", 100), 3)
+        made.note_sent(submission, job_id)
+        return submission
+
+    done = sent(0, "job-a")
+    made.note_extra(done, "job-x")
+    made.note_done(done, np.array([[3, 97]]), 2.25)
+    made.note_failed(sent(1, "job-b"), "it rained", None)
+    sent(1, "job-c")
     made.note_actions(0, np.array([[0.5, -1.0]]), np.array([1]))
     made.note_rewards(0, [1.0])
     made.note_actions(1, np.array([[0.25, 2.0]]), np.array([0]))
@@ -54,6 +68,7 @@ def test_the_list(qcompile: Call, monkeypatch: pytest.MonkeyPatch) -> None:
         "jobs_open": 1,
         "steps": 2,
         "qpu_seconds": 2.25,
+        "jobs_uncharged": 2,
         "max_qpu_seconds": 9.0,
     }
     answer = qcompile("runs")
@@ -80,8 +95,8 @@ def test_where_an_unfinished_run_stands(qcompile: Call) -> None:
     answer = qcompile("runs", "show", "last")
     assert answer.code == 0
     assert answer.out == (
-        f"{made.id} on somewhere: unfinished\n"
-        "1 jobs are done, 2 steps are played; all of it is kept.\n"
+        f"{made.id}, run on somewhere: unfinished\n"
+        "Jobs done: 1, steps played: 2; all of it is kept.\n"
         "2.2 of 9 QPU seconds are charged\n"
         f"`qcompile resume {made.id}` goes on.\n"
     )
@@ -93,14 +108,63 @@ def test_a_finished_run_is_shown_again_without_asking_anybody(
     qcompile: Call, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("QISKIT_IBM_URL", "http://127.0.0.1:9/experimental")
-    made = Journal.create(Path("runs"), "validate", "cart", settings(), 9.0)
+    made = Journal.create(Path("runs"), "validate", "cart", settings(), VERSIONS, 9.0)
+    paid = made.note_sending(made.intend(0, "d", 100), 3)
+    made.note_done(paid, np.array([[1]]), 2.25)
     made.finish(RESULT)
     for words in (("runs", "show"), ("resume",)):
         answer = qcompile(*words, "last")
         assert answer.code == 0, answer.err
         assert "pass; the largest difference of a <Z> is 0.020" in answer.out
-        assert "2.2 QPU seconds were charged" in answer.out
-    assert qcompile("resume", "last", "--json").json() == RESULT
+        assert answer.out.endswith(f"run {made.id} was charged 2.2 QPU seconds\n")
+    found = qcompile("resume", "last", "--json").json()
+    assert found == {
+        **RESULT,
+        "run": made.id,
+        "qpu_seconds": 2.25,
+        "jobs_uncharged": 0,
+        "max_qpu_seconds": 9.0,
+    }
+    assert qcompile("runs", "show", "last", "--json").json()["result"] == found
+
+
+def test_a_finished_run_says_of_how_many_jobs_the_charge_is_not_known(qcompile: Call) -> None:
+    made = journal("validate")
+    made.finish(RESULT)
+    answer = qcompile("runs", "show", "last")
+    assert answer.out.endswith(
+        f"run {made.id} was charged 2.2 QPU seconds; of 2 jobs IBM has not said it yet\n"
+    )
+    made.note_charge("job-b", 1.0)
+    made.note_charge("job-x", 0.5)
+    assert qcompile("runs", "show", "last").out.endswith("was charged 3.8 QPU seconds\n")
+
+
+def overwrite(folder: Path) -> None:
+    """It cannot be opened."""
+    (folder / "journal.sqlite").write_bytes(b"nothing of a database " * 300)
+
+
+def lose_a_part(folder: Path) -> None:
+    """It is opened, and breaks off where it is read."""
+    with sqlite3.connect(folder / "journal.sqlite") as db:
+        db.execute("DROP TABLE submission")
+
+
+@pytest.mark.parametrize("damage", [overwrite, lose_a_part])
+def test_a_damaged_run_hides_no_other(qcompile: Call, damage: Callable[[Path], None]) -> None:
+    broken, kept = journal(), journal()
+    damage(broken.folder)
+    answer = qcompile("runs", "--json")
+    assert answer.code == 0, answer.err
+    assert [row["run"] for row in answer.json()] == [kept.id]
+    assert f"runs/{broken.id}" in answer.err
+    assert "cannot be read" in answer.err
+    assert kept.id in qcompile("runs").out
+    assert qcompile("runs", "show", "last", "--json").json()["run"] == kept.id
+    answer = qcompile("runs", "show", broken.id)
+    assert (answer.code, answer.out) == (1, "")
+    assert "cannot be read" in answer.err
 
 
 def settings() -> dict[str, Any]:
@@ -131,6 +195,7 @@ def test_all_that_a_run_holds(qcompile: Call) -> None:
     made = journal()
     values = qcompile("runs", "export", "last").json()
     assert values["settings"] == {"backend": "somewhere"}
+    assert values["versions"] == VERSIONS
     assert [(job["number"], job["attempt"], job["state"]) for job in values["jobs"]] == [
         (0, 0, "done"),
         (1, 0, "failed"),
@@ -138,7 +203,12 @@ def test_all_that_a_run_holds(qcompile: Call) -> None:
     ]
     assert values["jobs"][0]["ones"] == [[3, 97]]
     assert values["jobs"][1]["words"] == "it rained"
-    assert values["jobs"][2]["job_id"] == "job-b"
+    assert [job["job_id"] for job in values["jobs"]] == ["job-a", "job-b", "job-c"]
+    assert [job["qpu_seconds"] for job in values["jobs"]] == [2.25, None, None]
+    first = made.latest(0)
+    assert first is not None
+    assert first.sent_at is not None
+    assert values["jobs"][0]["sent_at"] == first.sent_at.isoformat()
     assert values["steps"] == [
         {"observations": [[0.5, -1.0]], "actions": [1], "rewards": [1.0]},
         {"observations": [[0.25, 2.0]], "actions": [0], "rewards": None},
@@ -160,7 +230,7 @@ def test_an_unknown_run_is_explained(qcompile: Call, words: tuple[str, ...]) -> 
 
 
 def test_a_run_that_goes_on_elsewhere_is_left_alone(qcompile: Call) -> None:
-    made = Journal.create(Path("runs"), "validate", "cart", settings(), 9.0)
+    made = Journal.create(Path("runs"), "validate", "cart", settings(), VERSIONS, 9.0)
     with made.held():
         for more in ((), ("--max-qpu-seconds", 20, "--yes")):
             answer = qcompile("resume", "last", *more)

@@ -82,7 +82,7 @@ def executor_on(service: StandIn) -> Callable[..., IBMExecutor]:
 
     def make(backend: str, limit_s: float = 600.0, **settings: Any) -> IBMExecutor:
         connection = Connection(backend)
-        journal = Journal.create(Path("runs"), "run", backend, {}, limit_s)
+        journal = Journal.create(Path("runs"), "run", backend, {}, {}, limit_s)
         return IBMExecutor(connection.device(), Jobs(journal, connection, **settings))
 
     return make

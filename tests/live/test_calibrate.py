@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import time
 from dataclasses import replace
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -137,6 +139,26 @@ def test_a_calibration_goes_on_where_it_stopped(runs: Runs) -> None:
     assert found.response_counts == whole.response_counts
     assert found.response == whole.response
     assert len(runs.service.ledger().jobs) == 2
+
+
+def test_a_calibration_resumed_later_keeps_the_time_it_was_measured(runs: Runs) -> None:
+    """In the file, in what is printed and in what is shown: that its job was sent."""
+    runs.service.settings.queue_seconds = 0.2
+    began = datetime.now(UTC).replace(microsecond=0)
+    assert calibrated(runs, "--max-wait-seconds", 0.05, shots=100).code == 1
+    [job] = runs.call("runs", "export", "last").json()["jobs"]
+    sent_at = datetime.fromisoformat(job["sent_at"])
+    assert sent_at >= began
+    resumed = sent_at.replace(microsecond=0) + timedelta(seconds=1)
+    while datetime.now(UTC) < resumed:
+        time.sleep(0.05)
+    answer = runs.call("resume", "last", "--json")
+    assert answer.code == 0, answer.err
+    found = load_calibration(Path("machine.json")).created
+    assert found == sent_at.replace(microsecond=0) < resumed
+    assert datetime.fromisoformat(answer.json()["created"]) == found
+    shown = runs.call("runs", "show", "last", "--json").json()["result"]
+    assert datetime.fromisoformat(shown["created"]) == found
 
 
 def test_a_machine_that_did_not_move_passes_the_check(runs: Runs) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from live_runs import Runs, check_paid_once, played
 from standin import API_KEY, Fault
+from standin.identity import CRN
 
 WORDS = "IBM refuses the account's token: it has expired, or is not of this instance."
 
@@ -77,8 +78,8 @@ def test_a_key_that_is_refused_midway_is_explained_and_nothing_is_lost(
     meanwhile.join()
     assert answer.code == 1
     assert f"Error: {WORDS}\n" in answer.err
-    assert "all of it is kept." in answer.err
-    assert "goes on." in answer.err
+    assert "all of it is kept.\n  `qcompile resume " in answer.err
+    assert answer.err.endswith("` goes on.\n")
     assert API_KEY not in answer.err + answer.out
     runs.service.faults.refuse_key(False)
     found = runs.until_finished(runs.call("resume", "last", "--json"))
@@ -116,7 +117,8 @@ def test_an_outage_is_not_taken_for_a_missing_backend_or_key(
     runs.service.faults.chance(kind, 1.0, on=on)
     answer = runs.run()
     assert answer.code == 1
-    assert answer.err.startswith("Error: IBM's service does not answer, for 0.4 s now.\n")
+    assert answer.err.startswith("Error: IBM's service does not answer.\n  Last it said: ")
+    assert answer.err.endswith("\n  Nothing is lost: go on later.\n")
 
 
 def test_a_short_outage_of_the_identity_service(runs: Runs) -> None:
@@ -137,7 +139,7 @@ def test_a_backend_retired_midway_still_gives_what_it_measured(
     answer = runs.call("resume", "last")
     assert answer.code == 1
     assert "Error: The account has no backend 'fake_lima'.\n" in answer.err
-    assert "1 jobs are done, 1 steps are played; all of it is kept." in answer.err
+    assert "  Jobs done: 1, steps played: 1; all of it is kept.\n" in answer.err
     [job] = runs.service.ledger().jobs
     assert job.results_fetched == 1
     runs.service.settings.queue_seconds = 0.0
@@ -155,8 +157,22 @@ def test_a_service_that_does_not_answer_is_asked_for_a_while_and_explained(
     runs.service.faults.chance(kind, 1.0, on="GET /jobs/{id}")
     answer = runs.run()
     assert answer.code == 1
-    assert "Error: IBM's service does not answer, for 0.4 s now.\n" in answer.err
-    assert "Go on later: nothing is lost." in answer.err
+    assert "Error: IBM's service does not answer.\n  Last it said: " in answer.err
+    assert "\n  Nothing is lost: go on later.\n  Jobs done: 0, steps played: 0; " in answer.err
     runs.service.faults.clear()
     runs.until_finished(runs.call("resume", "last", "--json"))
+    check_paid_once(runs.service, 3)
+
+
+def test_a_run_keeps_to_the_instance_it_began_with(
+    runs: Runs, undisturbed: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever the account names later: another instance may be one that costs."""
+    runs.service.settings.queue_seconds = 0.2
+    assert runs.run("--max-wait-seconds", 0.05).code == 1
+    assert runs.call("runs", "export", "last").json()["settings"]["instance"] == CRN
+    monkeypatch.setenv("QISKIT_IBM_INSTANCE", CRN.replace("a/0", "a/9"))
+    found = runs.until_finished(runs.call("resume", "last", "--json"))
+    assert runs.errors == []
+    assert played(found) == undisturbed
     check_paid_once(runs.service, 3)

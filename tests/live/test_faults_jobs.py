@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from pathlib import Path
 from typing import Any
 
 import pytest
-from live_runs import Runs, check_paid_once, number_of, played
+from live_runs import LIMIT_S, Runs, check_paid_once, number_of, played
 from standin import Fault
 
-from qcompile.live.budget import Budget
-from qcompile.live.journal import find_journal
+from qcompile.live.jobs import Jobs
+from qcompile.live.perform import go_on
+from qcompile.live.runs import find_journal
 
 SUBMIT, RESULTS = "POST /jobs", "GET /jobs/{id}/results"
 SPOILED = (Fault.RESULTS_TRUNCATED, Fault.RESULTS_MISSHAPEN, Fault.RESULTS_EMPTY)
@@ -35,8 +37,8 @@ def test_a_job_that_fails_three_times_is_explained(runs: Runs, undisturbed: dict
     assert [(job.status, job.charged_seconds) for job in failed] == [("Failed", 0)] * 3
     assert f"Job {failed[-1].id} failed: " in answer.err
     assert "Internal error of the system." in answer.err
-    assert "IBM charged 0 s for it; this was attempt 3." in answer.err
-    assert "sends it once more" in answer.err
+    assert "  IBM has charged 0 s for it; this was attempt 3.\n" in answer.err
+    assert answer.err.endswith(f"  `qcompile resume {run_id()}` goes on.\n")
     assert played(runs.until_finished(runs.call("resume", "last", "--json"))) == undisturbed
     check_paid_once(runs.service, 3)
 
@@ -65,7 +67,8 @@ def test_a_job_that_waits_for_long_is_left_and_fetched_later(
     assert answer.code == 1
     [job] = runs.service.ledger().jobs
     assert f"Error: Job {job.id} is queued for 0 s now.\n" in answer.err
-    assert "fetches it once it is done." in answer.err
+    assert "  It stays there, and is fetched once it is done.\n" in answer.err
+    assert answer.err.endswith(f"  `qcompile resume {run_id()}` goes on.\n")
     found = runs.until_finished(runs.call("resume", "last", "--json"))
     assert played(found) == undisturbed
     check_paid_once(runs.service, 3)
@@ -98,28 +101,121 @@ def test_results_that_stay_unreadable_are_explained_and_never_paid_twice(
     [job] = runs.service.ledger().jobs
     assert (job.status, job.id in answer.err) == ("Completed", True)
     assert f"The result of job {job.id} cannot be read, 4 times." in answer.err
-    assert "It is paid and not sent again" in answer.err
+    assert "  It is paid and is not sent again.\n  Jobs done: 0, " in answer.err
     runs.service.faults.clear()
     assert played(runs.until_finished(runs.call("resume", "last", "--json"))) == undisturbed
     check_paid_once(runs.service, 3)
     assert len(runs.service.ledger().jobs) == 3
 
 
-def test_a_usage_that_comes_late_is_not_guessed(runs: Runs, undisturbed: dict[str, Any]) -> None:
-    """What IBM has not charged yet is no charge; the estimate counts against the limit."""
-    runs.service.settings.usage_lag_seconds = 0.2
+def test_a_charge_that_comes_late_is_not_guessed_and_learnt_later(
+    runs: Runs, undisturbed: dict[str, Any]
+) -> None:
+    """A result is charged what IBM has said when it is read, and says of how many it has not."""
+    runs.service.settings.usage_lag_seconds = 3600
     found = runs.run().json()
     assert played(found) == undisturbed
-    assert found["qpu_seconds"] == pytest.approx(runs.service.ledger().charged_seconds)
+    assert (found["qpu_seconds"], found["jobs_uncharged"]) == (0, 3)
+    shown = runs.call("runs", "show", "last", "--json").json()
+    assert shown["result"] == found
+    assert (shown["qpu_seconds"], shown["jobs_uncharged"]) == (0, 3)
+    runs.service.settings.usage_lag_seconds = 0
+    assert runs.call("runs", "show", "last", "--json").json() == shown  # it asks nobody
+    again = runs.call("resume", "last", "--json").json()
+    charged = runs.service.ledger().charged_seconds
+    assert played(again) == undisturbed
+    assert (again["qpu_seconds"], again["jobs_uncharged"]) == (pytest.approx(charged), 0)
+    shown = runs.call("runs", "show", "last", "--json").json()
+    assert (shown["result"], shown["jobs_uncharged"]) == (again, 0)
+    jobs = runs.call("runs", "export", "last").json()["jobs"]
+    assert [job["qpu_seconds"] for job in jobs] == pytest.approx([charged / 3] * 3)
+    check_paid_once(runs.service, 3)
+    assert len(runs.service.ledger().jobs) == 3
 
 
-def test_a_charge_that_never_comes_counts_with_its_estimate(
-    runs: Runs, monkeypatch: pytest.MonkeyPatch
+def test_charges_are_learnt_in_between_before_there_are_too_many(
+    runs: Runs, undisturbed: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Three jobs of 512 executions are estimated at 6.5376 s."""
-    monkeypatch.setattr("qcompile.live.jobs._USAGE_POLLS", 1)
+    monkeypatch.setattr("qcompile.live.jobs._MOST_UNCHARGED", 2)
     runs.service.settings.usage_lag_seconds = 3600
-    found = runs.run(max_qpu_seconds=6.54).json()
-    assert found["qpu_seconds"] == 0
-    budget = Budget(find_journal(Path("runs"), "last"))
-    assert budget.spent_s() == pytest.approx(6.5376)
+    real, told = Jobs.learn_charges, []
+
+    def learn(self: Jobs) -> None:
+        runs.service.settings.usage_lag_seconds = 0
+        told.append(len(self.journal.uncharged()))
+        real(self)
+
+    monkeypatch.setattr(Jobs, "learn_charges", learn)
+    found = runs.run().json()
+    assert played(found) == undisturbed
+    assert told == [2, 0]  # before the third job, and at the end
+    assert found["jobs_uncharged"] == 0
+
+
+def test_a_deleted_job_is_explained_and_sent_once_more(
+    runs: Runs, undisturbed: dict[str, Any]
+) -> None:
+    """What it was charged stays unknown, and counts with its cap."""
+    from qiskit_ibm_runtime import QiskitRuntimeService
+
+    runs.service.settings.queue_seconds = 0.2
+    assert runs.run("--max-wait-seconds", 0.05).code == 1
+    [job] = runs.service.ledger().jobs
+    time.sleep(0.3)
+    QiskitRuntimeService().delete_job(job.id)
+    runs.service.settings.queue_seconds = 0.0
+    answer = runs.call("resume", "last")
+    assert answer.code == 1
+    assert answer.err.split("Error: ")[1] == (
+        f"IBM has no job {job.id} any more: somebody deleted it.\n"
+        "  To go on is to send it once more, and to pay for it again.\n"
+        "  Jobs done: 0, steps played: 0; all of it is kept.\n"
+        f"  `qcompile resume {run_id()}` goes on.\n"
+    )
+    assert len(runs.service.ledger().jobs) == 1  # nothing is sent before somebody says so
+    found = runs.until_finished(runs.call("resume", "last", "--json"))
+    assert runs.errors == []
+    assert played(found) == undisturbed
+    first, *others = runs.service.ledger().jobs
+    assert [number_of(entry) for entry in others] == [(0, 1), (1, 0), (2, 0)]
+    assert first.deleted
+    assert found["jobs_uncharged"] == 1
+    assert found["qpu_seconds"] == pytest.approx(sum(entry.charged_seconds for entry in others))
+    with find_journal(Path("runs"), "last") as journal:
+        charge, *_ = journal.charges()
+    assert (charge.cap_s, charge.charged_s) == (19, None)
+
+
+def test_two_that_go_on_at_once_do_not_pay_twice(runs: Runs, undisturbed: dict[str, Any]) -> None:
+    runs.service.settings.queue_seconds = 0.5
+    assert runs.run("--max-wait-seconds", 0.05).code == 1
+
+    def go_on_elsewhere() -> None:
+        with find_journal(Path("runs"), "last") as journal:
+            go_on(journal)
+
+    def asked() -> int:
+        return runs.service.ledger().requests["GET /jobs/{id}"]
+
+    before, other = asked(), threading.Thread(target=go_on_elsewhere)
+    other.start()
+    while asked() == before:
+        assert other.is_alive()
+        time.sleep(0.002)
+    answer = runs.call("resume", "last", "--max-qpu-seconds", 70, "--yes")
+    assert answer.code == 1
+    assert answer.err.endswith(
+        f"Error: Run {run_id()} is going on in another process.\n  Wait for it, or stop it.\n"
+    )
+    other.join()
+    found = runs.call("resume", "last", "--json").json()
+    assert played(found) == undisturbed
+    assert found["max_qpu_seconds"] == LIMIT_S  # of the one that was sent away nothing is kept
+    check_paid_once(runs.service, 3)
+    assert len(runs.service.ledger().jobs) == 3
+
+
+def run_id() -> str:
+    """Of the only run."""
+    [folder] = Path("runs").iterdir()
+    return folder.name

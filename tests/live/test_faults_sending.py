@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import itertools
 import shutil
 import sqlite3
+import time
 from pathlib import Path
 from typing import Any
 
 import pytest
-from live_runs import Runs, check_paid_once, played
+from live_runs import Runs, check_paid_once, number_of, played
 from standin import Fault
+from standin.errors import ApiError
+from standin.service import Service
+
+from qcompile.live.runs import find_journal
 
 SUBMIT = "POST /jobs"
 BEFORE = (
@@ -47,7 +53,7 @@ def test_a_service_that_takes_nothing_is_explained_and_resumed(
     runs.service.faults.once(kind, on=SUBMIT, times=6)
     found = runs.until_finished(runs.run())
     [words] = runs.errors
-    assert "0 jobs are done, 0 steps are played; all of it is kept." in words
+    assert "  Jobs done: 0, steps played: 0; all of it is kept.\n" in words
     assert "Traceback" not in words
     assert played(found) == undisturbed
     check_paid_once(runs.service, 3)
@@ -76,7 +82,7 @@ def test_a_second_job_of_the_same_step_is_cancelled_uncharged(
     shutil.copytree(folder, Path("copies") / folder.name)
     for runs_folder, change in (
         ("copies", "DELETE FROM submission"),
-        ("runs", "UPDATE submission SET state = 'intended', job_id = NULL"),
+        ("runs", "UPDATE submission SET state = 'sending', job_id = NULL"),
     ):
         with sqlite3.connect(Path(runs_folder) / folder.name / "journal.sqlite") as db:
             db.execute(change)
@@ -132,3 +138,134 @@ def test_all_faults_at_random(runs: Runs, undisturbed: dict[str, Any]) -> None:
     assert played(found) == undisturbed
     check_paid_once(runs.service, 3)
     assert sum(runs.service.ledger().faults.values()) > 2
+
+
+def refuse(monkeypatch: pytest.MonkeyPatch, *calls: int) -> None:
+    """Let the service refuse these of the jobs it is sent, counted from 0."""
+    real, count = Service.submit, itertools.count()
+
+    def submit(self: Service, body: Any) -> Any:
+        if next(count) in calls:
+            raise ApiError(400, 1517, "I do not take it.")
+        return real(self, body)
+
+    monkeypatch.setattr(Service, "submit", submit)
+
+
+def states() -> list[tuple[str, int]]:
+    """State and attempt of every submission of the only run."""
+    with find_journal(Path("runs"), "last") as journal:
+        return [(made.state, made.attempt) for made in journal.submissions()]
+
+
+def test_a_job_that_is_refused_is_explained_and_costs_nothing(
+    runs: Runs, undisturbed: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    refuse(monkeypatch, 0)
+    answer = runs.run()
+    assert answer.code == 1
+    assert "Error: IBM's service or client refuses.\n  It says: " in answer.err
+    assert "I do not take it." in answer.err
+    assert states() == [("failed", 0)]
+    found = runs.until_finished(runs.call("resume", "last", "--json"))
+    assert played(found) == undisturbed
+    assert states() == [("failed", 0), ("done", 1), ("done", 0), ("done", 0)]
+    check_paid_once(runs.service, 3)
+
+
+@pytest.mark.parametrize("kind", ACCEPTED)
+def test_a_refusal_after_no_answer_says_nothing_about_the_job_before(
+    runs: Runs, undisturbed: dict[str, Any], kind: Fault, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first was accepted, is listed late, and is found when the run goes on."""
+    refuse(monkeypatch, 1)
+    runs.service.faults.listing_lag_seconds = 3600
+    runs.service.faults.once(kind, on=SUBMIT)
+    answer = runs.run()
+    assert answer.code == 1
+    assert "I do not take it." in answer.err
+    assert states() == [("sending", 0)]
+    runs.service.faults.listing_lag_seconds = 0
+    found = runs.until_finished(runs.call("resume", "last", "--json"))
+    assert runs.errors == []
+    assert played(found) == undisturbed
+    assert states() == [("done", 0)] * 3
+    check_paid_once(runs.service, 3)
+    assert len(runs.service.ledger().jobs) == 3
+
+
+@pytest.mark.parametrize("queue_s", [0.0, 0.3])
+def test_a_job_listed_after_another_was_sent_ends_with_both_counted(
+    runs: Runs, undisturbed: dict[str, Any], queue_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Later than the settling time: the second one is cancelled, where that is still possible."""
+    real = Service.submit
+
+    def submit(self: Service, body: Any) -> Any:
+        job = real(self, body)
+        if len(self.entries()) == 2:
+            runs.service.faults.listing_lag_seconds = 0
+        return job
+
+    monkeypatch.setattr(Service, "submit", submit)
+    runs.service.settings.queue_seconds = queue_s
+    runs.service.settings.run_seconds = 0.0
+    runs.service.faults.listing_lag_seconds = 3600
+    runs.service.faults.once(Fault.ACCEPTED_504, on=SUBMIT)
+    found = runs.until_finished(runs.run())
+    assert runs.errors == []
+    assert played(found) == undisturbed
+    ledger = runs.service.ledger()
+    numbers = [number_of(job) for job in ledger.jobs]
+    assert numbers == [(0, 0), (0, 0), (1, 0), (2, 0)]
+    second = ledger.jobs[1]
+    assert second.results_fetched == 0
+    assert (second.status, second.charged_seconds > 0) == (
+        ("Cancelled", False) if queue_s else ("Completed", True)
+    )
+    assert found["qpu_seconds"] == pytest.approx(ledger.charged_seconds)
+    assert found["jobs_uncharged"] == 0
+    with find_journal(Path("runs"), "last") as journal:
+        assert len(journal.charges()) == 4
+
+
+def test_an_account_without_a_job_is_looked_at_before_one_is_sent_again(
+    runs: Runs, undisturbed: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As long as it settles: a run that was stopped while it sent looks first, and then sends."""
+    asked: list[float] = []
+    monkeypatch.setenv("QCOMPILE_SETTLE_SECONDS", "0.25")
+    runs.service.faults.once(Fault.DROPPED, on=SUBMIT, times=6)
+    answer = runs.run()
+    assert answer.code == 1
+    assert states() == [("sending", 0)]
+    runs.service.faults.clear()
+    real = Service.submit
+
+    def submit(self: Service, body: Any) -> Any:
+        asked.append(time.monotonic())
+        return real(self, body)
+
+    monkeypatch.setattr(Service, "submit", submit)
+    lists = runs.service.ledger().requests["GET /jobs"]
+    started = time.monotonic()
+    found = runs.until_finished(runs.call("resume", "last", "--json"))
+    assert played(found) == undisturbed
+    assert asked[0] - started > 0.25
+    # One look before it is sent again, and one after: the first may have been listed late.
+    assert runs.service.ledger().requests["GET /jobs"] - lists == 2
+    check_paid_once(runs.service, 3)
+
+
+@pytest.mark.parametrize("said", ["soon", "", "-1", "nan", "inf"])
+def test_a_settling_time_that_is_no_number_of_seconds_is_explained(
+    runs: Runs, said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("QCOMPILE_SETTLE_SECONDS", said)
+    answer = runs.run()
+    assert answer.code == 1
+    assert answer.err.endswith(
+        f"Error: QCOMPILE_SETTLE_SECONDS is {said!r}.\n"
+        "  It needs a number of seconds, such as 0.05.\n"
+    )
+    assert not runs.service.ledger().jobs

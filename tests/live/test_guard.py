@@ -15,11 +15,15 @@ def nothing_sent(runs: Runs) -> bool:
     return not runs.service.ledger().jobs
 
 
-def test_a_plan_above_the_limit_sends_nothing(runs: Runs) -> None:
-    answer = runs.run(max_qpu_seconds=6.5)
+@pytest.mark.parametrize("spare_s", [-0.1, 0.0, 0.99])
+def test_a_plan_above_the_limit_sends_nothing(runs: Runs, spare_s: float) -> None:
+    """IBM cuts jobs off at whole seconds: one second is to spare."""
+    limit_s = 3 * STEP_S + spare_s
+    answer = runs.run(max_qpu_seconds=limit_s)
     assert answer.code == 1
     assert (
-        "Error: The plan needs 6.5 QPU seconds, more than the 6.5 allowed. Nothing was sent.\n"
+        "Error: The run needs 6.5 QPU seconds and one to spare, more than the "
+        f"{limit_s:g} allowed. Nothing was sent.\n"
         "  Raise --max-qpu-seconds, or take fewer shots, episodes or steps; "
         "`qcompile plan` shows cheaper ways.\n"
     ) in answer.err
@@ -27,11 +31,12 @@ def test_a_plan_above_the_limit_sends_nothing(runs: Runs) -> None:
     assert runs.call("runs", "--json").json() == []
 
 
-def test_a_limit_just_above_the_plan_is_enough(runs: Runs) -> None:
+def test_a_limit_one_second_above_the_plan_is_enough(runs: Runs) -> None:
     """Whole seconds of IBM's own limit do not cut the last job off."""
-    found = runs.run(max_qpu_seconds=3 * STEP_S + 0.01).json()
+    found = runs.run(max_qpu_seconds=3 * STEP_S + 1.001).json()
     assert found["qpu_seconds"] == pytest.approx(3 * STEP_S)
-    check_paid_once(runs.service, 3, 3 * STEP_S + 0.01)
+    assert found["jobs_uncharged"] == 0
+    check_paid_once(runs.service, 3, 3 * STEP_S + 1.001)
 
 
 @pytest.mark.parametrize("answer", ["n\n", "", "\n"])
@@ -72,39 +77,45 @@ def test_a_machine_that_takes_longer_than_planned_is_stopped_by_what_it_charged(
     answer = runs.run(max_qpu_seconds=9)
     assert answer.code == 1
     assert (
-        "Error: The limit of 9 QPU seconds would be passed: 6.5 s are spent, the next job takes "
-        "about 3.3 s.\n"
-        "  2 jobs are done, 2 steps are played; all of it is kept.\n"
+        "Error: The limit of 9 QPU seconds would be passed: 6.5 s are spent or may yet be "
+        "charged, the next job takes about 3.3 s.\n"
+        "  Jobs done: 2, steps played: 2; all of it is kept.\n"
+        "  `qcompile resume "
     ) in answer.err
     assert "--max-qpu-seconds S` goes on with more." in answer.err
     assert runs.service.ledger().charged_seconds == pytest.approx(2 * 1.5 * STEP_S)
     again = runs.call("resume", "last")
     assert again.code == 1
     assert len(runs.service.ledger().jobs) == 2
-    found = runs.call("resume", "last", "--max-qpu-seconds", 10, "--yes", "--json").json()
+    found = runs.call("resume", "last", "--max-qpu-seconds", 11, "--yes", "--json").json()
     assert played(found) == undisturbed
     assert found["qpu_seconds"] == pytest.approx(3 * 1.5 * STEP_S)
-    assert found["max_qpu_seconds"] == 10
-    check_paid_once(runs.service, 3, 10)
+    assert found["max_qpu_seconds"] == 11
+    check_paid_once(runs.service, 3, 11)
 
 
 def test_a_job_that_ibm_cuts_off_at_the_limit_is_a_matter_of_the_budget(
     runs: Runs, undisturbed: dict[str, object]
 ) -> None:
-    """Three times 2.2 s pass 6 s at once: IBM stops the job there, and charges so much."""
+    """Four times 2.2 s pass 8 s at once: IBM stops the job there, and charges so much."""
     runs.service.settings.usage_factor = 4.0
-    answer = runs.run(max_qpu_seconds=7, max_steps=3)
+    answer = runs.run(max_qpu_seconds=8)
     assert answer.code == 1
     [job] = runs.service.ledger().jobs
-    assert (job.status, job.charged_seconds) == ("Cancelled", 7.0)
-    assert f"Error: IBM cut job {job.id} off at the limit of the run.\n" in answer.err
-    assert "tries again with more." in answer.err
+    assert (job.status, job.charged_seconds) == ("Cancelled", 8.0)
+    assert (
+        f"Error: IBM cut job {job.id} off at 8 s.\n"
+        "  It was expected to take 2.2 s.\n"
+        "  Jobs done: 0, steps played: 0; all of it is kept.\n"
+        "  `qcompile resume "
+    ) in answer.err
+    assert answer.err.endswith(" --max-qpu-seconds S` goes on with more.\n")
     runs.service.settings.usage_factor = 1.0
     assert runs.call("resume", "last").code == 1
     assert len(runs.service.ledger().jobs) == 1
     found = runs.call("resume", "last", "--max-qpu-seconds", 30, "--yes", "--json").json()
     assert played(found) == undisturbed
-    assert found["qpu_seconds"] == pytest.approx(7 + 3 * STEP_S)
+    assert found["qpu_seconds"] == pytest.approx(8 + 3 * STEP_S)
 
 
 def test_a_higher_limit_is_confirmed_and_a_lower_one_is_not(
@@ -121,3 +132,59 @@ def test_a_higher_limit_is_confirmed_and_a_lower_one_is_not(
     assert lower.code == 1
     assert "The limit of 8 QPU seconds would be passed" in lower.err
     assert len(runs.service.ledger().jobs) == 2
+
+
+@pytest.mark.parametrize("lag_s", [0.15, 3600.0])
+@pytest.mark.parametrize("factor", [1.5, 4.0])
+@pytest.mark.parametrize("limit_s", [8.0, 20.5])
+def test_the_limit_holds_whatever_is_charged_and_whenever_ibm_says_it(
+    runs: Runs, monkeypatch: pytest.MonkeyPatch, lag_s: float, factor: float, limit_s: float
+) -> None:
+    """By the ledger: jobs whose charge comes late, and takes longer than the plan."""
+    monkeypatch.setattr("qcompile.live.jobs._CHARGE_PAUSES_S", (0.05, 0.15))
+    runs.service.settings.usage_lag_seconds = lag_s
+    runs.service.settings.usage_factor = factor
+    answer = runs.run(max_qpu_seconds=limit_s)
+    for _ in range(2):
+        assert runs.service.ledger().charged_seconds <= limit_s
+        answer = runs.call("resume", "last", "--json")
+    assert 0 < runs.service.ledger().charged_seconds <= limit_s
+    if factor * 3 * STEP_S > limit_s:
+        assert answer.code == 1
+        assert "QPU seconds would be passed" in answer.err
+    elif lag_s < 1:
+        assert answer.code == 0
+
+
+def test_charges_that_never_come_stop_a_run_and_are_learnt_later(
+    runs: Runs, undisturbed: dict[str, object], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first job may take all of 9 s, as long as nobody knows that it took 2.2."""
+    monkeypatch.setattr("qcompile.live.jobs._CHARGE_PAUSES_S", (0.01,))
+    runs.service.settings.usage_lag_seconds = 3600
+    answer = runs.run(max_qpu_seconds=9)
+    assert answer.code == 1
+    assert (
+        "Error: The limit of 9 QPU seconds would be passed: 9.0 s are spent or may yet be "
+        "charged, the next job takes about 2.2 s.\n"
+        "  Jobs done: 1, steps played: 1; all of it is kept.\n"
+    ) in answer.err
+    assert len(runs.service.ledger().jobs) == 1
+    runs.service.settings.usage_lag_seconds = 0
+    found = runs.until_finished(runs.call("resume", "last", "--json"))
+    assert runs.errors == []
+    assert played(found) == undisturbed
+    assert (found["qpu_seconds"], found["jobs_uncharged"]) == (pytest.approx(3 * STEP_S), 0)
+    check_paid_once(runs.service, 3, 9)
+
+
+def test_the_plan_of_ibm_is_a_limit_as_well(runs: Runs) -> None:
+    runs.service.settings.usage_limit_seconds = 6
+    answer = runs.run()
+    assert answer.code == 1
+    assert (
+        "Error: The run needs 6.5 QPU seconds, IBM's plan has 6 left: its jobs would wait in the "
+        "queue. Nothing was sent.\n"
+        "  The Open Plan gives 600 in 28 days; --instance names another instance.\n"
+    ) in answer.err
+    assert nothing_sent(runs)

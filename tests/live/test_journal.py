@@ -10,14 +10,16 @@ import numpy as np
 import pytest
 
 from qcompile.errors import LiveError
-from qcompile.live.journal import Charge, Journal, find_journal, journals
+from qcompile.live.journal import Journal
+from qcompile.live.records import Charge
 
 RUNS = Path("runs")
 SETTINGS = {"backend": "somewhere", "shots": 3, "angles": [0.1, None]}
+VERSIONS = {"numpy": "2.0.1", "machine": "x86_64"}
 
 
 def new(name: str = "cart", limit_s: float = 12.5) -> Journal:
-    return Journal.create(RUNS, "run", name, SETTINGS, limit_s)
+    return Journal.create(RUNS, "run", name, SETTINGS, VERSIONS, limit_s)
 
 
 def again(journal: Journal) -> Journal:
@@ -29,13 +31,14 @@ def test_a_new_run_has_a_folder_named_by_time_and_name() -> None:
     before = datetime.now(UTC)
     journal = new("lunar lander/ü")
     found = again(journal)
-    stamp, words = found.id[:15], found.id[16:]
-    assert datetime.strptime(stamp, "%Y%m%d-%H%M%S").replace(tzinfo=UTC) >= before.replace(
+    stamp, words = found.id[:13], found.id[14:]
+    assert datetime.strptime(stamp, "%y%m%d-%H%M%S").replace(tzinfo=UTC) >= before.replace(
         microsecond=0
     )
-    assert re.fullmatch(r"lunar-lander---[0-9a-f]{6}", words)
+    assert re.fullmatch(r"lunar-lander-[0-9a-f]{4}", words)  # the first twelve signs of the name
     assert found.folder == RUNS / found.id
     assert (found.kind, found.settings, found.max_qpu_seconds) == ("run", SETTINGS, 12.5)
+    assert found.versions == VERSIONS
     assert found.created == journal.created >= before
     assert found.result is None
     assert found.submissions() == found.charges() == []
@@ -49,23 +52,28 @@ def test_a_submission_is_there_from_before_it_is_sent_until_its_counts() -> None
     assert seen == made
     assert seen is not None
     assert (seen.number, seen.attempt, seen.digest, seen.executions) == (4, 0, "digest", 800)
-    assert (seen.state, seen.job_id, seen.usage_s, seen.ones) == ("intended", None, None, None)
+    assert (seen.state, seen.job_id, seen.charged_s, seen.ones) == ("intended", None, None, None)
+    assert (seen.sent_at, seen.cap_s) == (None, None)
 
-    journal.note_sending(made)
+    before = datetime.now(UTC)
+    noted = journal.note_sending(made, 17)
     sending = again(journal).latest(4)
+    assert sending == noted
     assert sending is not None
-    assert sending.created > made.created
-    assert sending.state == "intended"
+    assert sending.sent_at is not None
+    assert before <= sending.sent_at <= datetime.now(UTC)
+    assert (sending.state, sending.cap_s, sending.job_id) == ("sending", 17, None)
 
     journal.note_sent(made, "job-a")
     sent = again(journal).latest(4)
     assert sent is not None
-    assert (sent.state, sent.job_id) == ("sent", "job-a")
+    assert (sent.state, sent.job_id, sent.charged_s) == ("sent", "job-a", None)
+    assert (sent.sent_at, sent.cap_s) == (noted.sent_at, 17)
 
     journal.note_done(made, ones, 2.25)
     done = again(journal).latest(4)
     assert done is not None
-    assert (done.state, done.job_id, done.usage_s) == ("done", "job-a", 2.25)
+    assert (done.state, done.job_id, done.charged_s) == ("done", "job-a", 2.25)
     np.testing.assert_array_equal(done.ones, ones)
     assert done.ones is not None
     assert done.ones.dtype == np.int64
@@ -85,21 +93,71 @@ def test_attempts_count_up_and_every_tag_is_its_own() -> None:
     found = again(journal).submissions()
     order = [(made.number, made.attempt) for made in found]
     assert order == [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (11, 0)]
-    assert {(s.state, s.words, s.usage_s) for s in found} == {("failed", "it rained", 0.5)}
+    assert {(s.state, s.words, s.charged_s) for s in found} == {("failed", "it rained", 0.5)}
+
+
+def test_sent_again_it_has_the_time_and_the_cap_of_the_last_time() -> None:
+    journal = new()
+    first = journal.note_sending(journal.intend(0, "d", 10), 17)
+    second = journal.note_sending(first, 9)
+    assert again(journal).submissions() == [second]
+    assert second.cap_s == 9
+    assert first.sent_at is not None
+    assert second.sent_at is not None
+    assert second.sent_at > first.sent_at
+
+
+def several() -> Journal:
+    """A run with submissions of every state, the first of them with a second job."""
+    journal = new()
+    failed = journal.note_sending(journal.intend(0, "d", 10), 5)
+    journal.note_sent(failed, "job-a")
+    journal.note_failed(failed, "no", 1.5)
+    done = journal.note_sending(journal.intend(0, "d", 11), 6)
+    journal.note_sent(done, "job-b")
+    journal.note_extra(done, "job-x")
+    journal.note_extra(done, "job-x")  # it is found at each look
+    journal.note_done(done, np.zeros((1, 1), np.int64), None)
+    sent = journal.note_sending(journal.intend(1, "e", 20), 7)
+    journal.note_sent(sent, "job-c")
+    journal.note_sending(journal.intend(2, "f", 30), 8)
+    journal.intend(3, "g", 40)
+    return journal
 
 
 def test_what_every_attempt_costs() -> None:
-    journal = new()
-    journal.note_failed(journal.intend(0, "d", 10), "no", 1.5)
-    journal.note_done(journal.intend(0, "d", 10), np.zeros((1, 1), np.int64), None)
-    journal.note_sent(journal.intend(1, "e", 20), "job-b")
-    journal.intend(2, "f", 30)
+    """But for those that were never sent; a second job costs as well."""
+    journal = several()
     assert again(journal).charges() == [
-        Charge(10, 1.5, "failed"),
-        Charge(10, None, "done"),
-        Charge(20, None, "sent"),
-        Charge(30, None, "intended"),
+        Charge(10, 5, 1.5),
+        Charge(11, 6, None),
+        Charge(20, 7, None),
+        Charge(30, 8, None),
+        Charge(11, 6, None),
     ]
+    made = journal.latest(1)
+    assert made is not None
+    assert [charge.cap_s for charge in again(journal).charges(but=made)] == [5, 6, 8, 6]
+    assert again(journal).jobs_done() == 1
+
+
+def test_charges_that_are_not_known_yet_are_learnt_later() -> None:
+    """Of jobs that have ended, and of second ones; a job under way has none yet."""
+    journal = several()
+    assert sorted(again(journal).uncharged()) == ["job-b", "job-x"]
+    journal.note_charge("job-b", 2.25)
+    assert again(journal).uncharged() == ["job-x"]
+    journal.note_charge("job-x", 0.0)
+    assert again(journal).uncharged() == []
+    assert [charge.charged_s for charge in again(journal).charges()] == [
+        *(1.5, 2.25, None, None, 0.0)
+    ]
+
+
+def test_a_job_that_never_came_to_be_has_no_charge_to_wait_for() -> None:
+    journal = new()
+    journal.note_failed(journal.note_sending(journal.intend(0, "d", 10), 5), "refused", None)
+    assert again(journal).uncharged() == []
 
 
 def test_steps_come_back_as_they_were() -> None:
@@ -140,60 +198,10 @@ def test_another_limit_and_the_result_are_kept() -> None:
     assert again(journal).result == {"mean": 1.5, "none": None}
 
 
-def three() -> list[str]:
-    """The ids of three runs, the oldest first."""
-    ids = ["20260101-000000-cart-aaaaaa", "20260102-000000-cart-bbbbbb", "20260103-000000-x-cccccc"]
-    for wanted in ids:
-        made = new()
-        made.close()
-        made.folder.rename(RUNS / wanted)
-    return ids
-
-
-def test_runs_are_listed_by_age() -> None:
-    ids = three()
-    (RUNS / "notes").mkdir()
-    assert [journal.folder.name for journal in journals(RUNS)] == ids
-    assert journals(Path("nowhere")) == []
-
-
-def test_the_newest_of_runs_of_one_second_is_the_last() -> None:
-    """Whatever their names and their chance letters."""
-    made = [new(name).id for name in ("x", "cart", "z", "a", "m")]
-    assert find_journal(RUNS, "last").id == made[-1]
-    assert [journal.id for journal in journals(RUNS)] == made
-
-
-@pytest.mark.parametrize(
-    ("said", "meant"), [("aaaaaa", 0), ("0102", 1), ("last", 2), ("-x-", 2), ("20260102", 1)]
-)
-def test_a_part_of_its_name_finds_a_run(said: str, meant: int) -> None:
-    ids = three()
-    assert find_journal(RUNS, said).folder.name == ids[meant]
-    assert find_journal(RUNS, ids[meant]).folder.name == ids[meant]
-
-
-def test_a_part_of_several_names_is_not_enough() -> None:
-    ids = three()
-    with pytest.raises(LiveError) as caught:
-        find_journal(RUNS, "cart")
-    assert str(caught.value) == (
-        f"2 runs are meant by 'cart': {ids[0]}, {ids[1]}.\n  Say more of it."
-    )
-
-
-@pytest.mark.parametrize("said", ["dddddd", "", "../runs"])
-def test_an_unknown_run_is_answered_with_the_known_ones(said: str) -> None:
-    ids = three()
-    with pytest.raises(LiveError) as caught:
-        find_journal(RUNS, said)
-    assert str(caught.value) == (
-        f"There is no run {said!r} in runs.\n  It holds 3: {', '.join(ids)}.\n"
-        "  `qcompile runs` lists them; --runs names another folder."
-    )
-
-
-@pytest.mark.parametrize("said", ["last", "aaaaaa"])
-def test_a_folder_without_runs_says_so(said: str) -> None:
-    with pytest.raises(LiveError, match=r"There is no run .* in runs\.\n  It holds none\."):
-        find_journal(RUNS, said)
+def test_a_block_closes_it() -> None:
+    with new() as journal:
+        assert journal.submissions() == []
+    with pytest.raises(LiveError, match="cannot be read or written: Cannot operate on a closed"):
+        journal.submissions()
+    with again(journal) as opened:
+        assert opened.id == journal.id

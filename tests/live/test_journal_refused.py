@@ -23,7 +23,7 @@ with Journal(Path(sys.argv[1])).held():
 
 
 def new() -> Journal:
-    return Journal.create(Path("runs"), "run", "cart", {}, 10.0)
+    return Journal.create(Path("runs"), "run", "cart", {}, {}, 10.0)
 
 
 def test_one_process_at_a_time_goes_on_with_a_run() -> None:
@@ -56,8 +56,8 @@ def test_a_folder_without_a_journal() -> None:
 
 @pytest.mark.parametrize("contents", [b"not a database, but long enough to be one" * 100, b""])
 def test_a_damaged_journal_is_explained(contents: bytes) -> None:
-    journal = new()
-    journal.close()
+    with new() as journal:
+        pass
     for path in journal.folder.glob(f"{FILE}-*"):
         path.unlink()
     (journal.folder / FILE).write_bytes(contents)
@@ -66,14 +66,46 @@ def test_a_damaged_journal_is_explained(contents: bytes) -> None:
 
 
 def test_a_journal_cut_in_half_is_explained() -> None:
-    journal = new()
-    for number in range(50):
-        journal.intend(number, "d" * 500, 1)
-    journal.close()
+    """It is seen where it is opened, or where a page is needed that is not there."""
+    with new() as journal:
+        for number in range(50):
+            journal.intend(number, "d" * 500, 1)
     path = journal.folder / FILE
     path.write_bytes(path.read_bytes()[:20_000])
-    with pytest.raises(LiveError, match=r"journal\.sqlite cannot be read"):
+    with pytest.raises(LiveError, match=r"cannot be read") as caught:
         Journal(journal.folder).submissions()
+    assert str(journal.folder) in str(caught.value)
+    assert "malformed" in str(caught.value)
+
+
+def test_a_file_that_cannot_be_written_is_explained() -> None:
+    """Whatever is written: nothing of it is taken for written."""
+    journal = new()
+    made = journal.intend(0, "d", 1)
+    with sqlite3.connect(journal.folder / FILE) as other:
+        other.execute("BEGIN IMMEDIATE")
+        journal._db.execute("PRAGMA busy_timeout = 1")
+        for write in (
+            lambda: journal.note_sending(made, 5),
+            lambda: journal.intend(1, "d", 1),
+            lambda: journal.finish({}),
+        ):
+            with pytest.raises(LiveError) as caught:
+                write()
+            assert str(caught.value) == (
+                f"The run's journal in {journal.folder} cannot be read or written: database is "
+                "locked.\n"
+                "  What was sent has its tag in it and is found again, once this is mended."
+            )
+    assert journal.submissions() == [made]
+    assert journal.result is None
+
+
+def test_a_folder_that_cannot_be_locked_is_explained() -> None:
+    journal = new()
+    (journal.folder / "lock").mkdir()
+    with pytest.raises(LiveError, match=r"cannot be written: "), journal.held():
+        pass
 
 
 @pytest.mark.parametrize(

@@ -66,9 +66,10 @@ def test_ctrl_c_stops_a_run_in_words(
     monkeypatch.setattr("qcompile.live.jobs.time.sleep", interrupt)
     answer = runs.run()
     assert answer.code == 1
-    assert "Error: Interrupted.\n  0 jobs are done, 0 steps are played; all of it is kept.\n" in (
-        answer.err
-    )
+    assert (
+        "Error: Interrupted.\n  Jobs done: 0, steps played: 0; all of it is kept.\n"
+        "  `qcompile resume "
+    ) in answer.err
     found = runs.until_finished(runs.call("resume", "last", "--json"))
     assert played(found) == undisturbed
     check_paid_once(runs.service, 3)

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from live_runs import Runs
 
-PAPER, PACKED = "paper: one circuit a job", "packed"
+PAPER, PACKED = "as in the paper", "packed"
 LOCKSTEP, TWIN = "packed, lockstep", "calibrate, play twin"
 
 

@@ -12,8 +12,17 @@ from typing import Any
 import numpy as np
 import pytest
 from live_runs import Runs, check_paid_once, played
+from standin import StandIn
 
-from qcompile.live.journal import find_journal
+from qcompile.errors import ReplayError
+from qcompile.ir import Circuit, Program
+from qcompile.live.connection import Connection
+from qcompile.live.executor import IBMExecutor
+from qcompile.live.jobs import Jobs
+from qcompile.live.journal import Journal
+from qcompile.live.perform import versions
+from qcompile.live.runs import find_journal
+from qcompile.passes import compile
 
 
 def change(what: str, *values: object) -> None:
@@ -60,10 +69,10 @@ def test_it_does_not_even_need_an_account(runs: Runs, monkeypatch: pytest.Monkey
 def test_a_changed_input_is_explained_and_not_sent(runs: Runs, part: str) -> None:
     """Other shots, other gates or another parameter: the job would be another one."""
     runs.run()
-    journal = find_journal(Path("runs"), "last")
-    settings = dict(journal.settings)
+    with find_journal(Path("runs"), "last") as journal:
+        settings = dict(journal.settings)
     if part == "policy":
-        settings["policy"]["theta"][0] += 1e-9
+        settings["policy"]["theta"][0] += 1e-8
     else:
         settings[part] = {"shots": 255, "level": 1}[part]
     before = runs.service.ledger()
@@ -72,10 +81,8 @@ def test_a_changed_input_is_explained_and_not_sent(runs: Runs, part: str) -> Non
     assert answer.code == 1
     assert answer.err.split("Error: ")[1] == (
         f"Job 0 of run {journal.id} was another one when it was sent.\n"
-        "  The versions of qcompile, numpy and gymnasium must be those it began with.\n"
+        "  The versions are the same.\n"
         f"  `qcompile runs export {journal.id}` gives what was measured.\n"
-        "  3 jobs are done, 3 steps are played; all of it is kept.\n"
-        f"  `qcompile resume {journal.id}` goes on.\n"
     )
     assert runs.service.ledger() == before
 
@@ -93,20 +100,82 @@ def test_recorded_actions_are_taken(runs: Runs) -> None:
     assert "The observations of step 1 are not those recorded" in answer.err
 
 
-def nudge(values: Any) -> None:
-    values.flat[0] = np.nextafter(values.flat[0], np.inf)
+@pytest.mark.parametrize(("by", "same"), [(1e-13, True), (-1e-13, True), (1e-8, False)])
+def test_an_angle_that_another_processor_rounds_otherwise_is_the_same(
+    service: StandIn, by: float, same: bool
+) -> None:
+    """0 and -0 as well: the first of them is rounded to one or the other."""
+    connection = Connection("fake_lima")
+    journal = Journal.create(Path("runs"), "run", "cart", {}, {}, 60.0)
+    device = connection.device()
+    executable = compile(Program.of([Circuit.parse("ry(x0) rz(x1)")], inputs=2), device)
+    x = np.array([[0.0, 0.3], [1.1, 2.0]])
+
+    def run(x: Any) -> Any:
+        return IBMExecutor(device, Jobs(journal, connection)).run(executable, x, np.zeros(0), 100)
+
+    ones = run(x)
+    if same:
+        assert run(x + by).tolist() == ones.tolist()
+    else:
+        with pytest.raises(ReplayError, match=r"Job 0 of run .* was another one when it was sent"):
+            run(x + by)
+    assert len(service.ledger().jobs) == 1
 
 
-@pytest.mark.parametrize("column", ["observations", "rewards"])
-def test_what_the_environment_shows_is_checked_to_the_last_bit(runs: Runs, column: str) -> None:
+def test_versions_that_differ_are_named(runs: Runs) -> None:
+    """And those alone."""
     runs.run()
-    changed_array(column, 1, nudge)
+    with find_journal(Path("runs"), "last") as journal:
+        was, settings = dict(journal.versions), dict(journal.settings)
+    assert was == versions()
+    assert set(was) == {
+        *("machine", "qcompile", "numpy", "gymnasium", "qiskit", "qiskit-ibm-runtime")
+    }
+    other = was | {"numpy": "1.0.0", "machine": "abacus"}
+    settings["shots"] = 255
+    change(
+        "UPDATE run SET settings = ?, versions = ?",
+        *(json.dumps(settings), json.dumps(dict(sorted(other.items())))),
+    )
     answer = runs.call("resume", "last")
     assert answer.code == 1
     assert (
-        f"The {column} of step 1 are not those recorded: the environment does not repeat itself."
+        f"was another one when it was sent.\n  It began with machine abacus, now "
+        f"{was['machine']}; numpy 1.0.0, now {was['numpy']}.\n  `qcompile runs export "
     ) in answer.err
-    assert "must be those the run began with" in answer.err
+
+
+def nudge(by: float) -> Callable[[Any], None]:
+    """Move the first value, by so much of it and so much besides."""
+
+    def change_it(values: Any) -> None:
+        values.flat[0] += by * (1 + abs(values.flat[0]))
+
+    return change_it
+
+
+@pytest.mark.parametrize("column", ["observations", "rewards"])
+@pytest.mark.parametrize("by", [3e-9, np.nan])
+def test_what_the_environment_shows_is_checked(runs: Runs, column: str, by: float) -> None:
+    runs.run()
+    changed_array(column, 1, nudge(by))
+    answer = runs.call("resume", "last")
+    assert answer.code == 1
+    assert answer.err.split("Error: ")[1].startswith(
+        f"The {column} of step 1 are not those recorded: the environment does not repeat itself.\n"
+        "  The versions are the same.\n"
+        "  `qcompile runs export "
+    )
+
+
+@pytest.mark.parametrize("column", ["observations", "rewards"])
+def test_what_another_processor_rounds_otherwise_is_the_same(
+    runs: Runs, undisturbed: dict[str, Any], column: str
+) -> None:
+    runs.run()
+    changed_array(column, 1, nudge(1e-13))
+    assert played(runs.call("resume", "last", "--json").json()) == undisturbed
 
 
 def test_counts_of_the_journal_are_what_actions_come_from(
@@ -118,7 +187,7 @@ def test_counts_of_the_journal_are_what_actions_come_from(
     """
     runs.run()
     change("DELETE FROM step WHERE number = 2")
-    change("UPDATE submission SET state = 'intended', job_id = NULL, ones = NULL WHERE number = 2")
+    change("UPDATE submission SET state = 'sending', job_id = NULL, ones = NULL WHERE number = 2")
     answer = runs.call("resume", "last", "--json")
     assert played(answer.json()) == undisturbed
     check_paid_once(runs.service, 3)

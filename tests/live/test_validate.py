@@ -13,10 +13,10 @@ from scipy.stats import binom, kstest
 from qcompile.device import load_device
 from qcompile.errors import CalibrationError
 from qcompile.execution import OfflineExecutor
-from qcompile.live.validate import validate
 from qcompile.mitigation import calibrate
 from qcompile.mitigation.measure import LIVE_ANGLES_RAD
 from qcompile.policy import load_policy
+from qcompile.rl.twin_check import check_twin
 
 LIVE = ("--live", "--max-qpu-seconds", 60, "--yes")
 
@@ -92,7 +92,7 @@ def test_false_alarms_are_as_rare_as_stated() -> None:
             angles_rad=LIVE_ANGLES_RAD,
         )
         executor = OfflineExecutor(device, 10_000 + seed)
-        found = validate(calibration, policy, observations, executor, 2048)
+        found = check_twin(calibration, policy, observations, executor, 2048)
         p_values += found.p_value.tolist()
         failed += bool(found.failed)
     assert len(p_values) == 4 * times
@@ -104,4 +104,6 @@ def test_a_twin_without_curves_has_nothing_to_compare() -> None:
     device = load_device("fake_lima")
     calibration = calibrate(OfflineExecutor(device, 0), np.arange(5), 100, parts=["readout"])
     with pytest.raises(CalibrationError, match="holds no response curves"):
-        validate(calibration, load_policy("cartpole"), np.zeros((1, 4)), OfflineExecutor(device), 9)
+        check_twin(
+            calibration, load_policy("cartpole"), np.zeros((1, 4)), OfflineExecutor(device), 9
+        )

@@ -1,0 +1,85 @@
+"""`qcompile validate` as a user meets it, without any service."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+Call = Callable[..., Any]
+WORDS = ("validate", "lima.json", "--policy", "cartpole", "--observations", 3, "--shots", 500)
+
+
+@pytest.fixture(autouse=True)
+def _calibrated(calibration: str) -> None:
+    assert calibration == "lima.json"
+
+
+def tamper() -> None:
+    """Scale every qubit's curve by 0.8: many standard errors of a <Z>."""
+    values = json.loads(Path("lima.json").read_text())
+    for curve in values["response"]["curves"]:
+        curve[1] *= 0.8
+    Path("lima.json").write_text(json.dumps(values))
+
+
+def test_the_contract_of_json(qcompile: Call) -> None:
+    answer = qcompile(*WORDS, "--json")
+    assert (answer.code, answer.err) == (0, "")
+    found = answer.json()
+    assert set(found) == {
+        *("file", "shots", "passed", "failed", "qubits", "chi_square", "degrees", "p_value"),
+        "largest_difference",
+    }
+    assert (found["file"], found["shots"], found["passed"]) == ("lima.json", 500, True)
+    assert found["degrees"] == [3] * 4
+    assert len(found["qubits"]) == len(found["p_value"]) == len(found["chi_square"]) == 4
+    assert qcompile(*WORDS, "--json").json() == found  # the same with the same seed
+    assert qcompile(*WORDS, "--seed", 1, "--json").json() != found
+
+
+def test_the_table(qcompile: Call) -> None:
+    answer = qcompile(*WORDS)
+    assert answer.code == 0
+    assert "Twin of lima.json against fresh counts of 500 shots" in answer.out
+    assert answer.out.count("holds") == 4
+    assert "pass; the largest difference of a <Z> is 0." in answer.out
+    assert "charged" not in answer.out
+
+
+def test_a_twin_that_does_not_hold_is_printed_and_ends_with_1(qcompile: Call) -> None:
+    tamper()
+    answer = qcompile(*WORDS, "--json")
+    assert answer.code == 1
+    found = answer.json()
+    assert found["passed"] is False
+    assert found["failed"]
+    answer = qcompile(*WORDS)
+    assert answer.code == 1
+    assert answer.out.count("fails") == len(found["failed"])
+    assert answer.out.count("holds") == 4 - len(found["failed"])
+    assert "fail; the largest difference of a <Z> is 0." in answer.out
+    assert (
+        "Error: The twin of lima.json is not its machine any more: qubit "
+        f"{', '.join(map(str, found['failed']))}.\n"
+    ) in answer.err
+
+
+def test_another_device_and_a_missing_file_are_explained(qcompile: Call) -> None:
+    answer = qcompile(*WORDS, "--backend", "fake_belem")
+    assert (answer.code, answer.out) == (1, "")
+    assert "The calibration is of fake_lima, the backend is fake_belem." in answer.err
+    answer = qcompile("validate", "nowhere.json")
+    assert (answer.code, answer.out) == (1, "")
+    assert "nowhere.json" in answer.err
+
+
+@pytest.mark.parametrize(
+    "words", [("--shots", "exact"), ("--observations", 0), ("--observations", 1001)]
+)
+def test_wrong_usage(qcompile: Call, words: tuple[object, ...]) -> None:
+    answer = qcompile(*WORDS, *words)
+    assert (answer.code, answer.out) == (2, "")
