@@ -163,7 +163,8 @@ def command(
         found = spend(task, task.load, live, connection)
         calibration = Calibration.model_validate(found["calibration"])
         values = result_values("calibrate", found)
-        out = None if found["file"] is None else Path(found["file"])
+        if out is not None and str(out.resolve()) != found["file"]:  # a file came in between
+            out = Path(found["file"])
     else:
         try:
             with progress_bar(f"calibrate {device.name}", 1) as show:

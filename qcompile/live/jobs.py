@@ -76,11 +76,15 @@ class Jobs:
 
         IBM may have lost one, or not answer: then it stays unknown.
         """
+        from qiskit_ibm_runtime.exceptions import RuntimeJobNotFound
+
         for job_id in self.journal.uncharged():
             try:
                 charged_s = self._charged_s(self._sender.known(job_id))
-            except LiveError:
-                continue
+            except LiveError as error:
+                if isinstance(error.__cause__, RuntimeJobNotFound):
+                    continue
+                return
             if charged_s is not None:
                 self.journal.note_charge(job_id, charged_s)
 
@@ -107,6 +111,7 @@ class Jobs:
             LiveError: it was cancelled, or failed too often, or its result cannot be read.
         """
         status = self._awaited(job)
+        self._sender.resolve(submission)
         if status == "DONE":
             ones = self._fetched(job, request)
             self.journal.note_done(submission, ones, self._charged_s(job))

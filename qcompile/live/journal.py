@@ -188,7 +188,8 @@ class Journal:
         """The ids of ended jobs whose charge is not known."""
         rows = self._do(
             "SELECT job_id FROM submission WHERE charged_s IS NULL AND state IN ('done', 'failed') "
-            "AND job_id IS NOT NULL UNION SELECT job_id FROM extra WHERE charged_s IS NULL"
+            "AND job_id IS NOT NULL UNION SELECT job_id FROM extra WHERE charged_s IS NULL "
+            "AND job_id NOT LIKE 'doubt %'"
         )
         return [row[0] for row in rows]
 
@@ -226,6 +227,19 @@ class Journal:
         """IBM has a second job of a submission, which may be charged as well."""
         values = (job_id, submission.executions, submission.cap_s)
         self._do("INSERT OR IGNORE INTO extra VALUES (?,?,?,NULL)", *values)
+
+    def note_doubt(self, submission: Submission) -> None:
+        """IBM may have accepted a job of the submission, and be slow to list it: its cap counts."""
+        self.note_extra(submission, f"doubt {submission.tag}")
+
+    def in_doubt(self, submission: Submission) -> bool:
+        """Whether `note_doubt` was said of it, and not taken back."""
+        tag = f"doubt {submission.tag}"
+        return self._do("SELECT 1 FROM extra WHERE job_id = ?", tag).fetchone() is not None
+
+    def clear_doubt(self, submission: Submission) -> None:
+        """What `note_doubt` said has turned out one way or the other."""
+        self._do("DELETE FROM extra WHERE job_id = ?", f"doubt {submission.tag}")
 
     def note_charge(self, job_id: str, charged_s: float) -> None:
         """What IBM charged for a job is known now."""

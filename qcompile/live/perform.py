@@ -5,13 +5,21 @@ from __future__ import annotations
 import platform
 import shlex
 from collections.abc import Callable
+from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
-from qcompile.errors import BudgetError, LiveError, OutputError, QcompileError, ReplayError
+from qcompile.errors import (
+    BudgetError,
+    LiveError,
+    MissingExtraError,
+    OutputError,
+    QcompileError,
+    ReplayError,
+)
 from qcompile.live.connection import Connection
 from qcompile.live.jobs import Jobs
 from qcompile.live.journal import Journal, TaskKind
@@ -93,7 +101,9 @@ def go_on(
                 raise _explained(error, journal) from error
             finally:
                 jobs.close()
-        jobs.learn_charges()
+        if journal.uncharged():
+            with suppress(KeyboardInterrupt, MissingExtraError):
+                jobs.learn_charges()
         try:
             return task.deliver(finished(journal), out)
         except OutputError as error:

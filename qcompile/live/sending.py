@@ -12,7 +12,13 @@ from qcompile.live.connection import Connection
 from qcompile.live.journal import Journal
 from qcompile.live.records import Submission
 from qcompile.live.request import Request
-from qcompile.live.words import in_words, refused, seconds_setting, transient
+from qcompile.live.words import (
+    TOO_MANY_REQUESTS,
+    in_words,
+    refused,
+    seconds_setting,
+    status_code,
+)
 
 SETTLE_S = 10.0
 """A job that IBM does not list so long after it was sent was not accepted."""
@@ -48,13 +54,13 @@ class Sender:
         if submission.job_id is not None:
             return self._still_there(submission, submission.job_id)
         unanswered = submission.state == "sending"
+        job = None
         if unanswered:
             job = self._settled(submission)
+            self._journal.clear_doubt(submission)  # it is long ago by now
         elif self._may_be_behind:  # the journal may be a copy from before the run went on
             job = self._tagged(submission)
-            self._may_be_behind = job is not None
-        else:
-            job = None
+        self._may_be_behind = job is not None
         if job is not None:
             return job
         return self._sent(submission, request, cap_s, unanswered)
@@ -66,6 +72,12 @@ class Sender:
             LiveError: IBM has it no more, or does not answer.
         """
         return self._connection.ask(lambda service: service.job(job_id))
+
+    def resolve(self, submission: Submission) -> None:
+        """Find and count any other job of a submission that has ended, where one is feared."""
+        if self._journal.in_doubt(submission):
+            self._tagged(submission)
+            self._journal.clear_doubt(submission)
 
     def close(self) -> None:
         """Close the batch, if one was opened."""
@@ -106,11 +118,13 @@ class Sender:
                     if not unanswered:
                         self._journal.note_failed(submission, str(in_words(error)), 0.0)
                     raise in_words(error) from error
-                unanswered = unanswered or transient(error)
                 self._say("no answer to a job; looking whether it was accepted")
                 found = self._settled(submission)
                 if found is not None:
                     return found
+                if status_code(error) != TOO_MANY_REQUESTS:
+                    unanswered = True
+                    self._journal.note_doubt(submission)
             else:
                 found = self._tagged(submission) if unanswered else None
                 if found is None:

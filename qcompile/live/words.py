@@ -10,7 +10,8 @@ from qcompile.errors import LiveError
 
 PATIENCE_S = 300.0
 """A service that does not answer is asked again for so long."""
-_REFUSED = frozenset(range(400, 500)) - {408, 429}
+TOO_MANY_REQUESTS = 429
+_REFUSED = frozenset(range(400, 500)) - {408, TOO_MANY_REQUESTS}
 _SAVE = (
     'Save one: python -c "from qiskit_ibm_runtime import QiskitRuntimeService as S; '
     "S.save_account(token='...', instance='...')\"",

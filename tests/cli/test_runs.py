@@ -161,7 +161,7 @@ def test_a_damaged_run_hides_no_other(qcompile: Call, damage: Callable[[Path], N
     assert f"runs/{broken.id}" in answer.err
     assert "cannot be read" in answer.err
     assert kept.id in qcompile("runs").out
-    assert qcompile("runs", "show", "last", "--json").json()["run"] == kept.id
+    assert qcompile("runs", "show", kept.id, "--json").json()["run"] == kept.id
     answer = qcompile("runs", "show", broken.id)
     assert (answer.code, answer.out) == (1, "")
     assert "cannot be read" in answer.err

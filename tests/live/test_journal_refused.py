@@ -61,7 +61,10 @@ def test_a_damaged_journal_is_explained(contents: bytes) -> None:
     for path in journal.folder.glob(f"{FILE}-*"):
         path.unlink()
     (journal.folder / FILE).write_bytes(contents)
-    with pytest.raises(LiveError, match=r"journal\.sqlite cannot be read: .*\n  Restore it"):
+    with pytest.raises(
+        LiveError,
+        match=r"cannot be read: .*\n  Copy the run to a folder",
+    ):
         Journal(journal.folder)
 
 
