@@ -226,6 +226,28 @@ def test_a_job_listed_after_another_was_sent_ends_with_both_counted(
         assert len(journal.charges()) == 4
 
 
+def test_the_limit_holds_where_two_jobs_of_a_step_may_be_charged(
+    runs: Runs, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first is listed after the second was sent, and either takes thrice what it should."""
+    real = Service.submit
+
+    def submit(self: Service, body: Any) -> Any:
+        job = real(self, body)
+        if len(self.entries()) == 2:
+            runs.service.faults.listing_lag_seconds = 0
+        return job
+
+    monkeypatch.setattr(Service, "submit", submit)
+    runs.service.settings.usage_factor = 3.0
+    runs.service.faults.listing_lag_seconds = 3600
+    runs.service.faults.once(Fault.ACCEPTED_504, on=SUBMIT)
+    answer = runs.run(max_qpu_seconds=8)
+    assert answer.code == 1
+    assert "The limit of 8 QPU seconds would be passed" in answer.err
+    assert 0 < runs.service.ledger().charged_seconds <= 8
+
+
 def test_an_account_without_a_job_is_looked_at_before_one_is_sent_again(
     runs: Runs, undisturbed: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
