@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 EPISODES ?= 20
 
 .DEFAULT_GOAL := help
-.PHONY: help run study test lint types bench docs clean
+.PHONY: help run study test lint types bench chaos docs clean
 
 help:  ## Show this help
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-7s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -30,6 +30,9 @@ bench: $(VENV)/bench.stamp  ## Measure speed and errors beside the peers, in one
 	$(BIN)/python benchmarks/peers.py
 	$(BIN)/python benchmarks/mitigation.py
 	$(BIN)/python benchmarks/training.py
+
+chaos: $(VENV)/dev.stamp  ## Kill live runs and break their service, and compare (half an hour)
+	$(BIN)/python benchmarks/chaos.py
 
 docs: $(VENV)/docs.stamp  ## Build the documentation into site/
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet

@@ -19,7 +19,7 @@ _SLOWEST_POLL_S = 2.0
 _MOST_ATTEMPTS = 3
 _MOST_FETCHES = 4
 _FETCH_PAUSE_S = 0.2
-_CHARGE_PAUSES_S = (0.1, 0.3, 1.0, 3.0, 10.0)
+_CHARGE_PAUSES_S = (0.1, 0.3, 1.0, 3.0)
 _MOST_UNCHARGED = 20
 _FINAL = ("DONE", "CANCELLED", "ERROR")
 
@@ -70,6 +70,15 @@ class Jobs:
     def close(self) -> None:
         """Nothing more is asked for."""
         self._sender.close()
+
+    def await_charges(self) -> None:
+        """Ask what was charged, and wait some seconds for it where IBM does not say so at once."""
+        for pause_s in _CHARGE_PAUSES_S:
+            if not self.journal.uncharged():
+                return
+            self._say("waiting for what IBM charges")
+            time.sleep(pause_s)
+            self.learn_charges()
 
     def learn_charges(self) -> None:
         """Ask what jobs were charged whose charge was not known when they ended.

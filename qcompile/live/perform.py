@@ -103,7 +103,7 @@ def go_on(
                 jobs.close()
         if journal.uncharged():
             with suppress(KeyboardInterrupt, MissingExtraError):
-                jobs.learn_charges()
+                jobs.await_charges()
         try:
             return task.deliver(finished(journal), out)
         except OutputError as error:

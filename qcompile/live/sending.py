@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Callable
 from typing import Any
 
-from qcompile.errors import LiveError
+from qcompile.errors import BudgetError, LiveError
 from qcompile.live.connection import Connection
 from qcompile.live.journal import Journal
 from qcompile.live.records import Submission
@@ -23,6 +23,7 @@ from qcompile.live.words import (
 SETTLE_S = 10.0
 """A job that IBM does not list so long after it was sent was not accepted."""
 _MOST_SENDS = 5
+_LOOKS = 3
 
 
 class Sender:
@@ -102,7 +103,16 @@ class Sender:
 
         tried: set[str] = set()
         for _ in range(_MOST_SENDS):
-            submission = self._journal.note_sending(submission, cap_s(submission))
+            try:
+                cap = cap_s(submission)
+            except BudgetError:
+                if not self._journal.in_doubt(submission):
+                    raise
+                found = self._looked_for(submission)
+                if found is not None:
+                    return found
+                cap = cap_s(submission)
+            submission = self._journal.note_sending(submission, cap)
             try:
                 job = self._send(submission, request)
             except LiveError:
@@ -191,6 +201,15 @@ class Sender:
         """The job of a submission that may have been accepted, once IBM would list it."""
         time.sleep(self._settle_s)
         return self._tagged(submission)
+
+    def _looked_for(self, submission: Submission) -> Any:
+        """The job that was feared to be listed late, after more looks; None where there is none."""
+        for _ in range(_LOOKS):
+            job = self._settled(submission)
+            if job is not None:
+                return job
+        self._journal.clear_doubt(submission)
+        return None
 
     def _tagged(self, submission: Submission) -> Any:
         """The first job with the submission's tag, written down, as is any other; None if none.
