@@ -105,13 +105,16 @@ class Sender:
         for _ in range(_MOST_SENDS):
             try:
                 cap = cap_s(submission)
-            except BudgetError:
+            except BudgetError as error:
                 if not self._journal.in_doubt(submission):
                     raise
                 found = self._looked_for(submission)
                 if found is not None:
                     return found
-                cap = cap_s(submission)
+                hint = (
+                    "A job that IBM did not answer may be charged yet; going on looks for it anew."
+                )
+                raise error.with_hints(hint) from error
             submission = self._journal.note_sending(submission, cap)
             try:
                 job = self._send(submission, request)
@@ -204,12 +207,8 @@ class Sender:
 
     def _looked_for(self, submission: Submission) -> Any:
         """The job that was feared to be listed late, after more looks; None where there is none."""
-        for _ in range(_LOOKS):
-            job = self._settled(submission)
-            if job is not None:
-                return job
-        self._journal.clear_doubt(submission)
-        return None
+        looks = (self._settled(submission) for _ in range(_LOOKS))
+        return next((job for job in looks if job is not None), None)
 
     def _tagged(self, submission: Submission) -> Any:
         """The first job with the submission's tag, written down, as is any other; None if none.
