@@ -120,7 +120,7 @@ class Jobs:
             LiveError: it was cancelled, or failed too often, or its result cannot be read.
         """
         status = self._awaited(job)
-        self._sender.resolve(submission)
+        self._sender.resolve(submission, job)
         if status == "DONE":
             ones = self._fetched(job, request)
             self.journal.note_done(submission, ones, self._charged_s(job))

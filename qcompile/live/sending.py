@@ -74,10 +74,11 @@ class Sender:
         """
         return self._connection.ask(lambda service: service.job(job_id))
 
-    def resolve(self, submission: Submission) -> None:
-        """Find and count any other job of a submission that has ended, where one is feared."""
+    def resolve(self, submission: Submission, job: Any) -> None:
+        """Find and count any other job of a submission whose `job` ended, where one is feared."""
         if self._journal.in_doubt(submission):
-            self._tagged(submission)
+            found = self._with_tag(submission)
+            self._drop(submission, [one for one in found if one.job_id() != job.job_id()])
             self._journal.clear_doubt(submission)
 
     def close(self) -> None:
@@ -215,20 +216,25 @@ class Sender:
 
         Another one is cancelled; what it was charged counts.
         """
-        tags = [submission.tag]
-        jobs = self._connection.ask(lambda service: service.jobs(limit=None, job_tags=tags))
+        jobs = self._with_tag(submission)
         if not jobs:
             return None
-        first, *extras = sorted(jobs, key=lambda job: job.creation_date)
+        self._drop(submission, jobs[1:])
+        self._journal.note_sent(submission, jobs[0].job_id())
+        return jobs[0]
+
+    def _with_tag(self, submission: Submission) -> list[Any]:
+        """The jobs that IBM lists with the submission's tag, the first one first."""
+        tags = [submission.tag]
+        jobs = self._connection.ask(lambda service: service.jobs(limit=None, job_tags=tags))
+        return sorted(jobs, key=lambda job: job.creation_date)
+
+    def _drop(self, submission: Submission, extras: list[Any]) -> None:
+        """Cancel further jobs of a submission, and have them counted."""
         for extra in extras:
             self._journal.note_extra(submission, extra.job_id())
-            self._cancel(extra)
-        self._journal.note_sent(submission, first.job_id())
-        return first
-
-    def _cancel(self, job: Any) -> None:
-        self._say(f"job {job.job_id()} is a second one of the same step; cancelling it")
-        try:
-            self._connection.ask(lambda service: job.cancel())
-        except LiveError:
-            self._say(f"job {job.job_id()} could not be cancelled")
+            self._say(f"job {extra.job_id()} is a second one of the same step; cancelling it")
+            try:
+                self._connection.ask(lambda service, job=extra: job.cancel())  # type: ignore[misc]
+            except LiveError:
+                self._say(f"job {extra.job_id()} could not be cancelled")

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from live_runs import Runs, check_paid_once, number_of, played
+from live_runs import Runs, check_paid_once, played
 from standin import Fault
 from standin.errors import ApiError
 from standin.service import Service
@@ -57,19 +57,6 @@ def test_a_service_that_takes_nothing_is_explained_and_resumed(
     assert "Traceback" not in words
     assert played(found) == undisturbed
     check_paid_once(runs.service, 3)
-
-
-@pytest.mark.parametrize("kind", ACCEPTED)
-def test_a_job_that_is_listed_late_is_found(
-    runs: Runs, undisturbed: dict[str, Any], kind: Fault, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("qcompile.live.sending.SETTLE_S", 0.3)
-    runs.service.faults.listing_lag_seconds = 0.2
-    runs.service.faults.once(kind, on=SUBMIT, times=2)
-    found = runs.until_finished(runs.run())
-    assert played(found) == undisturbed
-    check_paid_once(runs.service, 3)
-    assert len(runs.service.ledger().jobs) == 3
 
 
 def test_a_restored_copy_finds_what_was_sent_since(runs: Runs, undisturbed: dict[str, Any]) -> None:
@@ -189,63 +176,6 @@ def test_a_refusal_after_no_answer_says_nothing_about_the_job_before(
     assert states() == [("done", 0)] * 3
     check_paid_once(runs.service, 3)
     assert len(runs.service.ledger().jobs) == 3
-
-
-@pytest.mark.parametrize("queue_s", [0.0, 0.3])
-def test_a_job_listed_after_another_was_sent_ends_with_both_counted(
-    runs: Runs, undisturbed: dict[str, Any], queue_s: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Later than the settling time: the second one is cancelled, where that is still possible."""
-    real = Service.submit
-
-    def submit(self: Service, body: Any) -> Any:
-        job = real(self, body)
-        if len(self.entries()) == 2:
-            runs.service.faults.listing_lag_seconds = 0
-        return job
-
-    monkeypatch.setattr(Service, "submit", submit)
-    runs.service.settings.queue_seconds = queue_s
-    runs.service.settings.run_seconds = 0.0
-    runs.service.faults.listing_lag_seconds = 3600
-    runs.service.faults.once(Fault.ACCEPTED_504, on=SUBMIT)
-    found = runs.until_finished(runs.run())
-    assert runs.errors == []
-    assert played(found) == undisturbed
-    ledger = runs.service.ledger()
-    numbers = [number_of(job) for job in ledger.jobs]
-    assert numbers == [(0, 0), (0, 0), (1, 0), (2, 0)]
-    second = ledger.jobs[1]
-    assert second.results_fetched == 0
-    assert (second.status, second.charged_seconds > 0) == (
-        ("Cancelled", False) if queue_s else ("Completed", True)
-    )
-    assert found["qpu_seconds"] == pytest.approx(ledger.charged_seconds)
-    assert found["jobs_uncharged"] == 0
-    with find_journal(Path("runs"), "last") as journal:
-        assert len(journal.charges()) == 4
-
-
-def test_the_limit_holds_where_two_jobs_of_a_step_may_be_charged(
-    runs: Runs, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The first is listed after the second was sent, and either takes thrice what it should."""
-    real = Service.submit
-
-    def submit(self: Service, body: Any) -> Any:
-        job = real(self, body)
-        if len(self.entries()) == 2:
-            runs.service.faults.listing_lag_seconds = 0
-        return job
-
-    monkeypatch.setattr(Service, "submit", submit)
-    runs.service.settings.usage_factor = 3.0
-    runs.service.faults.listing_lag_seconds = 3600
-    runs.service.faults.once(Fault.ACCEPTED_504, on=SUBMIT)
-    answer = runs.run(max_qpu_seconds=8)
-    assert answer.code == 1
-    assert "The limit of 8 QPU seconds would be passed" in answer.err
-    assert 0 < runs.service.ledger().charged_seconds <= 8
 
 
 def test_an_account_without_a_job_is_looked_at_before_one_is_sent_again(
