@@ -20,6 +20,7 @@ from qcompile.errors import (
     QcompileError,
     ReplayError,
 )
+from qcompile.live.budget import Budget
 from qcompile.live.connection import Connection
 from qcompile.live.jobs import Jobs
 from qcompile.live.journal import Journal, TaskKind
@@ -116,7 +117,7 @@ def finished(journal: Journal) -> dict[str, Any]:
     return {
         **(journal.result or {}),
         "run": journal.id,
-        "qpu_seconds": sum(charge.charged_s or 0.0 for charge in journal.charges()),
+        "qpu_seconds": Budget(journal).charged_s(),
         "jobs_uncharged": len(journal.uncharged()),
         "max_qpu_seconds": journal.max_qpu_seconds,
     }

@@ -58,7 +58,7 @@ class Sender:
         job = None
         if unanswered:
             job = self._settled(submission)
-            self._journal.clear_doubt(submission)  # it is long ago by now
+            self._journal.clear_doubt(submission)  # looked for again after a new start: none
         elif self._may_be_behind:  # the journal may be a copy from before the run went on
             job = self._tagged(submission)
         self._may_be_behind = job is not None

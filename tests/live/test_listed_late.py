@@ -17,6 +17,19 @@ SUBMIT = "POST /jobs"
 ACCEPTED = (Fault.ACCEPTED_504, Fault.ACCEPTED_DROPPED)
 
 
+def list_with_the_second(runs: Runs, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Jobs are listed from the moment on that a second one has been accepted."""
+    real = Service.submit
+
+    def submit(self: Service, body: Any) -> Any:
+        job = real(self, body)
+        if len(self.entries()) == 2:
+            runs.service.faults.listing_lag_seconds = 0
+        return job
+
+    monkeypatch.setattr(Service, "submit", submit)
+
+
 @pytest.mark.parametrize("kind", ACCEPTED)
 def test_a_job_that_is_listed_late_is_found(
     runs: Runs, undisturbed: dict[str, Any], kind: Fault, monkeypatch: pytest.MonkeyPatch
@@ -35,15 +48,7 @@ def test_a_job_listed_after_another_was_sent_ends_with_both_counted(
     runs: Runs, undisturbed: dict[str, Any], queue_s: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Later than the settling time: the second one is cancelled, where that is still possible."""
-    real = Service.submit
-
-    def submit(self: Service, body: Any) -> Any:
-        job = real(self, body)
-        if len(self.entries()) == 2:
-            runs.service.faults.listing_lag_seconds = 0
-        return job
-
-    monkeypatch.setattr(Service, "submit", submit)
+    list_with_the_second(runs, monkeypatch)
     runs.service.settings.queue_seconds = queue_s
     runs.service.settings.run_seconds = 0.0
     runs.service.faults.listing_lag_seconds = 3600
@@ -95,15 +100,7 @@ def test_the_limit_holds_where_two_jobs_of_a_step_may_be_charged(
     runs: Runs, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The first is listed after the second was sent, and either takes thrice what it should."""
-    real = Service.submit
-
-    def submit(self: Service, body: Any) -> Any:
-        job = real(self, body)
-        if len(self.entries()) == 2:
-            runs.service.faults.listing_lag_seconds = 0
-        return job
-
-    monkeypatch.setattr(Service, "submit", submit)
+    list_with_the_second(runs, monkeypatch)
     runs.service.settings.usage_factor = 3.0
     runs.service.faults.listing_lag_seconds = 3600
     runs.service.faults.once(Fault.ACCEPTED_504, on=SUBMIT)
