@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import errno
+import hashlib
 import os
+import re
 import shutil
 import tempfile
 from collections.abc import Iterator
@@ -11,6 +13,17 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from qcompile.errors import OutputError, QcompileError
+
+_SAFE = re.compile(r"\w[\w.-]{0,79}", re.ASCII)
+
+
+def file_name(name: str) -> str:
+    """`name` if it is safe as part of a file name; else its safe characters and 8 hash digits."""
+    if _SAFE.fullmatch(name):
+        return name
+    digits = hashlib.sha256(name.encode()).hexdigest()[:8]
+    rest = re.sub(r"[^A-Za-z0-9_.-]+", "-", name).lstrip(".-")  # else the file would be hidden
+    return f"{rest[:60]}-{digits}" if rest else digits
 
 
 def write_file(path: Path, contents: bytes) -> None:

@@ -9,6 +9,7 @@ import click
 
 from qcompile.cli.options import backend_option, echo_json, json_option, level_option
 from qcompile.limits import MAX_SHOTS
+from qcompile.output import file_name
 
 
 @click.command("export")
@@ -31,8 +32,8 @@ from qcompile.limits import MAX_SHOTS
 @click.option(
     "--out",
     type=click.Path(file_okay=False, path_type=Path),
-    required=True,
-    help="New folder for job.json and the program files.",
+    help="New folder for job.json and the program files.  [default: NAME-job, with the policy's "
+    "name, in the current folder]",
 )
 @json_option
 def command(
@@ -42,7 +43,7 @@ def command(
     format: Literal["qasm3", "qasm2"],
     shots: int,
     observations: Path | None,
-    out: Path,
+    out: Path | None,
     as_json: bool,
 ) -> None:
     """Write the circuits of POLICY, compiled for a backend, as OpenQASM.
@@ -57,12 +58,13 @@ def command(
 
     device = open_device(backend)
     loaded = load_policy(policy)
+    folder = out or Path(f"{file_name(loaded.name)}-job")
     rows = None if observations is None else read_observations(observations, loaded)
     with progress_bar(f"{loaded.name} for {device.name}", 1 if rows is None else len(rows)) as show:
         job = export_job(
             loaded,
             device,
-            out,
+            folder,
             level=level,
             format=format,
             shots=shots,
@@ -74,5 +76,5 @@ def command(
         return
     click.echo(
         f"{len(job['programs'])} program(s) of {len(loaded.program)} circuits for {device.name} "
-        f"at level {level}, and job.json, in {out}"
+        f"at level {level}, and job.json, in {folder}"
     )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
@@ -14,11 +13,9 @@ from qcompile.device import IDEAL, IDEAL_NAME
 from qcompile.errors import StudyError
 from qcompile.evaluation.calibrations import CalibrationFile, by_device, check_needed
 from qcompile.execution import Backend, DeviceBackend
+from qcompile.output import file_name
 from qcompile.policy import Policy
 from qcompile.policy.files import policy_values
-
-_SAFE = re.compile(r"\w[\w.-]{0,79}", re.ASCII)
-
 
 Combination = tuple[Backend, int | None, str, int]
 """Backend, shots, mitigation and level."""
@@ -156,14 +153,6 @@ def told_apart(words: Sequence[str], policies: Sequence[Policy]) -> list[Policy]
         own = policy if len(contents[policy.name]) == 1 else replace(policy, name=word)
         named.setdefault((own.name, policy_sha256(policy)), own)
     return list(named.values())
-
-
-def file_name(name: str) -> str:
-    """`name` where it can be part of a file's name; else what can, and a few digits of its hash."""
-    if _SAFE.fullmatch(name):
-        return name
-    rest = re.sub(r"[^A-Za-z0-9_.-]+", "-", name).lstrip(".-")  # else the file would be hidden
-    return f"{rest[:60]}-{_sha256(name)[:8]}" if rest else _sha256(name)[:8]
 
 
 def policy_sha256(policy: Policy) -> str:

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from qcompile.evaluation.cell import CellResult, read_cell
-from qcompile.evaluation.grid import Cell, file_name
+from qcompile.evaluation.grid import Cell
 from qcompile.evaluation.summary import results_csv
-from qcompile.output import write_file
+from qcompile.output import file_name, write_file
 from qcompile.report.intervals import Interval, Panel, draw_intervals
 from qcompile.report.tables import plural
 

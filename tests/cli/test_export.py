@@ -127,3 +127,33 @@ def test_an_interrupted_export_leaves_nothing(
     monkeypatch.setattr(Path, "write_text", write_text)
     assert qcompile("export", name, "--out", "job").code == 1
     assert left() == ["tiny.json"]
+
+
+def test_without_out_the_job_is_a_new_folder_beside_the_caller(
+    qcompile: Call, policy: Call, left: Call
+) -> None:
+    answer = qcompile("export", policy())
+    assert (answer.code, answer.err) == (0, "")
+    assert answer.out.endswith("and job.json, in tiny-job\n")
+    assert left() == ["tiny-job", "tiny-job/job.json", "tiny-job/round0.qasm", "tiny.json"]
+
+
+def test_a_job_that_is_there_already_is_kept(qcompile: Call, policy: Call) -> None:
+    name = policy()
+    qcompile("export", name)
+    before = Path("tiny-job/job.json").read_bytes()
+    answer = qcompile("export", name, "--shots", 7)
+    assert answer.code == 1
+    assert answer.err == (
+        "Error: The output folder tiny-job is in use.\n  Remove it, or choose another with --out.\n"
+    )
+    assert Path("tiny-job/job.json").read_bytes() == before
+
+
+def test_a_policy_name_cannot_lead_out_of_the_folder(
+    qcompile: Call, policy: Call, left: Call
+) -> None:
+    assert qcompile("export", policy(name="../../evil/x")).code == 0
+    folders = {name.partition("/")[0] for name in left()} - {"tiny.json"}
+    assert len(folders) == 1
+    assert folders.pop().startswith("evil-x-")
