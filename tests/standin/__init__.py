@@ -5,6 +5,7 @@ jobs of both samplers, batches, results and usage. Error codes other than 1305 (
 and 1352 (no sessions on the Open Plan) are its own.
 """
 
+from .answers import CHARGES, SHAPES, Reshape
 from .errors import ApiError
 from .faults import Chance, Fault, Faults, Once, Orders
 from .identity import API_KEY, CRN
@@ -14,8 +15,10 @@ from .stand_in import StandIn
 
 __all__ = [
     "API_KEY",
+    "CHARGES",
     "CRN",
     "MAX_EXECUTIONS",
+    "SHAPES",
     "ApiError",
     "Chance",
     "Entry",
@@ -24,6 +27,7 @@ __all__ = [
     "Ledger",
     "Once",
     "Orders",
+    "Reshape",
     "Settings",
     "StandIn",
     "usage_seconds",
