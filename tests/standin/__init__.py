@@ -12,6 +12,7 @@ from .identity import API_KEY, CRN
 from .jobs import MAX_EXECUTIONS, Entry, Ledger, usage_seconds
 from .settings import Settings
 from .stand_in import StandIn
+from .troubles import TROUBLES, Trouble
 
 __all__ = [
     "API_KEY",
@@ -19,6 +20,7 @@ __all__ = [
     "CRN",
     "MAX_EXECUTIONS",
     "SHAPES",
+    "TROUBLES",
     "ApiError",
     "Chance",
     "Entry",
@@ -30,5 +32,6 @@ __all__ = [
     "Reshape",
     "Settings",
     "StandIn",
+    "Trouble",
     "usage_seconds",
 ]

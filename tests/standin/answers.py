@@ -66,6 +66,8 @@ SHAPES: dict[str, Reshape] = {
     "metrics: null": Reshape(on=METRICS, times=2),
     "metrics: a list of usage": Reshape(on=METRICS, at=("usage",), to=[2.0], times=2),
     "metrics: no usage": Reshape(on=METRICS, at=("usage",), drop=True, times=2),
+    "batch: a list": Reshape(on="POST /sessions", to=[], times=1),
+    "batch: no id": Reshape(on="POST /sessions", at=("id",), drop=True, times=1),
     "usage: a list": Reshape(on="GET /instances/usage", to=[]),
     "usage: words": Reshape(
         on="GET /instances/usage", at=("usage_limit_seconds",), to="much", times=1

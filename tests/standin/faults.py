@@ -159,6 +159,11 @@ class Faults:
         self._rng = np.random.default_rng(seed)
         self._lock = threading.RLock()
 
+    def seed(self, seed: int) -> None:
+        """Draw what strikes at random anew."""
+        with self._lock:
+            self._rng = np.random.default_rng(seed)
+
     def once(self, kind: Fault | str, *, on: str | None = None, times: int = 1) -> None:
         """Make `kind` strike the next `times` requests that are `on`, such as "POST /jobs"."""
         with self._lock:
