@@ -6,6 +6,8 @@ import importlib
 import os
 import pkgutil
 import sys
+import traceback
+from pathlib import Path
 
 import gymnasium
 import torch  # noqa: F401
@@ -22,7 +24,7 @@ gymnasium.make("CartPole-v1").close()
 def call(words: tuple[str, ...], folder: str, environment: dict[str, str], number: int) -> None:
     """Run the command in a folder, its streams in the files out and err with this number.
 
-    The process ends with the exit code of the command.
+    Its exit code comes into the file code with that number.
     """
     os.environ.update(environment)
     os.chdir(folder)
@@ -31,8 +33,14 @@ def call(words: tuple[str, ...], folder: str, environment: dict[str, str], numbe
         os.dup2(os.open(f"{name}{number}", flags, 0o600), stream.fileno())
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     sys.argv = ["qcompile", *words]
+    code: object = 0
     try:
         main()
-    finally:
-        sys.stdout.flush()
-        sys.stderr.flush()
+    except SystemExit as ended:
+        code = ended.code or 0
+    except BaseException:
+        traceback.print_exc()
+        code = 1
+    for stream in (sys.stdout, sys.stderr):
+        stream.flush()
+    Path(f"code{number}").write_text(str(code))

@@ -66,10 +66,10 @@ def _killed(trial: Trial, after_s: float) -> bool:
 
 
 def _put_back(trial: Trial) -> None:
-    assert trial.run is not None
-    folder = trial.folder / trial.runs / trial.run
+    [older] = (trial.folder / "older").iterdir()
+    folder = trial.folder / trial.runs / older.name
     shutil.rmtree(folder)
-    shutil.copytree(trial.folder / "older" / trial.run, folder)
+    shutil.copytree(older, folder)
 
 
 COPIES: dict[str, Callable[[Trial, np.random.Generator, float], None]] = {

@@ -53,6 +53,7 @@ _TRIES_IN_TROUBLE, _MOST_TRIES = 4, 30
 _LONGEST_S = 60.0
 HUNG = 99
 """The exit code of a process that had to be killed after _LONGEST_S."""
+KILLED = -9
 
 _fork = multiprocessing.get_context("forkserver")
 _fork.set_forkserver_preload(["chaos_command", "chaos_copies"])
@@ -124,7 +125,7 @@ class Trial:
             if not error and words:
                 self.wrong.append(f"no words of what failed: {words[-300:]!r}")
             self.stops[" ".join(error.split("\n")[0].split()[:6])] += 1
-        elif ended.code >= 0:
+        elif ended.code != KILLED:
             self.wrong.append(f"exit code {ended.code}: {words[-300:]!r}")
         self.look()
 
@@ -236,10 +237,9 @@ class Running:
             self._process.kill()
             self._process.join()
             (self.folder / f"err{self.number}").open("a").write(f"Hung for {_LONGEST_S:g} s.\n")
-        code = self._process.exitcode
-        streams = [self.folder / f"{name}{self.number}" for name in ("out", "err")]
-        out, err = (path.read_text() if path.exists() else "" for path in streams)
-        return Ended(HUNG if "Hung for" in err else int(code or 0), out, err)
+        files = [self.folder / f"{name}{self.number}" for name in ("out", "err", "code")]
+        out, err, code = (path.read_text() if path.exists() else "" for path in files)
+        return Ended(HUNG if "Hung for" in err else int(code or KILLED), out, err)
 
 
 def plain(value: Any) -> Any:
