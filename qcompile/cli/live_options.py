@@ -149,12 +149,17 @@ def confirm(question: str) -> None:
     try:
         click.confirm(question, abort=True, err=True)
     except click.Abort:
-        if sys.stdin is None or sys.stdin.closed or not sys.stdin.isatty():
+        if not somebody_is_there():
             click.echo(err=True)
             raise LiveError(
                 "Nobody said yes. Nothing was sent.", "In a script say --yes."
             ) from None
         raise
+
+
+def somebody_is_there() -> bool:
+    """Whether a question would be read by somebody."""
+    return sys.stdin is not None and not sys.stdin.closed and sys.stdin.isatty()
 
 
 def follow(

@@ -10,6 +10,7 @@ from qcompile.cli.live_options import (
     confirm,
     follow,
     runs_option,
+    somebody_is_there,
     wait_option,
     yes_option,
 )
@@ -66,7 +67,7 @@ def command(
         try:
             result = follow(journal, max_wait_seconds, out, pay_again)
         except PaidFailureError as error:
-            if pay_again:
+            if not somebody_is_there():
                 raise
             click.echo(error, err=True)
             confirm("Send it again?")

@@ -90,9 +90,12 @@ class Charges:
         """IBM has no such job."""
         self._do("DELETE FROM charge WHERE row = ?", doubt.row)
 
-    def note_refused(self, doubt: Charge) -> None:
-        """The answer to it was a refusal."""
-        self._do("UPDATE charge SET refused = 1 WHERE row = ?", doubt.row)
+    def note_unanswered(self, doubt: Charge, at: datetime, *, refused: bool) -> None:
+        """Sending it ended `at` then without a job's id, and with a refusal if `refused`."""
+        self._do(
+            "UPDATE charge SET sent_at = ?, refused = ? WHERE row = ?",
+            *(at.isoformat(), refused, doubt.row),
+        )
 
     def note_job(self, doubt: Charge, job_id: str, cap_s: float) -> None:
         """It is no doubt: its job is known, and is cut off at `cap_s`."""

@@ -119,8 +119,7 @@ class Jobs:
         if charged_s != 0:
             raise PaidFailureError(
                 f"Job {failed.job_id} gave no counts. IBM says: {failed.words}",
-                f"It {_in_words(charged_s)}; it is sent again, and paid again, only if you say so:",
-                "`resume` asks, and `--yes` or a higher `--max-qpu-seconds` is an answer.",
+                f"It {_in_words(charged_s)}. It is sent and paid again only if you say so.",
             )
 
     def _settle(self, submission: Submission, job_id: str, request: Request) -> None:

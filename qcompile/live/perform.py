@@ -17,6 +17,7 @@ from qcompile.errors import (
     LiveError,
     MissingExtraError,
     OutputError,
+    PaidFailureError,
     QcompileError,
     ReplayError,
 )
@@ -173,6 +174,8 @@ def _explained(error: QcompileError, journal: Journal) -> QcompileError:
         return error.with_hints(began, export)
     if isinstance(error, BudgetError):
         hint = f"`{_resume(journal)} --max-qpu-seconds S` goes on with more."
+    elif isinstance(error, PaidFailureError):
+        hint = f"`{_resume(journal)} --yes` sends it again."
     elif isinstance(error, LiveError):
         hint = f"`{_resume(journal)}` goes on."
     else:

@@ -59,7 +59,8 @@ class Charge:
     """What a job that IBM has, or may have, takes of the limit.
 
     `number` is its place in the run; `job_id` None where IBM did not answer with one: then the job
-    is in doubt, and `refused` says that the answer was a refusal. `charged_s` is what IBM charged;
+    is in doubt, `sent_at` is when the attempt to send it ended, or else began, and `refused` says
+    whether the answer was a refusal. `charged_s` is what IBM charged;
     as long as that is not known, it counts with `cap_s`, at which IBM cuts it off.
     """
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
+from datetime import UTC, datetime
 from typing import Any
 
 from qcompile.errors import BudgetError, LiveError, QcompileError
@@ -18,7 +19,8 @@ from qcompile.live.words import answered_no, in_words, seconds_setting, transien
 
 SETTLE_S = 10.0
 """A job is not sent again before IBM has had so long to list one that it may have accepted."""
-_MOST_SENDS = 5
+_MOST_SENDS = 3
+"""Of one job in a row: each may be accepted, and takes of the limit until that is known."""
 
 
 class Sender:
@@ -97,8 +99,9 @@ class Sender:
             doubt = self._journal.charges.doubts(submission.number)[-1]
             if self._connection.submissions == left_before:
                 self._journal.charges.drop(doubt)
-            elif answered_no(error):
-                self._journal.charges.note_refused(doubt)
+            else:
+                now, refused = datetime.now(UTC), answered_no(error)
+                self._journal.charges.note_unanswered(doubt, now, refused=refused)
             raise
         self._journal.note_sent(submission, job_id)
         return job_id

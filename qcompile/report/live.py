@@ -79,7 +79,7 @@ def print_overview(journal: Journal) -> None:
     row = overview(journal)
     click.echo(f"{row['run']}, {row['kind']} on {row['backend']}: {row['state']}")
     click.echo(where_it_stands(journal))
-    click.echo(f"{cost_in_words(row)} of {row['max_qpu_seconds']:g}")
+    click.echo(f"{cost_in_words(row)}; {row['max_qpu_seconds']:g} allowed")
     for line in doubts_in_words(journal):
         click.echo(line)
     click.echo(f"`qcompile resume {row['run']}` goes on.")
