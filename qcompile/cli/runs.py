@@ -23,7 +23,7 @@ def command(ctx: click.Context, runs: Path, as_json: bool) -> None:
     from qcompile.errors import LiveError
     from qcompile.live.runs import journals
     from qcompile.report.live import overview
-    from qcompile.report.tables import print_table
+    from qcompile.report.tables import plural, print_table
 
     ctx.obj = runs
     if ctx.invoked_subcommand is not None:
@@ -46,7 +46,7 @@ def command(ctx: click.Context, runs: Path, as_json: bool) -> None:
         click.echo(f"There is no live run in {runs}." if not damaged else "No other run is there.")
         return
     print_table(
-        ["run", "what", "backend", "state", "QPU seconds"],
+        ["run", "what", "backend", "state", "QPU seconds", "settled", "in doubt"],
         [
             [
                 row["run"],
@@ -54,6 +54,8 @@ def command(ctx: click.Context, runs: Path, as_json: bool) -> None:
                 row["backend"],
                 row["state"],
                 f"{row['qpu_seconds']:.1f} of {row['max_qpu_seconds']:g}",
+                f"{row['qpu_seconds_settled']:.1f}",
+                plural(row["jobs_in_doubt"], "job") if row["jobs_in_doubt"] else "",
             ]
             for row in found
         ],
@@ -68,6 +70,7 @@ def command(ctx: click.Context, runs: Path, as_json: bool) -> None:
 @click.pass_obj
 def show(of_group: Path, run_id: str, runs: Path | None, as_json: bool) -> None:
     """Show the result of run ID, or where it stands."""
+    from qcompile.live.looking import doubts_in_words
     from qcompile.live.perform import finished
     from qcompile.live.runs import find_journal
     from qcompile.report.live import overview, print_overview, print_result, result_values
@@ -79,6 +82,8 @@ def show(of_group: Path, run_id: str, runs: Path | None, as_json: bool) -> None:
             echo_json({**overview(journal), "result": shown})
         elif result is not None:
             print_result(journal.kind, result)
+            for line in doubts_in_words(journal):
+                click.echo(line)
         else:
             print_overview(journal)
 

@@ -17,10 +17,10 @@ from qcompile.errors import (
     LiveError,
     MissingExtraError,
     OutputError,
+    PaidFailureError,
     QcompileError,
     ReplayError,
 )
-from qcompile.live.budget import Budget
 from qcompile.live.connection import Connection
 from qcompile.live.jobs import Jobs
 from qcompile.live.journal import Journal, TaskKind
@@ -64,18 +64,21 @@ def go_on(
     journal: Journal,
     *,
     max_wait_s: float | None = None,
+    pay_again: bool = False,
     out: Path | None = None,
     show: Callable[[float, str], None] = lambda done, words: None,
 ) -> dict[str, Any]:
     """Do what is left of the run; what it found, with its id and what was charged.
 
     `show` gets how many jobs are done, and words. A finished run gives its result again; only where
-    IBM had not said yet what it charged, it is asked. `out` is another file for a calibration than
-    the one it has.
+    it was not known yet what IBM has of it and charges for it, IBM is asked. `pay_again` sends a
+    job again that was charged and gave no counts. `out` is another file for a calibration than the
+    one it has.
 
     Raises:
         BudgetError: the limit of QPU seconds would be passed.
         LiveError: a job cannot be had, or Ctrl-C; the same call goes on from there.
+        PaidFailureError: a job was charged and gave no counts, and `pay_again` is not said.
         ReplayError: the run does not repeat what the journal holds.
     """
     with journal.held():
@@ -83,7 +86,7 @@ def go_on(
         step = ""
 
         def say(words: str) -> None:
-            spent = f"{jobs.budget.charged_s():.0f} of {jobs.budget.limit_s:g} QPU s"
+            spent = f"{jobs.budget.spent_s:.0f} of {jobs.budget.limit_s:g} QPU s"
             show(journal.jobs_done(), ", ".join(filter(None, (step, words, spent))))
 
         def say_step(words: str) -> None:
@@ -92,7 +95,14 @@ def go_on(
             say("")
 
         connection = Connection(task.backend, task.account, task.instance)
-        jobs = Jobs(journal, connection, batch=task.batch, max_wait_s=max_wait_s, say=say)
+        jobs = Jobs(
+            journal,
+            connection,
+            batch=task.batch,
+            max_wait_s=max_wait_s,
+            pay_again=pay_again,
+            say=say,
+        )
         if journal.result is None:
             try:
                 journal.finish(task.perform(Context(jobs, say_step)))
@@ -102,9 +112,9 @@ def go_on(
                 raise _explained(error, journal) from error
             finally:
                 jobs.close()
-        if journal.uncharged():
+        if not journal.is_settled:
             with suppress(KeyboardInterrupt, MissingExtraError):
-                jobs.await_charges()
+                jobs.settle()
         try:
             return task.deliver(finished(journal), out)
         except OutputError as error:
@@ -113,12 +123,22 @@ def go_on(
 
 
 def finished(journal: Journal) -> dict[str, Any]:
-    """What a finished run found, with its id and what IBM has charged up to now."""
+    """What a finished run found, with its id and what it costs up to now."""
+    return {**(journal.result or {}), "run": journal.id, **costs(journal)}
+
+
+def costs(journal: Journal) -> dict[str, Any]:
+    """What a run costs, as plain values.
+
+    `qpu_seconds` is never less than what IBM has charged: jobs of which IBM has not said it, and
+    jobs in doubt, count with their caps. `qpu_seconds_settled` is what IBM has said so far.
+    """
+    charges = journal.charges
     return {
-        **(journal.result or {}),
-        "run": journal.id,
-        "qpu_seconds": Budget(journal).charged_s(),
-        "jobs_uncharged": len(journal.uncharged()),
+        "qpu_seconds": charges.upper_s,
+        "qpu_seconds_settled": charges.settled_s,
+        "jobs_uncharged": len(charges.uncharged()),
+        "jobs_in_doubt": len(charges.doubts()),
         "max_qpu_seconds": journal.max_qpu_seconds,
     }
 
@@ -154,6 +174,8 @@ def _explained(error: QcompileError, journal: Journal) -> QcompileError:
         return error.with_hints(began, export)
     if isinstance(error, BudgetError):
         hint = f"`{_resume(journal)} --max-qpu-seconds S` goes on with more."
+    elif isinstance(error, PaidFailureError):
+        hint = f"`{_resume(journal)} --yes` sends it again."
     elif isinstance(error, LiveError):
         hint = f"`{_resume(journal)}` goes on."
     else:

@@ -10,7 +10,8 @@ from qcompile.errors import LiveError
 
 PATIENCE_S = 300.0
 """A service that does not answer is asked again for so long."""
-TOO_MANY_REQUESTS = 429
+NOT_FOUND, TOO_MANY_REQUESTS = 404, 429
+_LONGEST_S = 86_400.0
 _REFUSED = frozenset(range(400, 500)) - {408, TOO_MANY_REQUESTS}
 _SAVE = (
     'Save one: python -c "from qiskit_ibm_runtime import QiskitRuntimeService as S; '
@@ -32,9 +33,10 @@ def seconds_setting(name: str, default: float) -> float:
         seconds = float(text)
     except ValueError:
         seconds = math.nan
-    if not 0 <= seconds < math.inf:
+    if not 0 <= seconds <= _LONGEST_S:
         raise LiveError(
-            f"{name} is {text!r}.", f"It needs a number of seconds, such as {default:g}."
+            f"{name} is {text[:40]!r}.",
+            f"It needs a number of seconds, such as {default:g}, and a day's at most.",
         )
     return seconds
 
@@ -59,7 +61,21 @@ def refused(error: BaseException) -> bool:
     return status in _REFUSED if status is not None else not transient(error)
 
 
-def status_code(error: BaseException) -> int | None:
+def answered_no(error: BaseException) -> bool:
+    """Whether the service answered what was sent with a refusal, a 4xx."""
+    return 400 <= (status_code(error) or 0) < 500
+
+
+def never_left(error: BaseException) -> bool:
+    """Whether there was no connection by which a request could have left this machine."""
+    from urllib3.exceptions import ConnectTimeoutError, MaxRetryError, NewConnectionError
+
+    reasons = [e.reason for e in chain_of(error) if isinstance(e, MaxRetryError)]
+    no_connection = (ConnectTimeoutError, NewConnectionError)
+    return any(isinstance(e, no_connection) for e in (*chain_of(error), *reasons))
+
+
+def status_code(error: BaseException | None) -> int | None:
     """The HTTP status behind an error of the client, -1 without one; None where none was asked."""
     from ibm_cloud_sdk_core import ApiException
     from qiskit_ibm_runtime.api.exceptions import RequestsApiError
@@ -75,10 +91,10 @@ def status_code(error: BaseException) -> int | None:
     return None
 
 
-def chain_of(error: BaseException) -> list[BaseException]:
+def chain_of(error: BaseException | None) -> list[BaseException]:
     """The error and what it came from; the client hides its causes with `from None`."""
     found: list[BaseException] = []
-    cause: BaseException | None = error
+    cause = error
     while cause is not None and cause not in found:
         found.append(cause)
         cause = cause.__cause__ or cause.__context__

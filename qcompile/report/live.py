@@ -8,14 +8,14 @@ import click
 
 from qcompile.calibration import Calibration
 from qcompile.live.journal import Journal, TaskKind
-from qcompile.live.perform import finished, where_it_stands
+from qcompile.live.looking import doubts_in_words
+from qcompile.live.perform import costs, where_it_stands
 from qcompile.report.calibration_values import calibration_values, print_calibration
-from qcompile.report.tables import plural, print_run, print_table
+from qcompile.report.tables import cost_in_words, print_run, print_table
 
 
 def overview(journal: Journal) -> dict[str, Any]:
-    """A run in a few plain values; `qpu_seconds` is what IBM has charged up to now."""
-    charges = finished(journal)
+    """A run in a few plain values, with what it costs up to now."""
     states = [submission.state for submission in journal.submissions()]
     return {
         "run": journal.id,
@@ -26,9 +26,7 @@ def overview(journal: Journal) -> dict[str, Any]:
         "jobs_done": states.count("done"),
         "jobs_open": states.count("sending") + states.count("sent"),
         "steps": journal.step_count(),
-        "qpu_seconds": charges["qpu_seconds"],
-        "jobs_uncharged": charges["jobs_uncharged"],
-        "max_qpu_seconds": charges["max_qpu_seconds"],
+        **costs(journal),
     }
 
 
@@ -81,7 +79,9 @@ def print_overview(journal: Journal) -> None:
     row = overview(journal)
     click.echo(f"{row['run']}, {row['kind']} on {row['backend']}: {row['state']}")
     click.echo(where_it_stands(journal))
-    click.echo(f"{row['qpu_seconds']:.1f} of {row['max_qpu_seconds']:g} QPU seconds are charged")
+    click.echo(f"{cost_in_words(row)}; {row['max_qpu_seconds']:g} allowed")
+    for line in doubts_in_words(journal):
+        click.echo(line)
     click.echo(f"`qcompile resume {row['run']}` goes on.")
 
 
@@ -115,8 +115,5 @@ def print_validation(found: dict[str, Any]) -> None:
 
 
 def charged(result: dict[str, Any]) -> str:
-    """A line on what a finished run was charged."""
-    words = f"run {result['run']} was charged {result['qpu_seconds']:.1f} QPU seconds"
-    if result["jobs_uncharged"]:
-        words += f"; of {plural(result['jobs_uncharged'], 'job')} IBM has not said it yet"
-    return words
+    """A line on what a finished run costs."""
+    return f"run {result['run']}: {cost_in_words(result)}"

@@ -141,7 +141,7 @@ def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
         yield (
             "paid",
             f"{plural(summary['jobs'], 'job')}, {summary['executions']:,} executions, "
-            f"{summary['qpu_seconds']:.1f} QPU seconds of {summary['max_qpu_seconds']:g} allowed",
+            f"{cost_in_words(summary)}; {summary['max_qpu_seconds']:g} allowed",
         )
         yield "run", summary["run"]
     elif summary["qpu_seconds_estimate"] is not None and summary["kind"] != "ideal":
@@ -207,3 +207,17 @@ def _bars(values: Sequence[float]) -> str:
     shown = values[:40]
     bars = "".join(_BARS[-1 - round((high - v) / span * (len(_BARS) - 1))] for v in shown)
     return bars + ("…" if len(values) > len(shown) else "")
+
+
+def cost_in_words(row: dict[str, Any]) -> str:
+    """The charge of a run; where it is not settled, what it comes to at most, and why."""
+    settled_s, upper_s = row["qpu_seconds_settled"], row["qpu_seconds"]
+    words = f"{settled_s:.1f} QPU seconds charged"
+    unsettled = []
+    if row["jobs_uncharged"]:
+        unsettled.append(f"{plural(row['jobs_uncharged'], 'job')} not charged yet")
+    if row["jobs_in_doubt"]:
+        unsettled.append(f"{plural(row['jobs_in_doubt'], 'job')} in doubt")
+    if upper_s > settled_s:
+        words += f", {upper_s:.1f} at most"
+    return f"{words} ({', '.join(unsettled)})" if unsettled else words

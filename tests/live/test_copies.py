@@ -1,139 +1,146 @@
-"""Copies of a run: an older one that is put back, and two that go on at the same time."""
+"""Runs restored from older copies, and jobs of other runs: nothing is paid again, or taken."""
 
 from __future__ import annotations
 
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
-from live_ledger import charged_s, jobs_of, settled_wrong, told_wrong
-from live_runs import Runs, check_paid_once, played
-from standin import Fault
+from live_runs import Runs, check_paid_once, number_of, played
 from standin.service import Service
 
-from qcompile.live.perform import go_on
 from qcompile.live.runs import find_journal
 
-SUBMIT = "POST /jobs"
 
-
-@pytest.fixture(autouse=True)
-def short_waits(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("QCOMPILE_DOUBT_SECONDS", "0")
-    monkeypatch.setattr("qcompile.live.jobs._CHARGE_PAUSES_S", (0.02, 0.02))
-
-
-def stopped_after_its_first_job_was_sent(runs: Runs) -> str:
-    """The id of a run whose first job is still in the queue."""
-    runs.service.settings.queue_seconds = 0.3
-    assert runs.run("--max-wait-seconds", 0.05).code == 1
-    runs.service.settings.queue_seconds = 0.0
+def copy_before_the_first_job(runs: Runs) -> Path:
+    """A run as it was before its first job was sent; the run itself goes on to its end."""
+    runs.service.settings.usage_limit_seconds = 1e9
     [folder] = Path("runs").iterdir()
-    return folder.name
+    copy = Path("copies") / folder.name
+    shutil.copytree(folder, copy)
+    with find_journal(Path("copies"), folder.name) as journal:
+        for table in ("submission", "charge", "step", "looked_over"):
+            journal._do(f"DELETE FROM {table}")
+        journal._do("UPDATE run SET result = NULL")
+    return copy
 
 
-def put_back(run: str) -> None:
-    shutil.rmtree(Path("runs") / run)
-    shutil.copytree(Path("copies") / run, Path("runs") / run)
+def resumed(runs: Runs) -> Any:
+    return runs.call("resume", "last", "--runs", "copies", "--json")
 
 
-def settled(runs: Runs, run: str, undisturbed: dict[str, Any], *words: object) -> dict[str, Any]:
-    """What the run finds, when its books agree to the cent with the service's."""
-    found = runs.until_finished(runs.call("resume", run, "--json", "--yes", *words))
-    assert played(found) == undisturbed
-    assert settled_wrong(found, charged_s(jobs_of(runs.service, run))) == []
-    return found
+def test_a_restored_copy_pays_for_nothing_again(runs: Runs, undisturbed: dict[str, Any]) -> None:
+    first = runs.run().json()
+    copy_before_the_first_job(runs)
+    found = resumed(runs)
+    assert found.code == 0, found.err
+    assert played(found.json()) == played(first) == undisturbed
+    check_paid_once(runs.service, 3)
+    assert len(runs.service.ledger().jobs) == 3
+    assert found.json()["qpu_seconds"] == pytest.approx(runs.service.ledger().charged_seconds)
 
 
-def test_of_a_run_restored_from_an_older_copy_no_job_is_paid_again(
+def test_a_copy_looks_on_after_a_job_that_ibm_does_not_have(
     runs: Runs, undisturbed: dict[str, Any]
 ) -> None:
-    """The copy knows of the first job; the two that were sent since are found by their tags."""
-    run = stopped_after_its_first_job_was_sent(runs)
-    shutil.copytree(Path("runs") / run, Path("copies") / run)
-    settled(runs, run, undisturbed)
-    put_back(run)
-    settled(runs, run, undisturbed)
-    check_paid_once(runs.service, 3)
+    from qiskit_ibm_runtime import QiskitRuntimeService
+
+    runs.run()
+    copy_before_the_first_job(runs)
+    QiskitRuntimeService().delete_job(runs.service.ledger().jobs[1].id)
+    found = resumed(runs)
+    assert found.code == 0, found.err
+    assert played(found.json()) == undisturbed
+    assert [number_of(job)[0] for job in runs.service.ledger().jobs] == [0, 1, 2, 1]
+
+
+def test_a_copy_whose_charges_are_pending_is_counted_with_caps(
+    runs: Runs, undisturbed: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its journal has no cap of a job that it finds: IBM's is taken, 19 s of each."""
+    monkeypatch.setattr("qcompile.live.jobs._CHARGE_PAUSES_S", (0.01,))
+    runs.service.settings.usage_lag_seconds = 3600
+    runs.run()
+    copy_before_the_first_job(runs)
+    for _ in range(2):
+        found = resumed(runs)
+        assert found.code == 0, found.err
+        assert played(found.json()) == undisturbed
+        assert (found.json()["qpu_seconds"], found.json()["jobs_uncharged"]) == (3 * 19, 3)
+    runs.service.settings.usage_lag_seconds = 0
+    assert resumed(runs).json()["qpu_seconds"] == pytest.approx(
+        runs.service.ledger().charged_seconds
+    )
     assert len(runs.service.ledger().jobs) == 3
 
 
-@pytest.mark.parametrize("times", [1, 2])
-def test_jobs_sent_twice_before_the_copy_was_put_back_are_counted(
-    runs: Runs, undisturbed: dict[str, Any], times: int
+def test_a_job_without_a_cap_of_ibms_gets_one_of_its_estimate(
+    runs: Runs, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Of some jobs since, the first attempt failed: their places have more than one tag."""
-    run = stopped_after_its_first_job_was_sent(runs)
-    shutil.copytree(Path("runs") / run, Path("copies") / run)
-    runs.service.faults.once(Fault.JOB_FAILS, times=times)
-    settled(runs, run, undisturbed)
-    assert len(runs.service.ledger().jobs) == 3 + times
-    put_back(run)
-    settled(runs, run, undisturbed)
-    check_paid_once(runs.service, 3)
+    """4 times 2.1792 s, rounded up, and 10 s."""
+    monkeypatch.setattr("qcompile.live.jobs._CHARGE_PAUSES_S", (0.01,))
+    runs.service.settings.usage_lag_seconds = 3600
+    runs.run()
+    copy_before_the_first_job(runs)
+    real = Service.jobs
+
+    def jobs(self: Service, query: Any, tags: Sequence[str]) -> Any:
+        listed = real(self, query, tags)
+        for job in listed["jobs"]:
+            del job["cost"], job["created"]
+        return listed
+
+    monkeypatch.setattr(Service, "jobs", jobs)
+    assert resumed(runs).json()["qpu_seconds"] == 3 * 19
+    assert len(runs.service.ledger().jobs) == 3
 
 
-def test_a_run_restored_while_its_charges_are_pending_goes_on(
-    runs: Runs, undisturbed: dict[str, Any]
+@pytest.mark.parametrize("queue_s", [0.0, 3600.0])
+def test_where_ibm_ignores_tags_no_job_of_another_run_is_taken_or_cancelled(
+    runs: Runs, queue_s: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Nothing is known of what a job found by its tag costs, but for the cap it was sent with."""
-    run = stopped_after_its_first_job_was_sent(runs)
-    shutil.copytree(Path("runs") / run, Path("copies") / run)
-    runs.service.settings.usage_lag_seconds = 3600.0
-    for _ in range(2):
-        found = runs.until_finished(runs.call("resume", run, "--json", "--yes"))
-        assert played(found) == undisturbed
-        assert (found["qpu_seconds_settled"], found["jobs_uncharged"]) == (0, 3)
-        charged = charged_s(jobs_of(runs.service, run))
-        assert told_wrong(found, charged, 60.0) == []
-        put_back(run)
-    runs.service.settings.usage_lag_seconds = 0.0
-    settled(runs, run, undisturbed)
-    check_paid_once(runs.service, 3)
+    runs.service.settings.queue_seconds = queue_s
+    runs.run("--max-wait-seconds", 0.05, shots=64)
+    before = runs.service.ledger()
+    real = Service.jobs
+    monkeypatch.setattr(Service, "jobs", lambda self, query, tags: real(self, query, ()))
+    answer = runs.run()
+    assert answer.code == 1
+    assert (
+        "Error: IBM's service lists jobs that do not have the tag that was asked for.\n"
+        "  Whether a job is this run's cannot be told: none was taken, cancelled or sent.\n"
+    ) in answer.err
+    after = runs.service.ledger()
+    assert after.jobs == before.jobs
+    assert "POST /jobs/{id}/cancel" not in after.requests
 
 
-def test_a_copy_that_goes_on_elsewhere_finds_what_the_other_sends_in_between(
+def test_a_job_with_the_tag_of_an_earlier_attempt_is_found_before_another_is_sent(
     runs: Runs, undisturbed: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """One looks for the second job, finds none and sends it; then the other sends the third."""
-    run = stopped_after_its_first_job_was_sent(runs)
-    shutil.copytree(Path("runs") / run, Path("copies") / run)
-    real, other = Service.submit, []
+    """The first attempt failed, but IBM has a second job of its tag, accepted without an answer."""
+    from standin import Fault
+
+    runs.service.faults.listing_lag_seconds = 3600
+    runs.service.faults.once(Fault.ACCEPTED_504, on="POST /jobs")
+    real, count = Service.submit, []
 
     def submit(self: Service, body: Any) -> Any:
         job = real(self, body)
-        if not other:
-            other.append(True)
-            with find_journal(Path("copies"), run) as journal:
-                other.append(go_on(journal))
+        count.append(job)
+        if len(count) == 2:
+            job.fail()
+            runs.service.faults.listing_lag_seconds = 0
         return job
 
     monkeypatch.setattr(Service, "submit", submit)
-    settled(runs, run, undisturbed)
-    _, found = other
+    monkeypatch.setattr("qcompile.live.sending.Sender._earliest", lambda self, made, job_id: job_id)
+    found = runs.until_finished(runs.run())
+    assert runs.errors == []
     assert played(found) == undisturbed
-    check_paid_once(runs.service, 3)
-    assert len(runs.service.ledger().jobs) == 3
-    settled(runs, run, undisturbed, "--runs", "copies")
-
-
-def test_two_copies_that_both_pay_for_a_step_both_tell_of_both_jobs(
-    runs: Runs, undisturbed: dict[str, Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The other one sends its third job just before this one's is accepted."""
-    run = stopped_after_its_first_job_was_sent(runs)
-    shutil.copytree(Path("runs") / run, Path("copies") / run)
-    real, count = Service.submit, iter(range(10))
-
-    def submit(self: Service, body: Any) -> Any:
-        if next(count) == 0:
-            with find_journal(Path("copies"), run) as journal:
-                go_on(journal)
-        return real(self, body)
-
-    monkeypatch.setattr(Service, "submit", submit)
-    found = settled(runs, run, undisturbed)
+    assert [number_of(job) for job in runs.service.ledger().jobs] == [
+        *((0, 0), (0, 0), (1, 0), (2, 0))
+    ]
     assert found["qpu_seconds"] == pytest.approx(runs.service.ledger().charged_seconds)
-    assert len(runs.service.ledger().jobs) == 4
-    settled(runs, run, undisturbed, "--runs", "copies")
