@@ -86,6 +86,8 @@ class Trial:
     most_short_s: float = 0.0
     """By how much less was told than was charged, at worst."""
     doubted: bool = False
+    alone: bool = True
+    """Whether no copy of the run is going on elsewhere, whose jobs it only hears of in the end."""
 
     @property
     def run(self) -> str | None:
@@ -131,7 +133,7 @@ class Trial:
 
     def look(self) -> dict[str, Any] | None:
         """Compare what the run tells now with the ledger as it was just before."""
-        if self.run is None:
+        if self.run is None or not self.alone:
             return None
         charged = charged_s(jobs_of(self.stand_in, self.run))
         shown = self.call("runs", "show", self.run, "--runs", str(self.runs), "--json")

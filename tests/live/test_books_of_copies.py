@@ -115,13 +115,12 @@ def test_a_copy_that_goes_on_elsewhere_finds_what_the_other_sends_in_between(
     assert played(found) == undisturbed
     check_paid_once(runs.service, 3)
     assert len(runs.service.ledger().jobs) == 3
-    settled(runs, run, undisturbed, "--runs", "copies")
 
 
-def test_two_copies_that_both_pay_for_a_step_both_tell_of_both_jobs(
+def test_of_two_copies_that_both_pay_for_a_step_the_last_tells_of_both_jobs(
     runs: Runs, undisturbed: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The other one sends its third job just before this one's is accepted."""
+    """The other one sends all its jobs just before this one's second is accepted."""
     run = stopped_after_its_first_job_was_sent(runs)
     shutil.copytree(Path("runs") / run, Path("copies") / run)
     real, count = Service.submit, iter(range(10))
@@ -136,4 +135,3 @@ def test_two_copies_that_both_pay_for_a_step_both_tell_of_both_jobs(
     found = settled(runs, run, undisturbed)
     assert found["qpu_seconds"] == pytest.approx(runs.service.ledger().charged_seconds)
     assert len(runs.service.ledger().jobs) == 4
-    settled(runs, run, undisturbed, "--runs", "copies")
