@@ -207,6 +207,50 @@ def test_less_than_the_expected_is_refused_though_it_would_be_enough_in_parts(
         cap(journal)
 
 
+def test_what_a_job_costs_the_guard_does_not_grow_with_the_run(journal: Journal) -> None:
+    """Counted in instructions of SQLite, once the sums are there."""
+    journal.allow(1e6)
+
+    def instructions(number: int) -> int:
+        """Of all that is asked of the journal for one job of a run."""
+        steps = 0
+
+        def count() -> None:
+            nonlocal steps
+            steps += 1
+
+        told(journal)
+        journal.jobs_done()
+        journal._db.set_progress_handler(count, 1)
+        cap(journal)
+        told(journal)
+        journal.jobs_done()
+        journal.latest(number)
+        journal.charges.uncharged()
+        journal.charges.doubts(number)
+        done(journal, 2.0, number)
+        journal._db.set_progress_handler(None, 1)
+        return steps
+
+    few = instructions(0)
+    with journal._at_once():
+        for number in range(1, 1500):
+            values = (number, 0, f"tag-{number}", "d", 100, "done", f"job-{number}")
+            journal._do(
+                "INSERT INTO submission (number, attempt, tag, digest, executions, state, job_id) "
+                "VALUES (?,?,?,?,?,?,?)",
+                *values,
+            )
+            journal._do(
+                "INSERT INTO charge (number, executions, cap_s, sent_at, refused, job_id, "
+                "charged_s) VALUES (?, 100, 5, ?, 0, ?, 2.0)",
+                *(number, journal.created.isoformat(), f"job-{number}"),
+            )
+    journal.charges.forget_sums()
+    many = instructions(1500)
+    assert many < 1.2 * few
+
+
 @pytest.mark.parametrize("limit_s", [math.inf, -math.inf, math.nan, -1.0, 0.0, 1.1e6])
 def test_a_limit_that_cannot_be_kept_is_refused_and_changes_nothing(
     journal: Journal, limit_s: float
