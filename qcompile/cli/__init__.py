@@ -108,7 +108,7 @@ def _run() -> None:
 
 
 def _fail(message: str) -> None:
-    click.echo(f"Error: {message}", err=True)
+    click.echo(f"Error: {_without_secrets(message)}", err=True)
     sys.exit(1)
 
 
@@ -117,8 +117,10 @@ def _show_traceback(
 ) -> None:
     """What the interpreter shows of an error that nobody caught, plain and without tokens."""
     words = "".join(traceback.format_exception(kind, error, trace))
-    if "qiskit_ibm_runtime" in sys.modules:  # nothing else reads a token
-        from qcompile.live.words import without_secrets
+    click.echo(plain(_without_secrets(words)), nl=False, err=True)
 
-        words = without_secrets(words)
-    click.echo(plain(words), nl=False, err=True)
+
+def _without_secrets(words: str) -> str:
+    from qcompile.live.words import without_secrets
+
+    return without_secrets(words)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from qcompile.cli.options import Decorator, Positive
-from qcompile.limits import FREE_SECONDS
+from qcompile.limits import FREE_SECONDS, MAX_QPU_SECONDS
 
 if TYPE_CHECKING:
     from qcompile.execution import Workload
@@ -48,7 +48,7 @@ runs_option: Decorator = click.option(
 )
 seconds_option: Decorator = click.option(
     "--max-qpu-seconds",
-    type=Positive("seconds", most=1e6),
+    type=Positive("seconds", most=MAX_QPU_SECONDS),
     help="With --live: the run stops before it would take more.",
 )
 wait_option: Decorator = click.option(
@@ -137,8 +137,8 @@ def spend(task: Task, load: Workload, live: Live, connection: Connection) -> dic
         return follow(journal, live.max_wait_s)
 
 
-def confirm(question: str) -> None:
-    """Nothing, if somebody says yes.
+def confirm(question: str, hint: str = "In a script say --yes.") -> None:
+    """Nothing, if somebody says yes; `hint` is for those who cannot be asked.
 
     Raises:
         click.Abort: somebody says no.
@@ -151,9 +151,7 @@ def confirm(question: str) -> None:
     except click.Abort:
         if sys.stdin is None or sys.stdin.closed or not sys.stdin.isatty():
             click.echo(err=True)
-            raise LiveError(
-                "Nobody said yes. Nothing was sent.", "In a script say --yes."
-            ) from None
+            raise LiveError("Nobody said yes. Nothing was sent.", hint) from None
         raise
 
 

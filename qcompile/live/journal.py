@@ -8,26 +8,39 @@ happens.
 from __future__ import annotations
 
 import json
+import os
+import re
 import secrets
 import sqlite3
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Any, Literal, Self, get_args
 
 import numpy as np
 from filelock import FileLock, Timeout
 
 from qcompile.errors import LiveError
 from qcompile.execution.executor import CountArray, FloatArray
-from qcompile.live.records import Charge, Step, Submission, to_bytes
+from qcompile.limits import MAX_QPU_SECONDS
+from qcompile.live import home
+from qcompile.live.opening import (
+    FILE,
+    check_pages,
+    check_values,
+    connect,
+    reading,
+    write_journal,
+)
+from qcompile.live.records import Charge, State, Step, Submission, to_bytes
+from qcompile.live.words import said
 
 TaskKind = Literal["run", "calibrate", "validate"]
 
 FORMAT = "qcompile-journal-1"
-FILE = "journal.sqlite"
+_ID = re.compile(r"[\w.-]{1,100}", re.ASCII)
 _SCHEMA = """
 CREATE TABLE run (
   format TEXT, id TEXT, kind TEXT, created TEXT, settings TEXT, versions TEXT,
@@ -54,28 +67,33 @@ class Journal:
     """
 
     def __init__(self, folder: Path):
-        self.folder = folder
-        path = folder / FILE
-        if not path.is_file():
+        self.folder, self.path = folder, folder / FILE
+        if not self.path.is_file():
             raise LiveError(f"{folder} holds no run.", "`qcompile runs` lists the runs.")
+        self._db = connect(self.path)
         try:
-            self._db = sqlite3.connect(path, isolation_level=None)
-            self._db.execute("PRAGMA synchronous = FULL")
-            row = self._db.execute(
-                "SELECT format, id, kind, created, settings, versions FROM run"
-            ).fetchone()
-            if row is None or row[0] != FORMAT:
-                raise LiveError(f"{path} is no journal that this version of qcompile can read.")
-            self.id: str = row[1]
-            self.kind: TaskKind = row[2]
-            self.created = datetime.fromisoformat(row[3])
-            self.settings: dict[str, Any] = dict(json.loads(row[4]))
-            self.versions: dict[str, str] = dict(json.loads(row[5]))
-        except (sqlite3.Error, ValueError, TypeError) as error:
-            raise LiveError(
-                f"{path} cannot be read: {error}.",
-                "Copy the run to a folder that can be written; if it is damaged, restore it.",
-            ) from error
+            with reading(self.path):
+                self._read()
+            check_values(self._db, self.path)
+        except BaseException:
+            self._db.close()
+            raise
+
+    def _read(self) -> None:
+        """Read what does not change of the run."""
+        row = self._db.execute(
+            "SELECT format, id, kind, created, settings, versions FROM run"
+        ).fetchone()
+        if row is None or row[0] != FORMAT:
+            raise LiveError(f"{self.path} is no journal that this version of qcompile can read.")
+        self.id: str = row[1]
+        self.kind: TaskKind = row[2]
+        self.created = datetime.fromisoformat(row[3])
+        self.settings: dict[str, Any] = dict(json.loads(row[4]))
+        self.versions: dict[str, str] = dict(json.loads(row[5]))
+        is_known = _ID.fullmatch(self.id) and self.kind in get_args(TaskKind)
+        if not is_known or self.created.tzinfo is None:
+            raise ValueError("an ID, a kind or a time that no run has")
 
     @classmethod
     def create(
@@ -93,21 +111,15 @@ class Journal:
         run_id = f"{now:%y%m%d-%H%M%S}-{words}-{secrets.token_hex(2)}"
         folder = runs / run_id
         values = (FORMAT, run_id, kind, now.isoformat(), json.dumps(settings), json.dumps(versions))
-        try:
-            folder.mkdir(parents=True)
-            db = sqlite3.connect(folder / FILE, isolation_level=None)
-            db.execute("PRAGMA journal_mode = WAL")
-            db.execute("BEGIN")  # the tables come with the run, or not at all
+
+        def fill(db: sqlite3.Connection) -> None:
             for statement in _SCHEMA.split(";"):
                 db.execute(statement)
+            for moment in get_args(home.Moment):
+                home.note(db, moment, home.here(run_id, folder))
             db.execute("INSERT INTO run VALUES (?,?,?,?,?,?,?,NULL)", (*values, max_qpu_seconds))
-            db.execute("COMMIT")
-            db.close()
-        except (OSError, sqlite3.Error) as error:
-            raise LiveError(
-                f"The run's journal cannot be written to {folder}: {error}.",
-                "Nothing was sent. Choose another folder with --runs.",
-            ) from error
+
+        write_journal(folder, fill)
         return cls(folder)
 
     def __enter__(self) -> Self:
@@ -121,11 +133,17 @@ class Journal:
         """Hold the run: no other process may go on with it meanwhile.
 
         Raises:
-            LiveError: another process holds it.
+            LiveError: another process holds it, or it is damaged.
         """
         try:
             with FileLock(self.folder / "lock", timeout=0):
-                yield
+                check_pages(self._db, self.path)
+                self.move_here(os.getpid())
+                try:
+                    yield
+                finally:
+                    with suppress(LiveError):
+                        self.move_here()
         except Timeout as error:
             raise LiveError(
                 f"Run {self.id} is going on in another process.", "Wait for it, or stop it."
@@ -133,11 +151,28 @@ class Journal:
         except OSError as error:
             raise LiveError(f"{self.folder} cannot be written: {error}.") from error
 
+    # Where it is at home
+
+    def home(self, moment: home.Moment) -> home.Home | None:
+        """Where it began, or was resumed last; None where the journal does not say."""
+        with reading(self.path):
+            return home.read(self._db, moment)
+
+    def move_here(self, process: int | None = None) -> None:
+        """From now on the run is at home in this folder of this machine."""
+        with reading(self.path):
+            home.note(self._db, "last", replace(home.here(self.id, self.folder), process=process))
+
     # The run
 
     @property
     def max_qpu_seconds(self) -> float:
-        return float(self._do("SELECT max_qpu_seconds FROM run").fetchone()[0])
+        """Its limit; the largest there is where the first version let it be infinite."""
+        with reading(self.path):
+            seconds = float(self._rows("SELECT max_qpu_seconds FROM run")[0][0])
+            if not seconds >= 0:
+                raise ValueError("no limit")
+        return min(seconds, MAX_QPU_SECONDS)
 
     def allow(self, max_qpu_seconds: float) -> None:
         """Set another limit."""
@@ -146,13 +181,9 @@ class Journal:
     @property
     def result(self) -> dict[str, Any] | None:
         """What the run found, once it is finished."""
-        text = self._do("SELECT result FROM run").fetchone()[0]
-        try:
+        text = self._rows("SELECT result FROM run")[0][0]
+        with reading(self.path):
             return None if text is None else dict(json.loads(text))
-        except (TypeError, ValueError) as error:
-            raise LiveError(
-                f"The result in {self.folder} is damaged.", "Restore a copy."
-            ) from error
 
     def finish(self, result: dict[str, Any]) -> None:
         self._do("UPDATE run SET result = ?", json.dumps(result))
@@ -161,10 +192,11 @@ class Journal:
 
     def submissions(self, where: str = "TRUE") -> list[Submission]:
         """Every attempt, in order."""
-        rows = self._do(
+        rows = self._rows(
             f"SELECT {Submission.COLUMNS} FROM submission WHERE {where} ORDER BY number, attempt"
         )
-        return [Submission.of_row(row) for row in rows]
+        with reading(self.path):
+            return [Submission.of_row(row) for row in rows]
 
     def latest(self, number: int) -> Submission | None:
         """The last attempt at job `number` of the run."""
@@ -174,7 +206,7 @@ class Journal:
     def charges(self, but: Submission | None = None) -> list[Charge]:
         """What was sent costs, `but` one submission."""
         tag = "" if but is None else but.tag
-        rows = self._do(
+        rows = self._rows(
             "SELECT executions, cap_s, charged_s FROM submission WHERE state != 'intended' "
             "AND tag != ? UNION ALL SELECT executions, cap_s, charged_s FROM extra",
             tag,
@@ -182,11 +214,15 @@ class Journal:
         return [Charge(*row) for row in rows]
 
     def jobs_done(self) -> int:
-        return int(self._do("SELECT COUNT(*) FROM submission WHERE state = 'done'").fetchone()[0])
+        return self.states().get("done", 0)
+
+    def states(self) -> dict[State, int]:
+        """How many submissions are in each state; their counts are not read."""
+        return dict(self._rows("SELECT state, COUNT(*) FROM submission GROUP BY state"))
 
     def uncharged(self) -> list[str]:
         """The ids of ended jobs whose charge is not known."""
-        rows = self._do(
+        rows = self._rows(
             "SELECT job_id FROM submission WHERE charged_s IS NULL AND state IN ('done', 'failed') "
             "AND job_id IS NOT NULL UNION SELECT job_id FROM extra WHERE charged_s IS NULL "
             "AND job_id NOT LIKE 'doubt %'"
@@ -220,7 +256,8 @@ class Journal:
         self._note(submission, "state = 'done', ones = ?, charged_s = ?", to_bytes(ones), charged_s)
 
     def note_failed(self, submission: Submission, words: str, charged_s: float | None) -> None:
-        """It ended without counts."""
+        """It ended without counts; `words` of the service are kept without what is secret."""
+        words = said(words)
         self._note(submission, "state = 'failed', words = ?, charged_s = ?", words, charged_s)
 
     def note_extra(self, submission: Submission, job_id: str) -> None:
@@ -235,7 +272,7 @@ class Journal:
     def in_doubt(self, submission: Submission) -> bool:
         """Whether `note_doubt` was said of it, and not taken back."""
         tag = f"doubt {submission.tag}"
-        return self._do("SELECT 1 FROM extra WHERE job_id = ?", tag).fetchone() is not None
+        return bool(self._rows("SELECT 1 FROM extra WHERE job_id = ?", tag))
 
     def clear_doubt(self, submission: Submission) -> None:
         """What `note_doubt` said has turned out one way or the other."""
@@ -253,10 +290,11 @@ class Journal:
 
     def step(self, number: int) -> Step | None:
         """Step `number` of the lockstep, if it was taken."""
-        row = self._do(
+        rows = self._rows(
             "SELECT observations, actions, rewards FROM step WHERE number = ?", number
-        ).fetchone()
-        return None if row is None else Step.of_row(row)
+        )
+        with reading(self.path):
+            return Step.of_row(rows[0]) if rows else None
 
     def note_actions(self, number: int, observations: FloatArray, actions: CountArray) -> None:
         """The actions (B,) of a step for its observations (B, features)."""
@@ -270,7 +308,12 @@ class Journal:
         )
 
     def step_count(self) -> int:
-        return int(self._do("SELECT COUNT(*) FROM step").fetchone()[0])
+        return int(self._rows("SELECT COUNT(*) FROM step")[0][0])
+
+    def _rows(self, statement: str, *values: object) -> list[tuple[Any, ...]]:
+        """What the journal holds."""
+        with reading(self.path):
+            return self._db.execute(statement, values).fetchall()
 
     def _do(self, statement: str, *values: object) -> sqlite3.Cursor:
         """Have it on the disk, or read from it, before anything else happens."""

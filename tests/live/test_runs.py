@@ -54,7 +54,7 @@ def test_a_part_of_several_names_is_not_enough() -> None:
     with pytest.raises(LiveError) as caught:
         find_journal(RUNS, "cart")
     assert str(caught.value) == (
-        f"2 runs are meant by 'cart': {ids[0]}, {ids[1]}.\n  Say more of it."
+        f"'cart' matches 2 runs: {ids[0]}, {ids[1]}.\n  Give more of the ID."
     )
 
 
