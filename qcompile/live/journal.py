@@ -31,6 +31,7 @@ from qcompile.live.opening import (
     check_pages,
     check_values,
     connect,
+    json_object,
     reading,
     write_journal,
 )
@@ -89,8 +90,8 @@ class Journal:
         self.id: str = row[1]
         self.kind: TaskKind = row[2]
         self.created = datetime.fromisoformat(row[3])
-        self.settings: dict[str, Any] = dict(json.loads(row[4]))
-        self.versions: dict[str, str] = dict(json.loads(row[5]))
+        self.settings: dict[str, Any] = json_object(row[4])
+        self.versions: dict[str, str] = json_object(row[5])
         is_known = _ID.fullmatch(self.id) and self.kind in get_args(TaskKind)
         if not is_known or self.created.tzinfo is None:
             raise ValueError("an ID, a kind or a time that no run has")
@@ -168,11 +169,7 @@ class Journal:
     @property
     def max_qpu_seconds(self) -> float:
         """Its limit; the largest there is where the first version let it be infinite."""
-        with reading(self.path):
-            seconds = float(self._rows("SELECT max_qpu_seconds FROM run")[0][0])
-            if not seconds >= 0:
-                raise ValueError("no limit")
-        return min(seconds, MAX_QPU_SECONDS)
+        return min(float(self._rows("SELECT max_qpu_seconds FROM run")[0][0]), MAX_QPU_SECONDS)
 
     def allow(self, max_qpu_seconds: float) -> None:
         """Set another limit."""
@@ -183,7 +180,7 @@ class Journal:
         """What the run found, once it is finished."""
         text = self._rows("SELECT result FROM run")[0][0]
         with reading(self.path):
-            return None if text is None else dict(json.loads(text))
+            return None if text is None else json_object(text)
 
     def finish(self, result: dict[str, Any]) -> None:
         self._do("UPDATE run SET result = ?", json.dumps(result))

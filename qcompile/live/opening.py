@@ -6,6 +6,7 @@ types that a journal has, and nothing in it that SQLite would execute.
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import sqlite3
@@ -13,6 +14,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
+from typing import Any
 
 from qcompile.errors import LiveError
 
@@ -25,6 +27,12 @@ _TEXT = "typeof({0}) = 'text'"
 _BLOB = "typeof({0}) = 'blob'"
 _STATES = "'intended', 'sending', 'sent', 'done', 'failed'"
 _RIGHT = {
+    "run": {
+        "settings": _TEXT,
+        "versions": _TEXT,
+        "max_qpu_seconds": "typeof({0}) IN ('integer', 'real') AND {0} >= 0",
+        "result": f"{{0}} IS NULL OR {_TEXT}",
+    },
     "submission": {
         "number": _COUNT,
         "attempt": _COUNT,
@@ -52,7 +60,7 @@ _RIGHT = {
         "rewards": f"{{0}} IS NULL OR {_BLOB}",
     },
 }
-"""What must hold of each value of a table. SQLite answers `typeof` without reading a blob."""
+"""What must hold of the values of a table. SQLite answers `typeof` without reading a blob."""
 _EXECUTED = """
 SELECT name FROM sqlite_master
 WHERE type NOT IN ('table', 'index') OR sql LIKE 'CREATE VIRTUAL%'
@@ -111,7 +119,7 @@ def connect(path: Path) -> sqlite3.Connection:
 
 
 def check_values(db: sqlite3.Connection, path: Path) -> None:
-    """Nothing, if all rows but those of the run itself hold what they may hold.
+    """Nothing, if all rows hold what they may hold; blobs are not read.
 
     Raises:
         LiveError: one does not; the message names its table and column.
@@ -140,6 +148,18 @@ def check_pages(db: sqlite3.Connection, path: Path) -> None:
         words = str(db.execute("PRAGMA integrity_check(1)").fetchone()[0])
         if words != "ok":
             raise LiveError(f"{path} is damaged: {' '.join(words.split())[:200]}.", _RESTORE)
+
+
+def json_object(text: str) -> dict[str, Any]:
+    """The object that a column holds as JSON.
+
+    Raises:
+        ValueError: it holds none.
+    """
+    found = json.loads(text)
+    if not isinstance(found, dict):
+        raise ValueError("no object")
+    return found
 
 
 def write_journal(folder: Path, fill: Callable[[sqlite3.Connection], None]) -> None:

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from qcompile.errors import LiveError
-from qcompile.live.journal import FILE, Journal
+from qcompile.live.journal import Journal
+from qcompile.live.opening import FILE
 from qcompile.live.runs import find_journal, journals
 
 RUNS = Path("runs")
