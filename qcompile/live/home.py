@@ -21,21 +21,20 @@ Moment = Literal["began", "last"]
 _MACHINE_ID = Path("/etc/machine-id")
 _TABLE = """
 CREATE TABLE IF NOT EXISTS home (
-  moment TEXT PRIMARY KEY, machine TEXT, folder TEXT, directory TEXT, process INTEGER
+  moment TEXT PRIMARY KEY, machine TEXT, folder TEXT, process INTEGER
 )
 """
 
 
 @dataclass(frozen=True)
 class Home:
-    """Digests of a machine, of the run's folder on it, and of a working directory.
+    """Digests of a machine and of the run's folder on it.
 
     `process` holds the run, or was killed while it did; None where it ended in order.
     """
 
     machine: str
     folder: str
-    directory: str
     process: int | None = None
 
 
@@ -45,12 +44,12 @@ def is_same_place(one: Home | None, other: Home) -> bool:
 
 
 def here(run_id: str, folder: Path) -> Home:
-    """This machine, `folder` and the working directory, for the run `run_id`."""
+    """This machine and `folder`, for the run `run_id`."""
 
     def digest(name: object) -> str:
         return hashlib.sha256(f"{run_id}\n{_machine()}\n{name}".encode()).hexdigest()
 
-    return Home(digest(""), digest(folder.resolve()), digest(Path.cwd()))
+    return Home(digest(""), digest(folder.resolve()))
 
 
 def read(db: sqlite3.Connection, moment: Moment) -> Home | None:
@@ -58,7 +57,7 @@ def read(db: sqlite3.Connection, moment: Moment) -> Home | None:
     if not db.execute("SELECT 1 FROM sqlite_master WHERE name = 'home'").fetchall():
         return None
     row = db.execute(
-        "SELECT machine, folder, directory, process FROM home WHERE moment = ?", (moment,)
+        "SELECT machine, folder, process FROM home WHERE moment = ?", (moment,)
     ).fetchone()
     return None if row is None else Home(*row)
 
@@ -66,8 +65,8 @@ def read(db: sqlite3.Connection, moment: Moment) -> Home | None:
 def note(db: sqlite3.Connection, moment: Moment, home: Home) -> None:
     """Write it down in a journal."""
     db.execute(_TABLE)
-    values = (home.machine, home.folder, home.directory, home.process)
-    db.execute("INSERT OR REPLACE INTO home VALUES (?,?,?,?,?)", (moment, *values))
+    values = (home.machine, home.folder, home.process)
+    db.execute("INSERT OR REPLACE INTO home VALUES (?,?,?,?)", (moment, *values))
 
 
 def _machine() -> str:

@@ -74,7 +74,7 @@ def go_on(
 
     `show` gets how many jobs are done, and words. A finished run gives its result again; only where
     IBM had not said yet what it charged, it is asked. `out` is another file for a calibration than
-    the one it has; without it none is written where the run did not begin.
+    the one it has; without it none is written where the run began on another machine.
 
     Raises:
         BudgetError: the limit of QPU seconds would be passed.
@@ -111,7 +111,7 @@ def go_on(
         if journal.uncharged():
             with suppress(KeyboardInterrupt, MissingExtraError):
                 jobs.await_charges()
-        if not _knows_its_file(journal, task):
+        if is_from_elsewhere(journal):
             task = task.without_file()
         try:
             return task.deliver(finished(journal), out)
@@ -139,15 +139,6 @@ def is_from_elsewhere(journal: Journal) -> bool:
     are somebody else's word."""
     began = journal.home("began")
     return began is None or began.machine != here(journal.id, journal.folder).machine
-
-
-def _knows_its_file(journal: Journal, task: Task) -> bool:
-    """Whether the file that a task has is the one that its user meant: it began here."""
-    began, now = journal.home("began"), here(journal.id, journal.folder)
-    if began is None or began.machine != now.machine:
-        return False
-    path = getattr(task, "out", None)
-    return path is None or Path(path).is_absolute() or began.directory == now.directory
 
 
 def charges(journal: Journal) -> dict[str, Any]:
