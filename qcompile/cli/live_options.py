@@ -137,8 +137,8 @@ def spend(task: Task, load: Workload, live: Live, connection: Connection) -> dic
         return follow(journal, live.max_wait_s)
 
 
-def confirm(question: str) -> None:
-    """Nothing, if somebody says yes.
+def confirm(question: str, hint: str = "In a script say --yes.") -> None:
+    """Nothing, if somebody says yes; `hint` is for those who cannot be asked.
 
     Raises:
         click.Abort: somebody says no.
@@ -151,9 +151,7 @@ def confirm(question: str) -> None:
     except click.Abort:
         if not somebody_is_there():
             click.echo(err=True)
-            raise LiveError(
-                "Nobody said yes. Nothing was sent.", "In a script say --yes."
-            ) from None
+            raise LiveError("Nobody said yes. Nothing was sent.", hint) from None
         raise
 
 

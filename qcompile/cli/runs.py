@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -19,11 +20,13 @@ _own_runs: Decorator = click.option(
 @json_option
 @click.pass_context
 def command(ctx: click.Context, runs: Path, as_json: bool) -> None:
-    """List the live runs, the newest last; `show` one, or `export` all that one holds."""
+    """List the live runs, the newest last; `show` one, or `export` all that one holds.
+
+    Where some cannot be read, the others are listed and the exit code is 1.
+    """
     from qcompile.errors import LiveError
     from qcompile.live.runs import journals
     from qcompile.report.live import overview
-    from qcompile.report.tables import plural, print_table
 
     ctx.obj = runs
     if ctx.invoked_subcommand is not None:
@@ -37,21 +40,28 @@ def command(ctx: click.Context, runs: Path, as_json: bool) -> None:
             found.append(overview(journal))
         except LiveError as error:
             damaged.append(str(error))
-    for words in damaged:
-        click.echo(words, err=True)
     if as_json:
         echo_json(found)
-        return
-    if not found:
+    elif found:
+        _print_runs(found)
+    else:
         click.echo(f"There is no live run in {runs}." if not damaged else "No other run is there.")
-        return
+    for words in damaged:
+        click.echo(f"Error: {words}", err=True)
+    ctx.exit(1 if damaged else 0)
+
+
+def _print_runs(found: list[dict[str, Any]]) -> None:
+    from qcompile.report.tables import plural, print_table
+    from qcompile.terminal import one_line
+
     print_table(
         ["run", "what", "backend", "state", "QPU seconds", "settled", "in doubt"],
         [
             [
                 row["run"],
                 row["kind"],
-                row["backend"],
+                one_line(str(row["backend"]), 40),
                 row["state"],
                 f"{row['qpu_seconds']:.1f} of {row['max_qpu_seconds']:g}",
                 f"{row['qpu_seconds_settled']:.1f}",

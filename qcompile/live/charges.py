@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import sqlite3
 from collections.abc import Callable
 from datetime import datetime
+from typing import Any
 
 from qcompile.execution import qpu_seconds
 from qcompile.live.records import Charge
@@ -20,8 +20,8 @@ class Charges:
     than what IBM has charged. Sums of what is charged are kept, and not made anew for each job.
     """
 
-    def __init__(self, do: Callable[..., sqlite3.Cursor]):
-        self._do = do
+    def __init__(self, do: Callable[..., object], rows: Callable[..., list[tuple[Any, ...]]]):
+        self._do, self._rows = do, rows
         self._sums: tuple[float, float] | None = None
 
     def forget_sums(self) -> None:
@@ -38,7 +38,7 @@ class Charges:
     @property
     def upper_s(self) -> float:
         """What IBM has charged, and the cap of each job of which it has not said it."""
-        [[open_s]] = self._do("SELECT total(cap_s) FROM charge WHERE charged_s IS NULL")
+        [[open_s]] = self._rows("SELECT total(cap_s) FROM charge WHERE charged_s IS NULL")
         return self.settled_s + float(open_s)
 
     @property
@@ -48,7 +48,9 @@ class Charges:
 
     def _known(self) -> tuple[float, float]:
         if self._sums is None:
-            rows = self._do("SELECT executions, charged_s FROM charge WHERE charged_s IS NOT NULL")
+            rows = self._rows(
+                "SELECT executions, charged_s FROM charge WHERE charged_s IS NOT NULL"
+            )
             total_s, worst = 0.0, 1.0
             for executions, charged_s in rows:
                 total_s += charged_s
@@ -60,7 +62,9 @@ class Charges:
 
     def all(self, where: str = "TRUE", *values: object) -> list[Charge]:
         """Those for which `where` holds, in the order in which they were sent."""
-        rows = self._do(f"SELECT {Charge.COLUMNS} FROM charge WHERE {where} ORDER BY row", *values)
+        rows = self._rows(
+            f"SELECT {Charge.COLUMNS} FROM charge WHERE {where} ORDER BY row", *values
+        )
         return [Charge.of_row(row) for row in rows]
 
     def doubts(self, number: int | None = None) -> list[Charge]:

@@ -8,14 +8,16 @@ on the disk before the next thing happens.
 from __future__ import annotations
 
 import json
+import os
+import re
 import secrets
 import sqlite3
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Any, Literal, Self, get_args
 
 import numpy as np
 from filelock import FileLock, Timeout
@@ -23,13 +25,23 @@ from filelock import FileLock, Timeout
 from qcompile.errors import BudgetError, LiveError
 from qcompile.execution.executor import CountArray, FloatArray
 from qcompile.limits import MAX_QPU_SECONDS
-from qcompile.live import schema
+from qcompile.live import home, schema
 from qcompile.live.charges import Charges
-from qcompile.live.records import Step, Submission, to_bytes
+from qcompile.live.opening import (
+    FILE,
+    check_pages,
+    check_values,
+    connect,
+    json_object,
+    reading,
+    write_journal,
+)
+from qcompile.live.records import State, Step, Submission, to_bytes
+from qcompile.live.words import said
 
 TaskKind = Literal["run", "calibrate", "validate"]
 
-FILE = "journal.sqlite"
+_ID = re.compile(r"[\w.-]{1,100}", re.ASCII)
 
 
 class Journal:
@@ -44,32 +56,39 @@ class Journal:
     """
 
     def __init__(self, folder: Path):
-        self.folder = folder
-        path = folder / FILE
-        if not path.is_file():
+        self.folder, self.path = folder, folder / FILE
+        if not self.path.is_file():
             raise LiveError(f"{folder} holds no run.", "`qcompile runs` lists the runs.")
+        self._db = connect(self.path)
         try:
-            self._db = sqlite3.connect(path, isolation_level=None)
-            self._db.execute("PRAGMA synchronous = FULL")
-            row = self._db.execute(
-                "SELECT format, id, kind, created, settings, versions FROM run"
-            ).fetchone()
-            if row is None or row[0] not in (schema.FORMAT, schema.FIRST_FORMAT):
-                raise LiveError(f"{path} is no journal that this version of qcompile can read.")
-            self.id: str = row[1]
-            self.kind: TaskKind = row[2]
-            self.created = datetime.fromisoformat(row[3])
-            self.settings: dict[str, Any] = dict(json.loads(row[4]))
-            self.versions: dict[str, str] = dict(json.loads(row[5]))
-            if row[0] == schema.FIRST_FORMAT:
-                schema.read_as_now(self._db)
-        except (sqlite3.Error, ValueError, TypeError) as error:
-            raise LiveError(
-                f"{path} cannot be read: {error}.",
-                "Copy the run to a folder that can be written; if it is damaged, restore it.",
-            ) from error
-        self.charges = Charges(self._do)
+            with reading(self.path):
+                format_ = self._read()
+            check_values(self._db, self.path, format_)
+            if format_ == schema.FIRST_FORMAT:
+                with reading(self.path):
+                    schema.read_as_now(self._db)
+        except BaseException:
+            self._db.close()
+            raise
+        self.charges = Charges(self._do, self._rows)
         self._jobs_done: int | None = None
+
+    def _read(self) -> str:
+        """Read what does not change of the run; its format."""
+        row = self._db.execute(
+            "SELECT format, id, kind, created, settings, versions FROM run"
+        ).fetchone()
+        if row is None or row[0] not in (schema.FORMAT, schema.FIRST_FORMAT):
+            raise LiveError(f"{self.path} is no journal that this version of qcompile can read.")
+        self.id: str = row[1]
+        self.kind: TaskKind = row[2]
+        self.created = datetime.fromisoformat(row[3])
+        self.settings: dict[str, Any] = json_object(row[4])
+        self.versions: dict[str, str] = json_object(row[5])
+        is_known = _ID.fullmatch(self.id) and self.kind in get_args(TaskKind)
+        if not is_known or self.created.tzinfo is None:
+            raise ValueError("an ID, a kind or a time that no run has")
+        return str(row[0])
 
     @classmethod
     def create(
@@ -92,27 +111,17 @@ class Journal:
         run_id = f"{now:%y%m%d-%H%M%S}-{words}-{secrets.token_hex(2)}"
         folder = runs / run_id
         values = (
-            schema.FORMAT,
-            run_id,
-            kind,
-            now.isoformat(),
-            json.dumps(settings),
-            json.dumps(versions),
+            *(schema.FORMAT, run_id, kind, now.isoformat()),
+            *(json.dumps(settings), json.dumps(versions)),
         )
-        try:
-            folder.mkdir(parents=True)
-            db = sqlite3.connect(folder / FILE, isolation_level=None)
-            db.execute("PRAGMA journal_mode = WAL")
-            db.execute("BEGIN")  # the tables come with the run, or not at all
+
+        def fill(db: sqlite3.Connection) -> None:
             schema.create(db)
+            for moment in get_args(home.Moment):
+                home.note(db, moment, home.here(run_id, folder))
             db.execute("INSERT INTO run VALUES (?,?,?,?,?,?,?,NULL)", (*values, max_qpu_seconds))
-            db.execute("COMMIT")
-            db.close()
-        except (OSError, sqlite3.Error) as error:
-            raise LiveError(
-                f"The run's journal cannot be written to {folder}: {error}.",
-                "Nothing was sent. Choose another folder with --runs.",
-            ) from error
+
+        write_journal(folder, fill)
         return cls(folder)
 
     def __enter__(self) -> Self:
@@ -126,12 +135,18 @@ class Journal:
         """Hold the run: no other process may go on with it meanwhile.
 
         Raises:
-            LiveError: another process holds it.
+            LiveError: another process holds it, or it is damaged.
         """
         try:
             with FileLock(self.folder / "lock", timeout=0):
+                check_pages(self._db, self.path)
                 self._renew()
-                yield
+                self.move_here(os.getpid())
+                try:
+                    yield
+                finally:
+                    with suppress(LiveError):
+                        self.move_here()
         except Timeout as error:
             raise LiveError(
                 f"Run {self.id} is going on in another process.", "Wait for it, or stop it."
@@ -141,23 +156,29 @@ class Journal:
 
     def _renew(self) -> None:
         """Have it in the format of today, and nothing remembered that another process changed."""
-        try:
+        with reading(self.path):
             schema.migrate(self._db)
-        except sqlite3.Error as error:
-            raise LiveError(
-                f"The run's journal in {self.folder} cannot be read or written: {error}."
-            ) from error
         self.charges.forget_sums()
         self._jobs_done = None
+
+    # Where it is at home
+
+    def home(self, moment: home.Moment) -> home.Home | None:
+        """Where it began, or was resumed last; None where the journal does not say."""
+        with reading(self.path):
+            return home.read(self._db, moment)
+
+    def move_here(self, process: int | None = None) -> None:
+        """From now on the run is at home in this folder of this machine."""
+        with reading(self.path):
+            home.note(self._db, "last", replace(home.here(self.id, self.folder), process=process))
 
     # The run
 
     @property
     def max_qpu_seconds(self) -> float:
         """Its limit; the largest there is where the first version let it be infinite."""
-        return min(
-            float(self._do("SELECT max_qpu_seconds FROM run").fetchone()[0]), MAX_QPU_SECONDS
-        )
+        return min(float(self._rows("SELECT max_qpu_seconds FROM run")[0][0]), MAX_QPU_SECONDS)
 
     def allow(self, max_qpu_seconds: float) -> None:
         """Set another limit.
@@ -171,13 +192,9 @@ class Journal:
     @property
     def result(self) -> dict[str, Any] | None:
         """What the run found, once it is finished."""
-        text = self._do("SELECT result FROM run").fetchone()[0]
-        try:
-            return None if text is None else dict(json.loads(text))
-        except (TypeError, ValueError) as error:
-            raise LiveError(
-                f"The result in {self.folder} is damaged.", "Restore a copy."
-            ) from error
+        text = self._rows("SELECT result FROM run")[0][0]
+        with reading(self.path):
+            return None if text is None else json_object(text)
 
     def finish(self, result: dict[str, Any]) -> None:
         self._do("UPDATE run SET result = ?", json.dumps(result))
@@ -185,7 +202,7 @@ class Journal:
     @property
     def is_settled(self) -> bool:
         """Whether all that IBM has of the run is known, and what it charged for it."""
-        looked_over = self._do("SELECT 1 FROM looked_over").fetchone() is not None
+        looked_over = bool(self._rows("SELECT 1 FROM looked_over"))
         return looked_over and not self.charges.doubts() and not self.charges.uncharged()
 
     def note_looked_over(self) -> None:
@@ -197,13 +214,14 @@ class Journal:
     def submissions(self, where: str = "TRUE", *values: object) -> list[Submission]:
         """Every attempt for which `where` holds, in order."""
         own = ", ".join(f"submission.{column}" for column in Submission.COLUMNS.split(", "))
-        rows = self._do(
+        rows = self._rows(
             f"SELECT {own}, charge.charged_s FROM submission "
             "LEFT JOIN charge ON charge.job_id = submission.job_id "
             f"WHERE {where} ORDER BY submission.number, attempt",
             *values,
         )
-        return [Submission.of_row(row) for row in rows]
+        with reading(self.path):
+            return [Submission.of_row(row) for row in rows]
 
     def attempts(self, number: int) -> list[Submission]:
         """Every attempt at job `number` of the run."""
@@ -216,9 +234,12 @@ class Journal:
 
     def jobs_done(self) -> int:
         if self._jobs_done is None:
-            rows = self._do("SELECT COUNT(*) FROM submission WHERE state = 'done'")
-            self._jobs_done = int(rows.fetchone()[0])
+            self._jobs_done = self.states().get("done", 0)
         return self._jobs_done
+
+    def states(self) -> dict[State, int]:
+        """How many submissions are in each state; their counts are not read."""
+        return dict(self._rows("SELECT state, COUNT(*) FROM submission GROUP BY state"))
 
     def intend(self, number: int, digest: str, executions: int) -> Submission:
         """Write down that job `number` is about to be sent, once more where it failed before."""
@@ -266,8 +287,8 @@ class Journal:
             self._jobs_done += 1
 
     def note_failed(self, submission: Submission, words: str) -> None:
-        """It ended without counts."""
-        self._note(submission, "state = 'failed', words = ?", words)
+        """It ended without counts; `words` of the service are kept without what is secret."""
+        self._note(submission, "state = 'failed', words = ?", said(words))
 
     def _note(self, submission: Submission, what: str, *values: object) -> None:
         self._do(f"UPDATE submission SET {what} WHERE tag = ?", *values, submission.tag)
@@ -276,10 +297,11 @@ class Journal:
 
     def step(self, number: int) -> Step | None:
         """Step `number` of the lockstep, if it was taken."""
-        row = self._do(
+        rows = self._rows(
             "SELECT observations, actions, rewards FROM step WHERE number = ?", number
-        ).fetchone()
-        return None if row is None else Step.of_row(row)
+        )
+        with reading(self.path):
+            return Step.of_row(rows[0]) if rows else None
 
     def note_actions(self, number: int, observations: FloatArray, actions: CountArray) -> None:
         """The actions (B,) of a step for its observations (B, features)."""
@@ -293,7 +315,12 @@ class Journal:
         )
 
     def step_count(self) -> int:
-        return int(self._do("SELECT COUNT(*) FROM step").fetchone()[0])
+        return int(self._rows("SELECT COUNT(*) FROM step")[0][0])
+
+    def _rows(self, statement: str, *values: object) -> list[tuple[Any, ...]]:
+        """What the journal holds."""
+        with reading(self.path):
+            return self._db.execute(statement, values).fetchall()
 
     @contextmanager
     def _at_once(self) -> Iterator[None]:

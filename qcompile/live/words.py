@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import math
 import os
+import re
+import sys
+from contextlib import suppress
 from typing import Any
 
 from qcompile.errors import LiveError
+from qcompile.terminal import one_line
 
 PATIENCE_S = 300.0
 """A service that does not answer is asked again for so long."""
@@ -18,6 +22,8 @@ _SAVE = (
     "S.save_account(token='...', instance='...')\"",
     "or set QISKIT_IBM_TOKEN and QISKIT_IBM_INSTANCE. docs/hardware.md has the steps.",
 )
+_TOKEN = re.compile(r"\beyJ[\w-]{5,}\.[\w-]+(?:\.[\w-]*)?|\b(?:Bearer|apikey) [\w.~+/=-]{16,}")
+"""An access token, or what a request said in its header."""
 
 
 def seconds_setting(name: str, default: float) -> float:
@@ -105,7 +111,8 @@ def in_words(error: BaseException) -> LiveError:
     """What happened, without what is secret, and what to try."""
     from qiskit_ibm_runtime.accounts.exceptions import AccountNotFoundError
 
-    words = without_secrets(" ".join(str(error).split()))[:300]
+    _clean(error)
+    words = said(str(error))
     if isinstance(error, AccountNotFoundError):
         saved = ", ".join(saved_accounts())
         if saved:
@@ -132,13 +139,30 @@ def in_words(error: BaseException) -> LiveError:
     )
 
 
+def _clean(error: BaseException) -> None:
+    """Take what is secret out of an error and its causes: a traceback shows them all."""
+    for cause in chain_of(error):
+        cause.args = tuple(
+            without_secrets(arg) if isinstance(arg, str) else arg for arg in cause.args
+        )
+        if isinstance(message := getattr(cause, "message", None), str):
+            with suppress(AttributeError):  # it may be computed from what is cleaned above
+                cause.message = without_secrets(message)  # type: ignore[attr-defined]
+
+
+def said(text: str, most: int = 300) -> str:
+    """What a service said, as one line of at most `most` characters, without what is secret."""
+    return one_line(without_secrets(one_line(text, len(text))), most)
+
+
 def without_secrets(words: str) -> str:
-    """`words` without any token of the accounts known on this machine."""
+    """`words` without access tokens, and without any token of the accounts on this machine."""
     secrets = [os.environ.get("QISKIT_IBM_TOKEN", "")]
-    secrets += [str(account.get("token", "")) for account in saved_accounts().values()]
+    if "qiskit_ibm_runtime" in sys.modules:  # nothing else reads those that are saved
+        secrets += [str(account.get("token", "")) for account in saved_accounts().values()]
     for secret in filter(None, secrets):
         words = words.replace(secret, "(token)")
-    return words
+    return _TOKEN.sub("(token)", words)
 
 
 def saved_accounts() -> dict[str, dict[str, Any]]:

@@ -196,9 +196,9 @@ def test_a_damaged_run_hides_no_other(qcompile: Call, damage: Callable[[Path], N
     broken, kept = journal(), journal()
     damage(broken.folder)
     answer = qcompile("runs", "--json")
-    assert answer.code == 0, answer.err
+    assert answer.code == 1
     assert [row["run"] for row in answer.json()] == [kept.id]
-    assert f"runs/{broken.id}" in answer.err
+    assert f"Error: runs/{broken.id}/journal.sqlite cannot be read: " in answer.err
     assert "cannot be read" in answer.err
     assert kept.id in qcompile("runs").out
     assert qcompile("runs", "show", kept.id, "--json").json()["run"] == kept.id
@@ -283,7 +283,10 @@ def test_a_run_of_a_newer_version_is_explained(qcompile: Call) -> None:
     made = journal()
     answer = qcompile("resume", "last")
     assert answer.code == 1
-    assert f"Error: Run {made.id} cannot be read by this version of qcompile.\n" in answer.err
+    assert (
+        f"Error: runs/{made.id}/journal.sqlite cannot be read by this version of qcompile.\n"
+        in answer.err
+    )
     assert "Traceback" not in answer.err
 
 

@@ -221,7 +221,7 @@ def test_another_limit_and_the_result_are_kept() -> None:
 def test_a_block_closes_it() -> None:
     with new() as journal:
         assert journal.submissions() == []
-    with pytest.raises(LiveError, match="cannot be read or written: Cannot operate on a closed"):
+    with pytest.raises(LiveError, match="cannot be read: Cannot operate on a closed"):
         journal.submissions()
     with again(journal) as opened:
         assert opened.id == journal.id
