@@ -1,16 +1,18 @@
-"""Kill live runs at random moments, break their service in every way, and compare what comes out.
+"""Break live runs in every known way, and hold what they tell to the service's ledger.
 
-    python benchmarks/chaos.py --kills 200 --faults 60
+    python benchmarks/chaos.py --kills 200 --faults 600
 
 Small complete runs go from the command line, with the unmodified client of qiskit-ibm-runtime, to
-the stand-in of IBM's service in tests/standin. Each is gone on with until it is finished. Then its
-result must be that of an undisturbed run, and in the ledger of the service every job of the run
-must have been charged exactly once, within the limit.
+the stand-in of IBM's service in tests/standin: killed at random moments, restored from an older
+copy, resumed by two at once, and with each trouble of tests/standin/troubles.py. After each process
+what the run tells is compared with the ledger: no less may be told than is charged, and the limit
+holds or a doubt is told. In the end its result must be that of an undisturbed run, nothing may be
+lost, and once the service has recovered the books must agree to the cent. No process may show a
+traceback, a control character or a token, and no file may hold one.
 """
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 import subprocess
@@ -18,244 +20,256 @@ import sys
 import tempfile
 import time
 from collections import Counter, defaultdict
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
 import click
 import numpy as np
 from rich.console import Console
-from rich.progress import track
+from rich.table import Table
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 
-from standin import Fault, StandIn
+from chaos_copies import COPIES
+from chaos_trial import LIMIT_S, SCENARIOS, Trial
+from live_ledger import charged_s, jobs_of
+from standin import TROUBLES, StandIn, Trouble
 
-LIMIT_S = 100
-PLAY = ("run", "cartpole", "--backend", "fake_lima", "--episodes", "2", "--max-steps", "6")
-LIVE = ("--live", "--yes", "--max-qpu-seconds", str(LIMIT_S), "--json")
-SCENARIOS = {
-    "run": (*PLAY, "--shots", "256", *LIVE),
-    "run, batch": (*PLAY, "--shots", "256", "--mitigation", "response", "--batch", *LIVE),
-    "calibrate": (
-        *("calibrate", "--backend", "fake_lima", "--parts", "readout,response"),
-        *("--out", "made.json", "--force", *LIVE),
-    ),
-    "validate": ("validate", "twin.json", "--policy", "acrobot", "--shots", "512", *LIVE),
-}
-TWIN = "qcompile calibrate --backend fake_lima --seed 1 --out twin.json"
-OF_RUN = {"run", "wall_seconds", "created", "device", "file", "qpu_seconds", "jobs_uncharged"}
-"""What differs between two runs that found the same; charges are checked by themselves."""
-AT_RANDOM = {
-    Fault.RATE_LIMITED: (0.02, None),
-    Fault.SERVER_ERROR: (0.02, None),
-    Fault.BAD_GATEWAY: (0.02, None),
-    Fault.UNAVAILABLE: (0.02, None),
-    Fault.GATEWAY_TIMEOUT: (0.02, None),
-    Fault.DROPPED: (0.02, None),
-    Fault.CUT_ANSWER: (0.02, None),
-    Fault.ACCEPTED_504: (0.1, "POST /jobs"),
-    Fault.ACCEPTED_DROPPED: (0.1, "POST /jobs"),
-    Fault.JOB_FAILS: (0.05, None),
-    Fault.JOB_CANCELLED: (0.05, None),
-    Fault.JOB_WAITS: (0.05, None),
-    Fault.RESULTS_TRUNCATED: (0.05, None),
-    Fault.RESULTS_MISSHAPEN: (0.05, None),
-    Fault.RESULTS_EMPTY: (0.05, None),
-}
-"""Probabilities for each request, or each job."""
-MOST_TRIES = 40
+KILLS = "killed"
+_SETTINGS = {"run_seconds": 0.02, "usage_limit_seconds": 1e9}
+_OF_BATCH = "shape: batch"
 
 
 @dataclass
-class Trial:
-    """One run until it was finished: how often it was started, killed, and ended explained."""
+class Tally:
+    """All trials of one kind."""
 
-    scenario: str
-    folder: Path
-    starts: int = 0
+    trials: int = 0
+    processes: int = 0
     kills: int = 0
+    faults: Counter[str] = field(default_factory=Counter)
     stops: Counter[str] = field(default_factory=Counter)
-    result: Any = None
-    seconds: float = 0.0
-    """From the first sign of the run to its end, when nothing disturbed it."""
+    charged_s: float = 0.0
+    most_short_s: float = 0.0
+    wrong: Counter[str] = field(default_factory=Counter)
+
+    def add(self, trial: Trial, faults: Counter[str]) -> None:
+        self.trials += 1
+        self.processes += trial.starts
+        self.kills += trial.kills
+        self.faults += faults
+        self.stops += trial.stops
+        self.charged_s += charged_s(jobs_of(trial.stand_in, trial.run or "?"))
+        self.most_short_s = max(self.most_short_s, trial.most_short_s)
+        self.wrong += Counter(set(trial.wrong))
 
 
 @dataclass
 class Chaos:
-    """The service, and the generator of moments."""
+    """Trials of all kinds in one folder, compared with undisturbed runs."""
 
-    stand_in: StandIn
-    rng: np.random.Generator
     folder: Path
+    seed: int
+    references: dict[str, dict[str, Any]] = field(default_factory=dict)
+    live_s: dict[str, float] = field(default_factory=dict)
 
-    def complete(self, scenario: str, moments: tuple[float, float] | None = None) -> Trial:
-        """Run a scenario to its end.
-
-        With `moments`, the seconds of the whole and of its live part, each process is killed at a
-        random one: of the whole in one of three, else of the live part.
-        """
+    def trial(self, scenario: str, stand_in: StandIn, **settings: Any) -> Trial:
         folder = Path(tempfile.mkdtemp(dir=self.folder))
-        for twin in self.folder.glob("twin.json"):
-            shutil.copy(twin, folder)
-        trial = Trial(scenario, folder)
-        while trial.result is None:
-            if trial.starts > MOST_TRIES:
-                raise RuntimeError(f"{scenario} does not end: {folder}")
-            self._start(trial, moments if trial.kills < 4 else None)
-        return trial
+        if (self.folder / "twin.json").exists():
+            shutil.copy(self.folder / "twin.json", folder)
+        return Trial(scenario, stand_in, folder, **settings)
 
-    def _start(self, trial: Trial, moments: tuple[float, float] | None) -> None:
-        begun = [path.parent.name for path in (trial.folder / "runs").glob("*/journal.sqlite")]
-        words = ("resume", begun[0], "--json") if begun else SCENARIOS[trial.scenario]
-        trial.starts += 1
-        with (trial.folder / f"err{trial.starts}").open("w+") as errors:
-            process = subprocess.Popen(
-                [sys.executable, "-m", "qcompile", *words],
-                cwd=trial.folder,
-                env=os.environ | self.stand_in.environment() | {"HOME": str(trial.folder)},
-                stdout=subprocess.PIPE,
-                stderr=errors,
-                text=True,
-            )
-            live = None
-            if moments is None:
-                live = self._live(trial, process)
-            else:
-                whole_s, live_s = moments
-                if self.rng.random() < 1 / 3:
-                    time.sleep(self.rng.uniform(0, whole_s))
-                else:
-                    self._live(trial, process)
-                    time.sleep(self.rng.uniform(0, live_s))
-                if process.poll() is None:
-                    process.kill()
-                    trial.kills += 1
-            out, _ = process.communicate()
-        if process.returncode == 0 or (process.returncode == 1 and out.strip()):
-            trial.result = json.loads(out)
-            trial.seconds = time.monotonic() - (live or time.monotonic())
-        elif process.returncode == 1:
-            words = (trial.folder / f"err{trial.starts}").read_text()
-            error = words.partition("Error: ")[2]
-            if not error or "Traceback" in words:
-                raise RuntimeError(f"{trial.scenario} ended without a word: {words}")
-            trial.stops[" ".join(error.splitlines()[0].split()[:6])] += 1
-        elif process.returncode != -9:
-            raise RuntimeError(f"exit code {process.returncode} of {words}: {trial.folder}")
+    def prepare(self) -> None:
+        """Calibrate a twin, and run each scenario undisturbed."""
+        twin = ("calibrate", "--backend", "fake_lima", "--seed", "1", "--out", "twin.json")
+        words = (sys.executable, "-m", "qcompile", *twin)
+        subprocess.run(words, cwd=self.folder, check=True, stdout=subprocess.DEVNULL)
+        for scenario in SCENARIOS:
+            with StandIn(**_SETTINGS) as stand_in:
+                trial = self.trial(scenario, stand_in)
+                running = trial.start()
+                running.wait_for_run()
+                started = time.monotonic()
+                trial.judge(running.wait())
+                self.live_s[scenario] = time.monotonic() - started
+                assert trial.result is not None, trial.folder
+                self.references[scenario] = trial.result
 
-    def _live(self, trial: Trial, process: subprocess.Popen[str]) -> float:
-        """Wait for the first sign of the run on standard error; the time it came."""
-        errors = trial.folder / f"err{trial.starts}"
-        while process.poll() is None and "\nrun " not in f"\n{errors.read_text()}":
-            time.sleep(0.005)
-        return time.monotonic()
+    def kill(self, scenario: str, rng: np.random.Generator) -> tuple[Trial, Counter[str]]:
+        """A run whose processes are killed at random moments."""
+        with StandIn(**_SETTINGS) as stand_in:
+            trial = self.trial(scenario, stand_in)
+            trial.finish((rng, self.live_s[scenario]))
+            trial.settle()
+            trial.check(self.references[scenario], paid_once=True)
+        return trial, Counter()
+
+    def trouble(
+        self, trouble: Trouble, scenario: str, rng: np.random.Generator
+    ) -> tuple[Trial, Counter[str]]:
+        """A run in one kind of trouble, which ends after some resumed processes."""
+        seed = int(rng.integers(2**31))
+        with StandIn(**_SETTINGS) as stand_in:
+            neighbours = _Neighbours(self, stand_in) if trouble.neighbours else None
+            stand_in.faults.seed(seed)
+            limit_s = trouble.limit_s or LIMIT_S
+            trial = self.trial(scenario, stand_in, options=trouble.options, limit_s=limit_s)
+            trouble.begin(stand_in)
+            trial.finish()
+            if trouble.finishes and trial.stops:
+                trial.wrong.append("stops where it need not")
+            trial.settle()
+            trial.check(self.references[scenario], paid_once=trouble.paid_once)
+            if neighbours is not None:
+                trial.wrong += neighbours.wrong()
+            faults = Counter(stand_in.ledger().faults)
+        if faults["secrets_echoed"]:
+            del faults["secrets_echoed"]  # it comes with another
+        return trial, faults
+
+    def copies(
+        self, kind: str, scenario: str, rng: np.random.Generator
+    ) -> tuple[Trial, Counter[str]]:
+        """A run of which there are two copies."""
+        with StandIn(**_SETTINGS) as stand_in:
+            trial = self.trial(scenario, stand_in)
+            COPIES[kind](trial, rng, self.live_s[scenario])
+            trial.settle()
+            paid_once = kind != "copies: two at once"
+            trial.check(self.references[scenario], paid_once=paid_once)
+            return trial, Counter(stand_in.ledger().faults) + Counter(copies=1)
 
 
-def plain(value: Any) -> Any:
-    """What a run found, without what differs between two that found the same."""
-    if isinstance(value, dict):
-        return {key: plain(item) for key, item in value.items() if key not in OF_RUN}
-    return [plain(item) for item in value] if isinstance(value, list) else value
+class _Neighbours:
+    """Two other runs of the account: one that waits in the queue, and one that has ended."""
+
+    def __init__(self, chaos: Chaos, stand_in: StandIn):
+        self._stand_in = stand_in
+        words = ("run", "acrobot", "--backend", "fake_lima", "--episodes", "1", "--max-steps", "1")
+        live = ("--live", "--yes", "--json", "--max-qpu-seconds", "60", "--mitigation", "none")
+        for shots, queue_s in ((100, 0.0), (300, 3600.0)):
+            stand_in.settings.queue_seconds = queue_s
+            trial = chaos.trial("run", stand_in)
+            trial.call(*words, *live, "--shots", str(shots), "--max-wait-seconds", "1")
+        stand_in.recover()
+        self._were = {job.id: job for job in stand_in.ledger().jobs}
+        assert len(self._were) == 2
+
+    def wrong(self) -> list[str]:
+        """What was done to their jobs."""
+        now = {job.id: job for job in self._stand_in.ledger().jobs}
+        return [
+            f"another run's job was touched: it was {was.status}"
+            for id_, was in self._were.items()
+            if now[id_] != was
+        ]
 
 
-def faults_of(trial: Trial, reference: Trial, stand_in: StandIn) -> list[str]:
-    """What is wrong with a finished trial, by its result and the ledger of the service."""
-    wrong = []
-    if plain(trial.result) != plain(reference.result):
-        wrong.append("another result")
-    run = next((trial.folder / "runs").glob("*/journal.sqlite")).parent.name
-    charged: dict[str, list[float]] = defaultdict(list)
-    executions = 0
-    for job in stand_in.ledger().jobs:
-        tag = next((t for t in job.tags if t.startswith(f"qcompile-{run}-")), None)
-        if tag is not None:
-            charged[tag.removeprefix(f"qcompile-{run}-").partition("-")[0]].append(
-                job.charged_seconds
-            )
-            executions += job.executions if job.charged_seconds else 0
-    if any(sum(seconds > 0 for seconds in of_one) != 1 for of_one in charged.values()):
-        wrong.append("a job that is not charged once")
-    total = sum(map(sum, charged.values()))
-    if total > LIMIT_S:
-        wrong.append("more than the limit")
-    if not trial.result["jobs_uncharged"] and abs(total - trial.result["qpu_seconds"]) > 1e-6:
-        wrong.append("another charge than the journal's")
-    if executions != trial.result.get("executions", executions):
-        wrong.append("other executions than the run's")
-    return wrong
+def plan(chaos: Chaos, only: str, seed: int) -> dict[str, Iterator[Callable[[], Any]]]:
+    """For each kind, its trials one after another, each with a generator of its own."""
+    ways: dict[str, Callable[..., Any]] = {KILLS: chaos.kill}
+    for kind in COPIES:
+        ways[kind] = lambda scenario, rng, kind=kind: chaos.copies(kind, scenario, rng)
+    for name, trouble in TROUBLES.items():
+        ways[name] = lambda scenario, rng, trouble=trouble: chaos.trouble(trouble, scenario, rng)
+
+    def trials(number: int, way: Callable[..., Any], names: list[str]) -> Iterator[Any]:
+        seeds = np.random.SeedSequence([seed, number])
+        for index, scenario in enumerate(cycle(names)):
+            rng = np.random.default_rng([*seeds.generate_state(2), index])
+            yield lambda scenario=scenario, rng=rng: way(scenario, rng)
+
+    return {
+        kind: trials(number, way, _scenarios(kind))
+        for number, (kind, way) in enumerate(ways.items())
+        if only in kind
+    }
+
+
+def _scenarios(kind: str) -> list[str]:
+    """Those that a kind is tried with, in turn: the cheap run first, all of them for kills."""
+    if kind.startswith(_OF_BATCH):
+        return ["batch"]
+    return list(SCENARIOS) if kind == KILLS or kind == "at random" else ["run", *SCENARIOS]
 
 
 @click.command()
 @click.option("--kills", default=200, show_default=True)
-@click.option("--faults", default=60, show_default=True, help="Runs with faults at random.")
+@click.option("--faults", default=600, show_default=True, help="Each kind is tried once at least.")
 @click.option("--seed", default=0, show_default=True)
-@click.option("--keep", is_flag=True, help="Keep the folder of the runs.")
-def main(kills: int, faults: int, seed: int, keep: bool) -> None:
-    """Kill live runs, break their service, and compare what comes out."""
-    os.environ |= {"QCOMPILE_SETTLE_SECONDS": "0.5", "QCOMPILE_PATIENCE_SECONDS": "5"}
-    os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-    console = Console()
+@click.option("--only", default="", help="Kinds whose name holds this.")
+@click.option("--workers", default=4, show_default=True, help="Trials at a time; they mostly wait.")
+@click.option("--keep", is_flag=True, help="Keep the folders of the runs.")
+def main(kills: int, faults: int, seed: int, only: str, workers: int, keep: bool) -> None:
+    """Break live runs in every known way, and hold what they tell to the service's ledger."""
+    console = Console(width=118)
     folder = Path(tempfile.mkdtemp(prefix="chaos-"))
-    wrong: Counter[str] = Counter()
-    stops: Counter[str] = Counter()
-    with StandIn(run_seconds=0.02, usage_limit_seconds=1e9) as stand_in:
-        chaos = Chaos(stand_in, np.random.default_rng(seed), folder)
-        subprocess.run(
-            (sys.executable, "-m", *TWIN.split()),
-            cwd=folder,
-            check=True,
-            stdout=subprocess.DEVNULL,
-        )
-        references, moments = {}, {}
-        for scenario in SCENARIOS:
-            started = time.monotonic()
-            references[scenario] = chaos.complete(scenario)
-            moments[scenario] = time.monotonic() - started, references[scenario].seconds
-            whole_s, live_s = moments[scenario]
-            charged_s = references[scenario].result["qpu_seconds"]
-            console.print(
-                f"{scenario}: {whole_s:.1f} s, {live_s:.1f} s of it live, {charged_s:.1f} QPU s"
-            )
-        killed = runs = 0
-        names = list(SCENARIOS)
-        for _ in track(range(10 * kills), "kills", console=console, transient=True):
-            if killed >= kills:
-                break
-            scenario = names[runs % len(names)]
-            trial = chaos.complete(scenario, moments[scenario])
-            killed, runs = killed + trial.kills, runs + 1
-            for word in faults_of(trial, references[scenario], stand_in):
-                wrong[f"{word} after a kill ({scenario}, {trial.folder})"] += 1
-        console.print(f"{killed} kills in {runs} runs; wrong: {dict(wrong) or 'nothing'}")
+    paths = (sys.path[0], str(Path(__file__).parent), os.environ.get("PYTHONPATH", ""))
+    os.environ |= {"HOME": str(folder), "PYTHONPATH": os.pathsep.join(filter(None, paths))}
+    os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    chaos = Chaos(folder, seed)
+    chaos.prepare()
+    tallies: dict[str, Tally] = defaultdict(Tally)
+    kinds = plan(chaos, only, seed)
+    of_kills = [kind for kind in kinds if kind == KILLS]
+    others = [kind for kind in kinds if kind != KILLS]
+    started = time.monotonic()
+    with ThreadPoolExecutor(workers) as pool:
 
-        struck = Counter(stand_in.ledger().faults)
-        stand_in.faults.wait_seconds = 1.0
-        stand_in.faults.listing_lag_seconds = 0.3
-        stand_in.settings.usage_lag_seconds = 0.3
-        for kind, (probability, on) in AT_RANDOM.items():
-            stand_in.faults.chance(kind, probability, on=on)
-        starts = 0
-        for number in track(range(faults), "faults", console=console, transient=True):
-            scenario = names[number % len(names)]
-            if number % 3 == 0:
-                stand_in.faults.expire_tokens()
-            trial = chaos.complete(scenario)
-            starts += trial.starts
-            stops += trial.stops
-            for word in faults_of(trial, references[scenario], stand_in):
-                wrong[f"{word} after faults ({scenario}, {trial.folder})"] += 1
-        struck = Counter(stand_in.ledger().faults) - struck
-        console.print(f"{faults} runs with {struck.total()} faults in {starts} processes")
-        for kind, count in sorted(struck.items()):
-            console.print(f"  {kind}: {count}")
-        console.print("explained stops, each gone on from:")
-        for words, count in stops.most_common():
-            console.print(f"  {count} x {words}")
-    console.print(f"wrong: {dict(wrong) or 'nothing'}")
+        def carry_out(names: list[str]) -> None:
+            def one(kind: str) -> tuple[str, Trial, Counter[str]]:
+                return (kind, *next(kinds[kind])())
+
+            for kind, trial, struck in pool.map(one, names):
+                tallies[kind].add(trial, struck)
+                for words in dict.fromkeys(trial.wrong):
+                    console.print(f"{kind}, {trial.scenario}, {trial.folder}: {words}")
+                if not keep and not trial.wrong:
+                    shutil.rmtree(trial.folder)
+
+        while of_kills and tallies[KILLS].kills < kills:
+            carry_out(of_kills * workers)
+        carry_out(others)
+        while others and sum(tallies[kind].faults.total() for kind in others) < faults:
+            carry_out(others)
+    report(console, tallies, time.monotonic() - started)
+    wrong = sum(tally.wrong.total() for tally in tallies.values())
     if not keep and not wrong:
         shutil.rmtree(folder)
     sys.exit(1 if wrong else 0)
+
+
+def report(console: Console, tallies: dict[str, Tally], seconds: float) -> None:
+    """Print a row for each kind, and the sums."""
+    table = Table(
+        "kind", "runs", "processes", "kills", "faults", "stops", "charged", "short", "wrong"
+    )
+    for kind, tally in tallies.items():
+        table.add_row(
+            kind,
+            *map(str, (tally.trials, tally.processes, tally.kills, tally.faults.total())),
+            str(tally.stops.total()),
+            f"{tally.charged_s:.1f} s",
+            f"{tally.most_short_s:.2f} s" if tally.most_short_s > 1e-6 else "",
+            str(tally.wrong.total() or ""),
+        )
+    console.print(table)
+    stops: Counter[str] = sum((tally.stops for tally in tallies.values()), Counter())
+    console.print("explained stops, each resumed:")
+    for words, count in stops.most_common(12):
+        console.print(f"  {count} x {words}", markup=False)
+    kills, faults = (
+        sum(tally.kills for tally in tallies.values()),
+        sum(tally.faults.total() for tally in tallies.values()),
+    )
+    runs = sum(tally.trials for tally in tallies.values())
+    wrong: Counter[str] = sum((tally.wrong for tally in tallies.values()), Counter())
+    console.print(f"{kills} kills and {faults} faults in {runs} runs, {seconds:.0f} s.")
+    console.print(f"wrong: {dict(wrong) or 'nothing'}", markup=False)
 
 
 if __name__ == "__main__":

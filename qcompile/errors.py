@@ -12,6 +12,7 @@ QcompileError                 exit code 1 on the command line
 ├── StudyError                a study or a grid that cannot be run or written up
 ├── LiveError                 a run on real hardware that cannot start or go on
 │   ├── BudgetError           it would pass its limit of QPU seconds
+│   ├── PaidFailureError      it would pay again for a job that was charged for nothing
 │   └── ReplayError           it does not repeat what its journal holds
 ├── OutputError               a file or folder that cannot be written
 └── MissingExtraError         an optional package that is not installed
@@ -80,6 +81,10 @@ class LiveError(QcompileError, RuntimeError):
 
 class BudgetError(LiveError):
     """The next job would pass the limit of QPU seconds."""
+
+
+class PaidFailureError(LiveError):
+    """A job was charged and gave no counts: somebody must say that it may be sent again."""
 
 
 class ReplayError(LiveError):

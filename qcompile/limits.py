@@ -15,5 +15,8 @@ FREE_SECONDS = 600.0
 USD_PER_SECOND = 1.60
 """A third party's figure for the pay-as-you-go plan (May 2026); IBM's own page may differ."""
 
+MAX_QPU_SECONDS = 1e6
+"""The largest limit of a live run; eleven days."""
+
 MAX_EPISODES = 10_000
 """Episodes of one run; each keeps an environment alive."""

@@ -54,7 +54,10 @@ class Runs:
 
 def played(result: dict[str, Any]) -> dict[str, Any]:
     """What the machine has decided of a result: all but times, names and what was charged."""
-    own = ("wall_seconds", "run", "qpu_seconds", "jobs_uncharged", "max_qpu_seconds")
+    own = (
+        *("wall_seconds", "run", "qpu_seconds", "qpu_seconds_settled", "jobs_uncharged"),
+        *("jobs_in_doubt", "max_qpu_seconds"),
+    )
     return {name: value for name, value in result.items() if name not in own}
 
 

@@ -16,7 +16,7 @@ PACKAGE = Path(qcompile.__file__).parent
 
 ORDER = (
     {"errors"},
-    {"catalogue", "output", "validation", "limits"},
+    {"catalogue", "output", "validation", "limits", "terminal"},
     {"ir"},
     {"simulate", "qasm", "device"},
     {"passes", "snapshot", "calibration"},

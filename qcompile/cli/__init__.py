@@ -5,13 +5,16 @@ from __future__ import annotations
 import errno
 import os
 import sys
+import traceback
 from importlib import import_module
 from io import TextIOWrapper
+from types import TracebackType
 
 import click
 
 from qcompile import __version__
 from qcompile.errors import QcompileError
+from qcompile.terminal import plain, plain_output
 
 COMMANDS = {
     "run": "Play episodes with a policy on a backend.",
@@ -67,10 +70,20 @@ def cli(traceback: bool) -> None:
 
 
 def main() -> None:
-    """Run the command line; exit 0 on success, 1 on an explained failure, 2 on wrong usage."""
+    """Run the command line; exit 0 on success, 1 on an explained failure, 2 on wrong usage.
+
+    What is printed is plain text (`qcompile.terminal`), whoever wrote it, and a traceback holds no
+    token.
+    """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal without the bars and wires of tables
+    sys.excepthook = _show_traceback
+    with plain_output():
+        _run()
+
+
+def _run() -> None:
     if "--traceback" in sys.argv[1:]:
         cli()
     try:
@@ -95,5 +108,19 @@ def main() -> None:
 
 
 def _fail(message: str) -> None:
-    click.echo(f"Error: {message}", err=True)
+    click.echo(f"Error: {_without_secrets(message)}", err=True)
     sys.exit(1)
+
+
+def _show_traceback(
+    kind: type[BaseException], error: BaseException, trace: TracebackType | None
+) -> None:
+    """What the interpreter shows of an error that nobody caught, plain and without tokens."""
+    words = "".join(traceback.format_exception(kind, error, trace))
+    click.echo(plain(_without_secrets(words)), nl=False, err=True)
+
+
+def _without_secrets(words: str) -> str:
+    from qcompile.live.words import without_secrets
+
+    return without_secrets(words)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from qcompile.cli.options import Decorator, Positive
-from qcompile.limits import FREE_SECONDS
+from qcompile.limits import FREE_SECONDS, MAX_QPU_SECONDS
 
 if TYPE_CHECKING:
     from qcompile.execution import Workload
@@ -48,7 +48,7 @@ runs_option: Decorator = click.option(
 )
 seconds_option: Decorator = click.option(
     "--max-qpu-seconds",
-    type=Positive("seconds", most=1e6),
+    type=Positive("seconds", most=MAX_QPU_SECONDS),
     help="With --live: the run stops before it would take more.",
 )
 wait_option: Decorator = click.option(
@@ -137,8 +137,8 @@ def spend(task: Task, load: Workload, live: Live, connection: Connection) -> dic
         return follow(journal, live.max_wait_s)
 
 
-def confirm(question: str) -> None:
-    """Nothing, if somebody says yes.
+def confirm(question: str, hint: str = "In a script say --yes.") -> None:
+    """Nothing, if somebody says yes; `hint` is for those who cannot be asked.
 
     Raises:
         click.Abort: somebody says no.
@@ -149,20 +149,29 @@ def confirm(question: str) -> None:
     try:
         click.confirm(question, abort=True, err=True)
     except click.Abort:
-        if sys.stdin is None or sys.stdin.closed or not sys.stdin.isatty():
+        if not somebody_is_there():
             click.echo(err=True)
-            raise LiveError(
-                "Nobody said yes. Nothing was sent.", "In a script say --yes."
-            ) from None
+            raise LiveError("Nobody said yes. Nothing was sent.", hint) from None
         raise
 
 
-def follow(journal: Any, max_wait_s: float | None, out: Path | None = None) -> dict[str, Any]:
+def somebody_is_there() -> bool:
+    """Whether a question would be read by somebody."""
+    return sys.stdin is not None and not sys.stdin.closed and sys.stdin.isatty()
+
+
+def follow(
+    journal: Any, max_wait_s: float | None, out: Path | None = None, pay_again: bool = False
+) -> dict[str, Any]:
     """Go on with a run, showing how far it is; what it found."""
+    from qcompile.live.looking import doubts_in_words
     from qcompile.live.perform import go_on, task_of
     from qcompile.report.progress import progress_bar
 
     task = task_of(journal)
     click.echo(f"run {journal.id}", err=True)
     with progress_bar(task.name, task.planned_jobs) as show:
-        return go_on(journal, max_wait_s=max_wait_s, out=out, show=show)
+        result = go_on(journal, max_wait_s=max_wait_s, pay_again=pay_again, out=out, show=show)
+    for line in doubts_in_words(journal):
+        click.echo(line, err=True)
+    return result

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -10,16 +11,23 @@ from qcompile.cli.live_options import (
     confirm,
     follow,
     runs_option,
+    somebody_is_there,
     wait_option,
     yes_option,
 )
 from qcompile.cli.options import Positive, echo_json, json_option
+from qcompile.limits import MAX_QPU_SECONDS
+
+if TYPE_CHECKING:
+    from qcompile.live.journal import Journal
 
 
 @click.command("resume")
 @click.argument("run_id", metavar="ID")
 @click.option(
-    "--max-qpu-seconds", type=Positive("seconds"), help="Another limit.  [default: the run's]"
+    "--max-qpu-seconds",
+    type=Positive("seconds", most=MAX_QPU_SECONDS),
+    help="Another limit.  [default: the run's]",
 )
 @yes_option
 @wait_option
@@ -42,22 +50,64 @@ def command(
     """Go on with run ID (a part of it will do, `last` is the newest) where it stopped.
 
     What was paid for is fetched and not paid again. The limit stays that of the run unless
-    --max-qpu-seconds sets another; a higher one is confirmed. A finished run shows its result. A
-    calibration is written to its file, and nothing is drawn or checked.
+    --max-qpu-seconds sets another; a higher one is confirmed. So is to send a job again that was
+    charged and gave no counts. A run that was last resumed in another folder or on another machine
+    shows what it would do and is confirmed; in a script that takes --yes, and --max-qpu-seconds
+    where it began on another machine. A finished run shows its result. A calibration is written to
+    its file, if it began here, and nothing is drawn or checked.
     """
+    from qcompile.errors import PaidFailureError
     from qcompile.live.runs import find_journal
     from qcompile.report.live import print_result, result_values
 
     with find_journal(runs, run_id) as journal:
-        if max_qpu_seconds is not None and journal.result is None:
-            if max_qpu_seconds > journal.max_qpu_seconds and not yes:
-                was = journal.max_qpu_seconds
-                words = f"Allow {max_qpu_seconds:g} QPU seconds instead of {was:g}?"
-                confirm(words)
-            with journal.held():
-                journal.allow(max_qpu_seconds)
-        result = follow(journal, max_wait_seconds, out)
+        pay_again = yes or (max_qpu_seconds or 0) > journal.max_qpu_seconds
+        if journal.result is None:
+            _agree(journal, max_qpu_seconds, yes)
+        try:
+            result = follow(journal, max_wait_seconds, out, pay_again)
+        except PaidFailureError as error:
+            if not somebody_is_there():
+                raise
+            click.echo(error, err=True)
+            confirm("Send it again?")
+            result = follow(journal, max_wait_seconds, out, pay_again=True)
+        kind = journal.kind
+    if kind == "calibrate" and result["file"] is None:
+        words = f"The calibration is in the journal alone: `qcompile resume {run_id} --out FILE`"
+        click.echo(f"{words} writes it to a file.", err=True)
     if as_json:
-        echo_json(result_values(journal.kind, result))
+        echo_json(result_values(kind, result))
     else:
-        print_result(journal.kind, result)
+        print_result(kind, result)
+
+
+def _agree(journal: Journal, max_qpu_seconds: float | None, yes: bool) -> None:
+    """Have confirmed whatever the user of this command line may not know of the run.
+
+    Raises:
+        LiveError: nobody is there to confirm it, or `yes` does not say enough.
+    """
+    from qcompile.errors import LiveError
+    from qcompile.live.perform import is_from_elsewhere, strangeness
+    from qcompile.report.live import terms
+
+    limit_s = journal.max_qpu_seconds
+    strange, foreign = strangeness(journal), is_from_elsewhere(journal)
+    if strange:
+        click.echo(strange, err=True)
+        click.echo(terms(journal, max_qpu_seconds or limit_s), err=True)
+        if not yes:
+            also = " and --max-qpu-seconds S" if foreign else ""
+            confirm("Resume it here?", f"In a script say --yes{also}.")
+        elif foreign and max_qpu_seconds is None:
+            raise LiveError(
+                f"Its limit of {limit_s:g} QPU seconds was set elsewhere. Nothing was sent.",
+                "Say --max-qpu-seconds S together with --yes.",
+            )
+    elif max_qpu_seconds is not None and max_qpu_seconds > limit_s and not yes:
+        confirm(f"Allow {max_qpu_seconds:g} QPU seconds instead of {limit_s:g}?")
+    if strange or max_qpu_seconds is not None:
+        with journal.held():  # which makes it at home here
+            if max_qpu_seconds is not None:
+                journal.allow(max_qpu_seconds)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -19,11 +20,13 @@ _own_runs: Decorator = click.option(
 @json_option
 @click.pass_context
 def command(ctx: click.Context, runs: Path, as_json: bool) -> None:
-    """List the live runs, the newest last; `show` one, or `export` all that one holds."""
+    """List the live runs, the newest last; `show` one, or `export` all that one holds.
+
+    Where some cannot be read, the others are listed and the exit code is 1.
+    """
     from qcompile.errors import LiveError
     from qcompile.live.runs import journals
     from qcompile.report.live import overview
-    from qcompile.report.tables import print_table
 
     ctx.obj = runs
     if ctx.invoked_subcommand is not None:
@@ -37,23 +40,32 @@ def command(ctx: click.Context, runs: Path, as_json: bool) -> None:
             found.append(overview(journal))
         except LiveError as error:
             damaged.append(str(error))
-    for words in damaged:
-        click.echo(words, err=True)
     if as_json:
         echo_json(found)
-        return
-    if not found:
+    elif found:
+        _print_runs(found)
+    else:
         click.echo(f"There is no live run in {runs}." if not damaged else "No other run is there.")
-        return
+    for words in damaged:
+        click.echo(f"Error: {words}", err=True)
+    ctx.exit(1 if damaged else 0)
+
+
+def _print_runs(found: list[dict[str, Any]]) -> None:
+    from qcompile.report.tables import plural, print_table
+    from qcompile.terminal import one_line
+
     print_table(
-        ["run", "what", "backend", "state", "QPU seconds"],
+        ["run", "what", "backend", "state", "QPU seconds", "settled", "in doubt"],
         [
             [
                 row["run"],
                 row["kind"],
-                row["backend"],
+                one_line(str(row["backend"]), 40),
                 row["state"],
                 f"{row['qpu_seconds']:.1f} of {row['max_qpu_seconds']:g}",
+                f"{row['qpu_seconds_settled']:.1f}",
+                plural(row["jobs_in_doubt"], "job") if row["jobs_in_doubt"] else "",
             ]
             for row in found
         ],
@@ -68,6 +80,7 @@ def command(ctx: click.Context, runs: Path, as_json: bool) -> None:
 @click.pass_obj
 def show(of_group: Path, run_id: str, runs: Path | None, as_json: bool) -> None:
     """Show the result of run ID, or where it stands."""
+    from qcompile.live.looking import doubts_in_words
     from qcompile.live.perform import finished
     from qcompile.live.runs import find_journal
     from qcompile.report.live import overview, print_overview, print_result, result_values
@@ -79,6 +92,8 @@ def show(of_group: Path, run_id: str, runs: Path | None, as_json: bool) -> None:
             echo_json({**overview(journal), "result": shown})
         elif result is not None:
             print_result(journal.kind, result)
+            for line in doubts_in_words(journal):
+                click.echo(line)
         else:
             print_overview(journal)
 

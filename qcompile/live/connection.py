@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import time
 import warnings
 from collections.abc import Callable
@@ -10,9 +11,10 @@ from importlib.util import find_spec
 from typing import Any, TypeVar
 
 from qcompile.device import Device
-from qcompile.errors import LiveError, MissingExtraError
+from qcompile.errors import LiveError, MissingExtraError, QcompileError
 from qcompile.live import words
-from qcompile.live.words import in_words, seconds_setting, transient
+from qcompile.live.answers import UnreadableAnswerError
+from qcompile.live.words import in_words, never_left, seconds_setting, transient
 from qcompile.snapshot import device_from_backend
 
 T = TypeVar("T")
@@ -28,7 +30,7 @@ class Connection:
 
     It is opened when it is first used. Without `instance`, and where the account names none, only
     instances of the free Open Plan are considered. A request that submits a job is never repeated
-    by the client: it might submit twice.
+    by the client: it might submit twice. `submissions` counts those that left this machine.
     """
 
     def __init__(self, backend: str, account: str | None = None, instance: str | None = None):
@@ -38,6 +40,7 @@ class Connection:
         self._patience_s = seconds_setting("QCOMPILE_PATIENCE_SECONDS", words.PATIENCE_S)
         self._service: Any = None
         self._backend: Any = None
+        self.submissions = 0
 
     @property
     def service(self) -> Any:
@@ -60,7 +63,7 @@ class Connection:
             LiveError: the account has no such backend.
         """
         if self._backend is None:
-            self._backend = self.ask(self._find)
+            self._backend = self.ask(self._find, about=f"the backend {self.name}")
         return self._backend
 
     def device(self) -> Device:
@@ -71,27 +74,33 @@ class Connection:
             LiveError: as for `backend`.
         """
         backend = self.backend
-        return self.ask(lambda service: device_from_backend(backend, self.name))
+        return self.ask(
+            lambda service: device_from_backend(backend, self.name),
+            about=f"the backend {self.name}",
+        )
 
-    def ask(self, question: Callable[[Any], T]) -> T:
+    def ask(
+        self, question: Callable[[Any], T], *, about: str = "the account", patient: bool = True
+    ) -> T:
         """The answer of `question`, called with the service, which only reads.
 
-        It is asked again while the service is busy or cannot be reached, and once more after a new
-        login where a token has expired.
+        It is asked again while the service is busy or cannot be reached, if `patient`, and once
+        more after a new login where a token has expired. `about` says what it is about in words.
 
         Raises:
             LiveError: no answer for long, or a refusal, in words.
+            UnreadableAnswerError: the client cannot read the answer.
         """
         from qiskit_ibm_runtime.exceptions import IBMNotAuthorizedError
 
         service = self.service
         try:
-            return self._patient(lambda: question(service))
+            return self._patient(lambda: question(service), about, patient)
         except LiveError as error:
             if not isinstance(error.__cause__, IBMNotAuthorizedError):
                 raise
         self.log_in_again()
-        return self._patient(lambda: question(service))
+        return self._patient(lambda: question(service), about, patient)
 
     def look_again(self) -> None:
         """Have the backend found anew.
@@ -119,9 +128,12 @@ class Connection:
     def left_on_plan_s(self) -> float | None:
         """QPU seconds that the plan has left, as far as IBM says."""
         self.look_again()  # the client speaks for the instance it last used
-        usage = self.ask(lambda service: service.usage())
-        left = usage.get("usage_remaining_seconds")
-        return None if left is None else float(left)
+
+        def ask(service: Any) -> float | None:
+            left = service.usage().get("usage_remaining_seconds")
+            return None if left is None or math.isnan(left) else float(left)
+
+        return self.ask(ask, about="what the plan has left")
 
     def _open(self) -> Any:
         from qiskit_ibm_runtime import QiskitRuntimeService
@@ -132,7 +144,7 @@ class Connection:
         )
         try:
             _log_in(service)
-            _prepare(service)
+            self._prepare(service)
         except AttributeError as error:
             raise LiveError(
                 "This version of qiskit-ibm-runtime is not known: it might submit a job twice.",
@@ -149,13 +161,11 @@ class Connection:
             except QiskitBackendNotFoundError as error:
                 missing = error
             else:
-                _prepare(service)  # the client may have made another session for it
+                self._prepare(service)  # the client may have made another session for it
                 return backend
             # The client says so as well where the list, or the backend's own data, did not arrive.
             known = {
-                found["name"]
-                for client in _clients(service)
-                for found in client.list_backends(True)
+                found["name"] for client in clients(service) for found in client.list_backends(True)
             }
             if self.name not in known:
                 raise LiveError(
@@ -168,8 +178,37 @@ class Connection:
             f"IBM lists the backend {self.name!r}, but does not give its data.", "Go on later."
         ) from missing
 
-    def _patient(self, call: Callable[[], T]) -> T:
-        """What `call` gives, called again while its errors are transient."""
+    def _prepare(self, service: Any) -> None:
+        """Let the client repeat what reads, and nothing else, below /jobs; and let no answer hang.
+
+        By itself it repeats a POST that was answered with 504, though the job may have been
+        accepted. Each submission that leaves this machine is counted.
+        """
+        from requests.adapters import HTTPAdapter
+        from urllib3.util.retry import Retry
+
+        connection = self
+
+        class Adapter(HTTPAdapter):
+            def send(self, request: Any, *args: Any, **options: Any) -> Any:
+                submits = request.method == "POST" and request.path_url.endswith("/jobs")
+                connection.submissions += submits
+                try:
+                    return super().send(request, *args, **options)
+                except OSError as error:
+                    connection.submissions -= submits and never_left(error)
+                    raise
+
+        retry = Retry(total=3, connect=3, backoff_factor=0.2, status_forcelist=(500, 502, 503, 504))
+        for client in clients(service):
+            session = client._session
+            session._timeout = _TIMEOUT_S
+            session.mount(f"{session.base_url}/jobs", Adapter(max_retries=retry))
+
+    def _patient(
+        self, call: Callable[[], T], about: str = "the account", patient: bool = True
+    ) -> T:
+        """What `call` gives, called again while its errors are transient, if `patient`."""
         from ibm_cloud_sdk_core import ApiException
         from qiskit.exceptions import QiskitError
         from requests import RequestException
@@ -177,7 +216,7 @@ class Connection:
 
         retrying = Retrying(
             retry=retry_if_exception(transient),
-            stop=stop_after_delay(self._patience_s),
+            stop=stop_after_delay(self._patience_s if patient else 0),
             wait=wait_random_exponential(0.2, max=20),
             reraise=True,
         )
@@ -185,10 +224,12 @@ class Connection:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # the client's words go to people who program it
                 return retrying(call)
-        except LiveError:
+        except QcompileError:
             raise
         except (QiskitError, ApiException, RequestException, OSError) as error:
             raise in_words(error) from error
+        except Exception as error:  # of the client: what another shape breaks depends on the shape
+            raise UnreadableAnswerError(about) from error
 
 
 def _check_extra() -> None:
@@ -197,9 +238,9 @@ def _check_extra() -> None:
             raise MissingExtraError("A run on real hardware", "ibm")
 
 
-def _clients(service: Any) -> list[Any]:
-    """The client of each instance."""
-    return [service._active_api_client, *service._api_clients.values()]
+def clients(service: Any) -> list[Any]:
+    """The client of each instance, that in use first."""
+    return list(dict.fromkeys([service._active_api_client, *service._api_clients.values()]))
 
 
 def _log_in(service: Any) -> None:
@@ -207,23 +248,8 @@ def _log_in(service: Any) -> None:
 
     By itself a client that got none waits for a minute before each of its next requests.
     """
-    for client in _clients(service):
+    for client in clients(service):
         manager = getattr(client._session.auth, "tm", None)
         if manager is not None:
             manager.expire_time = manager.request_time = 0
             manager.get_token()
-
-
-def _prepare(service: Any) -> None:
-    """Let the client repeat what reads, and nothing else, below /jobs; and let no answer hang.
-
-    By itself it repeats a POST that was answered with 504, though the job may have been accepted.
-    """
-    from requests.adapters import HTTPAdapter
-    from urllib3.util.retry import Retry
-
-    retry = Retry(total=3, connect=3, backoff_factor=0.2, status_forcelist=(500, 502, 503, 504))
-    for client in _clients(service):
-        session = client._session
-        session._timeout = _TIMEOUT_S
-        session.mount(f"{session.base_url}/jobs", HTTPAdapter(max_retries=retry))

@@ -53,8 +53,14 @@ class CalibrateTask(Task):
             calibration = calibration.model_copy(update={"created": sent_at})
         return {"calibration": calibration.model_dump(mode="json")}
 
+    def without_file(self) -> CalibrateTask:
+        """The same task, whose file is not written unless another one is named."""
+        return self.model_copy(update={"out": None})
+
     def deliver(self, found: dict[str, Any], out: Path | None) -> dict[str, Any]:
         """The calibration, once it is in its file: `out`, or that of the task.
+
+        Of what is there already only the task's own file is overwritten, and that with `force`.
 
         Raises:
             OutputError: the file cannot be written; the journal keeps the calibration.
@@ -63,7 +69,8 @@ class CalibrateTask(Task):
         if path is None:
             return found | {"file": None}
         calibration = Calibration.model_validate(found["calibration"])
-        if path.exists() and not self.force and not _holds(path, calibration):
+        force = self.force and out is None
+        if path.exists() and not force and not _holds(path, calibration):
             path = path.with_stem(f"{path.stem}-{found['run']}")
         if not _holds(path, calibration):
             calibration.save(path)

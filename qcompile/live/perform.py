@@ -17,15 +17,17 @@ from qcompile.errors import (
     LiveError,
     MissingExtraError,
     OutputError,
+    PaidFailureError,
     QcompileError,
     ReplayError,
 )
-from qcompile.live.budget import Budget
 from qcompile.live.connection import Connection
+from qcompile.live.home import here, is_same_place
 from qcompile.live.jobs import Jobs
 from qcompile.live.journal import Journal, TaskKind
 from qcompile.live.measure import CalibrateTask
 from qcompile.live.play import RunTask
+from qcompile.live.results import check_result
 from qcompile.live.task import Context, Task
 from qcompile.live.validate import ValidateTask
 from qcompile.validation import explain
@@ -56,7 +58,8 @@ def task_of(journal: Journal) -> Task:
         return TASKS[journal.kind].model_validate(journal.settings)
     except (KeyError, ValidationError) as error:
         raise LiveError(
-            f"Run {journal.id} cannot be read by this version of qcompile.", *explain(error)
+            f"{journal.path} cannot be read by this version of qcompile.",
+            *explain(error),
         ) from error
 
 
@@ -64,26 +67,32 @@ def go_on(
     journal: Journal,
     *,
     max_wait_s: float | None = None,
+    pay_again: bool = False,
     out: Path | None = None,
     show: Callable[[float, str], None] = lambda done, words: None,
 ) -> dict[str, Any]:
     """Do what is left of the run; what it found, with its id and what was charged.
 
     `show` gets how many jobs are done, and words. A finished run gives its result again; only where
-    IBM had not said yet what it charged, it is asked. `out` is another file for a calibration than
-    the one it has.
+    it was not known yet what IBM has of it and charges for it, IBM is asked. `pay_again` sends a
+    job again that was charged and gave no counts. `out` is another file for a calibration than the
+    one it has; without it none is written where the run began on another machine.
 
     Raises:
         BudgetError: the limit of QPU seconds would be passed.
-        LiveError: a job cannot be had, or Ctrl-C; the same call goes on from there.
+        LiveError: a job cannot be had, or Ctrl-C; the same call goes on from there. Or the run is
+            not at home here (`strangeness`): `journal.move_here()` first.
+        PaidFailureError: a job was charged and gave no counts, and `pay_again` is not said.
         ReplayError: the run does not repeat what the journal holds.
     """
+    task = task_of(journal)
+    if journal.result is None and (words := strangeness(journal)):
+        raise LiveError(words, f"`{resume_command(journal)}` asks whether to resume it here.")
     with journal.held():
-        task = task_of(journal)
         step = ""
 
         def say(words: str) -> None:
-            spent = f"{jobs.budget.charged_s():.0f} of {jobs.budget.limit_s:g} QPU s"
+            spent = f"{jobs.budget.spent_s:.0f} of {jobs.budget.limit_s:g} QPU s"
             show(journal.jobs_done(), ", ".join(filter(None, (step, words, spent))))
 
         def say_step(words: str) -> None:
@@ -92,7 +101,14 @@ def go_on(
             say("")
 
         connection = Connection(task.backend, task.account, task.instance)
-        jobs = Jobs(journal, connection, batch=task.batch, max_wait_s=max_wait_s, say=say)
+        jobs = Jobs(
+            journal,
+            connection,
+            batch=task.batch,
+            max_wait_s=max_wait_s,
+            pay_again=pay_again,
+            say=say,
+        )
         if journal.result is None:
             try:
                 journal.finish(task.perform(Context(jobs, say_step)))
@@ -102,25 +118,72 @@ def go_on(
                 raise _explained(error, journal) from error
             finally:
                 jobs.close()
-        if journal.uncharged():
+        if not journal.is_settled:
             with suppress(KeyboardInterrupt, MissingExtraError):
-                jobs.await_charges()
+                jobs.settle()
+        if is_from_elsewhere(journal):
+            task = task.without_file()
         try:
             return task.deliver(finished(journal), out)
         except OutputError as error:
-            hint = f"It is measured and kept: `{_resume(journal)} --out FILE` writes it elsewhere."
+            hint = f"It is measured and kept: `{resume_command(journal)} --out FILE` writes it."
             raise error.with_hints(hint) from error
 
 
-def finished(journal: Journal) -> dict[str, Any]:
-    """What a finished run found, with its id and what IBM has charged up to now."""
+def strangeness(journal: Journal) -> str:
+    """Why the run should not be resumed here unasked, in words; empty where it is at home."""
+    last, now = journal.home("last"), here(journal.id, journal.folder)
+    if is_same_place(last, now):
+        return ""
+    if last is None:
+        return f"Run {journal.id} does not say on which machine it was resumed last."
+    where = "in another folder" if last.machine == now.machine else "on another machine"
+    words = f"Run {journal.id} was last resumed {where}"
+    if last.process is None:
+        return f"{words}: there may be another copy of it."
+    return f"{words} and may still be going on there, as process {last.process}."
+
+
+def is_from_elsewhere(journal: Journal) -> bool:
+    """Whether another machine made the journal, or one that is not known: its limit and its files
+    are somebody else's word."""
+    began = journal.home("began")
+    return began is None or began.machine != here(journal.id, journal.folder).machine
+
+
+def costs(journal: Journal) -> dict[str, Any]:
+    """The id of a run, and what it costs up to now, as plain values.
+
+    `qpu_seconds` is never less than what IBM has charged: jobs of which IBM has not said it, and
+    jobs in doubt, count with their caps. `qpu_seconds_settled` is what IBM has said so far.
+    """
+    charges = journal.charges
     return {
-        **(journal.result or {}),
         "run": journal.id,
-        "qpu_seconds": Budget(journal).charged_s(),
-        "jobs_uncharged": len(journal.uncharged()),
+        "qpu_seconds": charges.upper_s,
+        "qpu_seconds_settled": charges.settled_s,
+        "jobs_uncharged": len(charges.uncharged()),
+        "jobs_in_doubt": len(charges.doubts()),
         "max_qpu_seconds": journal.max_qpu_seconds,
     }
+
+
+def finished(journal: Journal) -> dict[str, Any]:
+    """What a finished run found, with its `costs`.
+
+    Raises:
+        LiveError: the result is damaged.
+    """
+    found = journal.result or {}
+    try:
+        check_result(journal.kind, found)
+    except ValueError as error:
+        raise LiveError(
+            f"{journal.path} is damaged: its result is wrong.",
+            *explain(error, 2),
+            f"`qcompile runs{_folder(journal)} export {_name(journal)}` gives what was measured.",
+        ) from error
+    return {**found, **costs(journal)}
 
 
 def where_it_stands(journal: Journal) -> str:
@@ -142,7 +205,7 @@ def versions() -> dict[str, str]:
 
 def _explained(error: QcompileError, journal: Journal) -> QcompileError:
     """The error, with where the run stands and what to do."""
-    export = f"`qcompile runs{_folder(journal)} export {journal.id}` gives what was measured."
+    export = f"`qcompile runs{_folder(journal)} export {_name(journal)}` gives what was measured."
     if isinstance(error, ReplayError):
         now = versions()
         other = [
@@ -153,17 +216,24 @@ def _explained(error: QcompileError, journal: Journal) -> QcompileError:
         began = f"It began with {'; '.join(other)}." if other else "The versions are the same."
         return error.with_hints(began, export)
     if isinstance(error, BudgetError):
-        hint = f"`{_resume(journal)} --max-qpu-seconds S` goes on with more."
+        hint = f"`{resume_command(journal)} --max-qpu-seconds S` goes on with more."
+    elif isinstance(error, PaidFailureError):
+        hint = f"`{resume_command(journal)} --yes` sends it again."
     elif isinstance(error, LiveError):
-        hint = f"`{_resume(journal)}` goes on."
+        hint = f"`{resume_command(journal)}` goes on."
     else:
         hint = export
     return error.with_hints(where_it_stands(journal), hint)
 
 
-def _resume(journal: Journal) -> str:
+def resume_command(journal: Journal) -> str:
     """The command that goes on with a run."""
-    return f"qcompile resume {journal.id}{_folder(journal)}"
+    return f"qcompile resume {_name(journal)}{_folder(journal)}"
+
+
+def _name(journal: Journal) -> str:
+    """The name by which the command line finds a run: that of its folder."""
+    return shlex.quote(journal.folder.name)
 
 
 def _folder(journal: Journal) -> str:

@@ -35,33 +35,52 @@ class Submission:
     sent_at: datetime | None
     cap_s: int | None
     job_id: str | None
-    charged_s: float | None
     ones: CountArray | None
     words: str | None
+    charged_s: float | None = None
 
-    COLUMNS = (
-        "number, attempt, tag, digest, executions, state, sent_at, cap_s, job_id, charged_s, "
-        "ones, words"
-    )
+    COLUMNS = "number, attempt, tag, digest, executions, state, sent_at, cap_s, job_id, ones, words"
+    """Of its own table; what it was charged is in another one."""
 
     @classmethod
     def of_row(cls, row: tuple[Any, ...]) -> Submission:
-        """That of a row of COLUMNS."""
-        values = dict(zip(cls.COLUMNS.split(", "), row, strict=True))
+        """That of a row of COLUMNS and its charge."""
+        *own, charged_s = row
+        values = dict(zip(cls.COLUMNS.split(", "), own, strict=True))
         if values["sent_at"] is not None:
             values["sent_at"] = to_time(values["sent_at"])
         if values["ones"] is not None:
             values["ones"] = to_array(values["ones"])
-        return cls(**values)
+        return cls(**values, charged_s=charged_s)
 
 
 @dataclass(frozen=True)
 class Charge:
-    """What a job costs: its executions, the cap it was sent with, what IBM charged, if known."""
+    """What a job that IBM has, or may have, takes of the limit.
 
+    `number` is its place in the run; `job_id` None where IBM did not answer with one: then the job
+    is in doubt, `sent_at` is when the attempt to send it ended, or else began, and `refused` says
+    whether the answer was a refusal. `charged_s` is what IBM charged;
+    as long as that is not known, it counts with `cap_s`, at which IBM cuts it off.
+    """
+
+    row: int
+    number: int | None
     executions: int
     cap_s: float
+    sent_at: datetime
+    refused: bool
+    job_id: str | None
     charged_s: float | None
+
+    COLUMNS = "row, number, executions, cap_s, sent_at, refused, job_id, charged_s"
+
+    @classmethod
+    def of_row(cls, row: tuple[Any, ...]) -> Charge:
+        """That of a row of COLUMNS."""
+        values = dict(zip(cls.COLUMNS.split(", "), row, strict=True))
+        values["sent_at"], values["refused"] = to_time(values["sent_at"]), bool(values["refused"])
+        return cls(**values)
 
 
 @dataclass(frozen=True)
@@ -105,7 +124,15 @@ def to_array(contents: bytes) -> NDArray[Any]:
     Raises:
         LiveError: it is damaged.
     """
+    file = BytesIO(contents)
     try:
-        return np.asarray(np.load(BytesIO(contents), allow_pickle=False))
+        if np.lib.format.read_magic(file) != (1, 0):
+            raise ValueError("another format")
+        shape, is_fortran, dtype = np.lib.format.read_array_header_1_0(file)
+        if dtype.kind not in "biuf":
+            raise ValueError("no numbers")
+        # By the bytes that are there: the header may claim a shape that no memory holds.
+        values = np.frombuffer(contents, dtype, offset=file.tell())
+        return values.reshape(shape, order="F" if is_fortran else "C").copy()
     except Exception as error:  # wrong bytes lead numpy's reader into errors of any type
         raise LiveError("An array in the run's journal is damaged.", "Restore a copy.") from error

@@ -6,23 +6,23 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from qcompile.errors import LiveError
-from qcompile.live.journal import FILE, Journal
+from qcompile.live.journal import Journal
+from qcompile.live.opening import FILE, NeverBegunError
 
 
 def journals(
     runs: Path, on_damage: Callable[[str], None] = lambda words: None
 ) -> Iterator[Journal]:
-    """Every run below `runs`, the newest last, open until the next is asked for.
+    """Every run below `runs`, the newest last, each open until the next is asked for.
 
-    `on_damage` gets words on each that cannot be read.
+    `on_damage` gets words on each that cannot be read. One that never began is passed over.
     """
-    found = []
-    for folder in _folders(runs):
+    for folder in _by_age(runs, on_damage):
         try:
-            found.append(Journal(folder))
-        except LiveError as error:
+            journal = Journal(folder)
+        except LiveError as error:  # damaged since it was dated
             on_damage(str(error))
-    for journal in sorted(found, key=lambda journal: journal.created):
+            continue
         with journal:
             yield journal
 
@@ -38,17 +38,19 @@ def find_journal(runs: Path, run_id: str) -> Journal:
         return Journal(runs / run_id)
     damaged: list[str] = []
     if run_id == "last":
-        found = [journal.folder.name for journal in journals(runs, damaged.append)][-1:]
+        found = [folder.name for folder in _by_age(runs, damaged.append)][-1:]
         if damaged:
-            words = "Which run is the last is not known: not all of them can be read."
-            raise LiveError(words, *damaged, "Name the run.")
+            words = f"Which run is the last is not known: {len(damaged)} cannot be read."
+            first = damaged[0].partition("\n")[0]
+            raise LiveError(words, first, "Name the run; `qcompile runs` lists them.")
     else:
         found = [name for name in known if run_id and run_id in name]
     if len(found) == 1:
         return Journal(runs / found[0])
     if found:
         raise LiveError(
-            f"{len(found)} runs are meant by {run_id!r}: {', '.join(found[:4])}.", "Say more of it."
+            f"{run_id!r} matches {len(found)} runs: {', '.join(found[:4])}.",
+            "Give more of the ID.",
         )
     raise LiveError(
         f"There is no run {run_id!r} in {runs}.",
@@ -57,6 +59,21 @@ def find_journal(runs: Path, run_id: str) -> Journal:
     )
 
 
+def _by_age(runs: Path, on_damage: Callable[[str], None]) -> list[Path]:
+    """The folders of all runs that began, the oldest first; one journal is open at a time."""
+    found = []
+    for folder in _folders(runs):
+        try:
+            with Journal(folder) as journal:
+                found.append((journal.created, folder))
+        except NeverBegunError:
+            continue
+        except LiveError as error:
+            on_damage(str(error))
+    return [folder for _, folder in sorted(found)]
+
+
 def _folders(runs: Path) -> list[Path]:
-    """Folders with a journal, by name."""
-    return sorted(path.parent for path in runs.glob(f"*/{FILE}"))
+    """Folders with a journal, by name; those with a dot are of journals that are being made."""
+    found = (path.parent for path in runs.glob(f"*/{FILE}"))
+    return sorted(folder for folder in found if not folder.name.startswith("."))

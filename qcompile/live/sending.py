@@ -2,158 +2,121 @@
 
 from __future__ import annotations
 
-import time
 import warnings
 from collections.abc import Callable
+from datetime import UTC, datetime
 from typing import Any
 
-from qcompile.errors import BudgetError, LiveError
+from qcompile.errors import BudgetError, LiveError, QcompileError
+from qcompile.live.answers import UnreadableAnswerError
 from qcompile.live.connection import Connection
 from qcompile.live.journal import Journal
+from qcompile.live.looking import GENERAL_TAG, Finder
 from qcompile.live.records import Submission
+from qcompile.live.remote import RemoteJobs
 from qcompile.live.request import Request
-from qcompile.live.words import (
-    TOO_MANY_REQUESTS,
-    in_words,
-    refused,
-    seconds_setting,
-    status_code,
-)
+from qcompile.live.words import answered_no, in_words, seconds_setting, transient
 
 SETTLE_S = 10.0
-"""A job that IBM does not list so long after it was sent was not accepted."""
-_MOST_SENDS = 5
-_LOOKS = 3
+"""A job is not sent again before IBM has had so long to list one that it may have accepted."""
+_MOST_SENDS = 3
+"""Of one job in a row: each may be accepted, and takes of the limit until that is known."""
 
 
 class Sender:
     """Gets the job of a submission: the one that IBM has, or else a new one.
 
-    Where it is not known whether a job was accepted (a crash, a lost answer) it is looked for by
-    its tag, and only sent again when IBM does not list it after SETTLE_S.
+    IBM is asked for a job of the tag before each sending. A sending that it does not answer with
+    the id of a job leaves a doubt, whatever it answers: it may have accepted the job all the same.
+    `cap_s` says what a job of so many executions may take, or raises BudgetError.
     """
 
     def __init__(
-        self, journal: Journal, connection: Connection, batch: bool, say: Callable[[str], None]
+        self,
+        journal: Journal,
+        connection: Connection,
+        cap_s: Callable[[int], int],
+        *,
+        batch: bool,
+        say: Callable[[str], None],
     ):
-        self._journal, self._connection, self._say = journal, connection, say
-        self._settle_s = seconds_setting("QCOMPILE_SETTLE_SECONDS", SETTLE_S)
-        self._wants_batch = batch
+        self._journal, self._connection = journal, connection
+        settle_s = seconds_setting("QCOMPILE_SETTLE_SECONDS", SETTLE_S)
+        self.finder = Finder(journal, RemoteJobs(connection), settle_s, say)
+        self._cap_s, self._wants_batch = cap_s, batch
         self._batch: Any = None
         self._older = False
-        self._may_be_behind = True
 
-    def job_of(
-        self, submission: Submission, request: Request, cap_s: Callable[[Submission], int]
-    ) -> Any:
-        """The job of a submission. `cap_s` says what one that is sent may take.
+    def job_of(self, submission: Submission, request: Request) -> str:
+        """The id of a submission's job.
 
         Raises:
-            BudgetError: what `cap_s` raises.
-            LiveError: IBM refuses it, or does not answer, or has it no more.
+            BudgetError: what is charged, or may yet be, leaves no room for it.
+            LiveError: IBM refuses it, or does not answer.
         """
         if submission.job_id is not None:
-            return self._still_there(submission, submission.job_id)
-        unanswered = submission.state == "sending"
-        job = None
-        if unanswered:
-            job = self._settled(submission)
-            self._journal.clear_doubt(submission)  # looked for again after a new start: none
-        elif self._may_be_behind:  # the journal may be a copy from before the run went on
-            job = self._tagged(submission)
-        self._may_be_behind = job is not None
-        if job is not None:
-            return job
-        return self._sent(submission, request, cap_s, unanswered)
-
-    def known(self, job_id: str) -> Any:
-        """The job of this id.
-
-        Raises:
-            LiveError: IBM has it no more, or does not answer.
-        """
-        return self._connection.ask(lambda service: service.job(job_id))
-
-    def resolve(self, submission: Submission, job: Any) -> None:
-        """Find and count any other job of a submission whose `job` ended, where one is feared."""
-        if self._journal.in_doubt(submission):
-            found = self._with_tag(submission)
-            self._drop(submission, [one for one in found if one.job_id() != job.job_id()])
-            self._journal.clear_doubt(submission)
+            return submission.job_id
+        sends, ways = 0, set[str]()
+        error: Exception | None = None
+        while True:
+            job_id = self.finder.find(submission)
+            if job_id is not None:
+                return job_id
+            if error is not None and not (sends < _MOST_SENDS and self._may_repeat(error, ways)):
+                raise in_words(error) from error
+            error = None
+            try:
+                cap_s = self._cap_s(submission.executions)
+            except BudgetError as full:
+                if not self.finder.settle_doubts():
+                    raise full.with_hints(*self.finder.words_on_doubts()) from full
+                continue
+            sends += 1
+            try:
+                job_id = self._send(self._journal.note_sending(submission, cap_s), request)
+            except QcompileError:
+                raise
+            except Exception as failure:  # whichever the client has for what it was answered
+                error = failure
+            else:
+                return self._earliest(submission, job_id)
 
     def close(self) -> None:
-        """Close the batch, if one was opened."""
-        if self._batch is None:
-            return
+        """Close the batch, if one was opened.
+
+        Raises:
+            LiveError: it cannot be closed; IBM closes it after a while.
+        """
+        if self._batch is not None:
+            self._connection.ask(lambda service: self._batch.close(), about="the batch")
+
+    def _send(self, submission: Submission, request: Request) -> str:
+        """Send a job and write down what came of it; its id."""
+        pubs, left_before = request.pubs(), self._connection.submissions
         try:
-            self._connection.ask(lambda service: self._batch.close())
-        except LiveError:
-            self._say("the batch could not be closed; IBM closes it after a while")
-
-    def _sent(
-        self,
-        submission: Submission,
-        request: Request,
-        cap_s: Callable[[Submission], int],
-        unanswered: bool,
-    ) -> Any:
-        """A new job; `unanswered` says that IBM may have accepted one of the submission before."""
-        from qiskit.exceptions import QiskitError
-        from qiskit.providers.exceptions import QiskitBackendNotFoundError
-        from requests import RequestException
-
-        tried: set[str] = set()
-        for _ in range(_MOST_SENDS):
-            try:
-                cap = cap_s(submission)
-            except BudgetError as error:
-                if not self._journal.in_doubt(submission):
-                    raise
-                found = self._looked_for(submission)
-                if found is not None:
-                    return found
-                hint = (
-                    "A job that IBM did not answer may be charged yet; going on looks for it anew."
-                )
-                raise error.with_hints(hint) from error
-            submission = self._journal.note_sending(submission, cap)
-            try:
-                job = self._send(submission, request)
-            except LiveError:
-                raise
-            except QiskitBackendNotFoundError as error:  # before anything was sent
-                last: Exception = error
-                self._connection.look_again()
-            except (QiskitError, RequestException, OSError, ValueError) as error:
-                last = error
-                if refused(error):
-                    if self._another_way(error, tried):
-                        continue
-                    if not unanswered:
-                        self._journal.note_failed(submission, str(in_words(error)), 0.0)
-                    raise in_words(error) from error
-                self._say("no answer to a job; looking whether it was accepted")
-                found = self._settled(submission)
-                if found is not None:
-                    return found
-                if status_code(error) != TOO_MANY_REQUESTS:
-                    unanswered = True
-                    self._journal.note_doubt(submission)
+            job_id = self._submit(submission, pubs, request.shots)
+        except Exception as error:
+            doubt = self._journal.charges.doubts(submission.number)[-1]
+            if self._connection.submissions == left_before:
+                self._journal.charges.drop(doubt)
             else:
-                found = self._tagged(submission) if unanswered else None
-                if found is None:
-                    self._journal.note_sent(submission, job.job_id())
-                return found or job
-        raise in_words(last) from last
+                now, refused = datetime.now(UTC), answered_no(error)
+                self._journal.charges.note_unanswered(doubt, now, refused=refused)
+            raise
+        self._journal.note_sent(submission, job_id)
+        return job_id
 
-    def _send(self, submission: Submission, request: Request) -> Any:
+    def _submit(self, submission: Submission, pubs: list[Any], shots: int) -> str:
         backend = self._connection.backend
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # deprecations are the business of who writes qcompile
             sampler = self._sampler(backend)
-            sampler.options.environment.job_tags = ["qcompile", submission.tag]
+            sampler.options.environment.job_tags = [GENERAL_TAG, submission.tag]
             sampler.options.max_execution_time = submission.cap_s
-            return sampler.run(request.pubs(), shots=request.shots)
+            job_id = sampler.run(pubs, shots=shots).job_id()
+        if not isinstance(job_id, str) or not job_id:
+            raise UnreadableAnswerError("a job that was sent")
+        return job_id
 
     def _sampler(self, backend: Any) -> Any:
         """IBM's sampler of today; the one of the package's top level where it is not served."""
@@ -168,10 +131,25 @@ class Sender:
             return qiskit_ibm_runtime.SamplerV2(mode=mode)
         return qiskit_ibm_runtime.SamplerV2(mode=mode) if self._older else Sampler(mode=mode)
 
-    def _another_way(self, error: BaseException, tried: set[str]) -> bool:
-        """Whether there is something else to try, each once, where IBM refuses a job."""
+    def _earliest(self, submission: Submission, job_id: str) -> str:
+        """Of a submission that was sent before in doubt, the job that came first; else this one."""
+        if not self._journal.charges.doubts(submission.number):
+            return job_id
+        try:
+            return self.finder.find(submission) or job_id
+        except LiveError:  # it is looked for again when this one has ended
+            return job_id
+
+    def _may_repeat(self, error: Exception, ways: set[str]) -> bool:
+        """Whether to send a job again after an error: another way to do it is tried once."""
+        from qiskit.providers.exceptions import QiskitBackendNotFoundError
         from qiskit_ibm_runtime.exceptions import IBMNotAuthorizedError, RuntimeProgramNotFound
 
+        if isinstance(error, QiskitBackendNotFoundError):  # before anything was sent
+            self._connection.look_again()
+            return True
+        if transient(error):
+            return True
         if isinstance(error, IBMNotAuthorizedError):
             way = "login"
             self._connection.log_in_again()
@@ -183,58 +161,6 @@ class Sender:
             self._batch = None  # it may be closed: batches end after a while
         else:
             return False
-        new = way not in tried
-        tried.add(way)
+        new = way not in ways
+        ways.add(way)
         return new
-
-    def _still_there(self, submission: Submission, job_id: str) -> Any:
-        from qiskit_ibm_runtime.exceptions import RuntimeJobNotFound
-
-        try:
-            return self.known(job_id)
-        except LiveError as error:
-            if not isinstance(error.__cause__, RuntimeJobNotFound):
-                raise
-            self._journal.note_failed(submission, "IBM has it no more.", None)
-            raise LiveError(
-                f"IBM has no job {job_id} any more: somebody deleted it.",
-                "To go on is to send it once more, and to pay for it again.",
-            ) from error
-
-    def _settled(self, submission: Submission) -> Any:
-        """The job of a submission that may have been accepted, once IBM would list it."""
-        time.sleep(self._settle_s)
-        return self._tagged(submission)
-
-    def _looked_for(self, submission: Submission) -> Any:
-        """The job that was feared to be listed late, after more looks; None where there is none."""
-        looks = (self._settled(submission) for _ in range(_LOOKS))
-        return next((job for job in looks if job is not None), None)
-
-    def _tagged(self, submission: Submission) -> Any:
-        """The first job with the submission's tag, written down, as is any other; None if none.
-
-        Another one is cancelled; what it was charged counts.
-        """
-        jobs = self._with_tag(submission)
-        if not jobs:
-            return None
-        self._drop(submission, jobs[1:])
-        self._journal.note_sent(submission, jobs[0].job_id())
-        return jobs[0]
-
-    def _with_tag(self, submission: Submission) -> list[Any]:
-        """The jobs that IBM lists with the submission's tag, the first one first."""
-        tags = [submission.tag]
-        jobs = self._connection.ask(lambda service: service.jobs(limit=None, job_tags=tags))
-        return sorted(jobs, key=lambda job: job.creation_date)
-
-    def _drop(self, submission: Submission, extras: list[Any]) -> None:
-        """Cancel further jobs of a submission, and have them counted."""
-        for extra in extras:
-            self._journal.note_extra(submission, extra.job_id())
-            self._say(f"job {extra.job_id()} is a second one of the same step; cancelling it")
-            try:
-                self._connection.ask(lambda service, job=extra: job.cancel())  # type: ignore[misc]
-            except LiveError:
-                self._say(f"job {extra.job_id()} could not be cancelled")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 from pydantic import BaseModel, ConfigDict
 
@@ -50,6 +50,10 @@ class Task(BaseModel):
     def perform(self, context: Context) -> dict[str, Any]:
         """Do it; what it found, as plain values. Asked again, it asks for the same jobs."""
         raise NotImplementedError
+
+    def without_file(self) -> Self:
+        """The same task, whose file is not written unless another one is named."""
+        return self
 
     def deliver(self, found: dict[str, Any], out: Path | None) -> dict[str, Any]:
         """What it found, once it is in a file, where the task has one; `out` is another one.

@@ -4,19 +4,26 @@ from __future__ import annotations
 
 import math
 import os
+import re
+import sys
+from contextlib import suppress
 from typing import Any
 
 from qcompile.errors import LiveError
+from qcompile.terminal import one_line
 
 PATIENCE_S = 300.0
 """A service that does not answer is asked again for so long."""
-TOO_MANY_REQUESTS = 429
+NOT_FOUND, TOO_MANY_REQUESTS = 404, 429
+_LONGEST_S = 86_400.0
 _REFUSED = frozenset(range(400, 500)) - {408, TOO_MANY_REQUESTS}
 _SAVE = (
     'Save one: python -c "from qiskit_ibm_runtime import QiskitRuntimeService as S; '
     "S.save_account(token='...', instance='...')\"",
     "or set QISKIT_IBM_TOKEN and QISKIT_IBM_INSTANCE. docs/hardware.md has the steps.",
 )
+_TOKEN = re.compile(r"\beyJ[\w-]{5,}\.[\w-]+(?:\.[\w-]*)?|\b(?:Bearer|apikey) [\w.~+/=-]{16,}")
+"""An access token, or what a request said in its header."""
 
 
 def seconds_setting(name: str, default: float) -> float:
@@ -32,9 +39,10 @@ def seconds_setting(name: str, default: float) -> float:
         seconds = float(text)
     except ValueError:
         seconds = math.nan
-    if not 0 <= seconds < math.inf:
+    if not 0 <= seconds <= _LONGEST_S:
         raise LiveError(
-            f"{name} is {text!r}.", f"It needs a number of seconds, such as {default:g}."
+            f"{name} is {text[:40]!r}.",
+            f"It needs a number of seconds, such as {default:g}, and a day's at most.",
         )
     return seconds
 
@@ -59,7 +67,21 @@ def refused(error: BaseException) -> bool:
     return status in _REFUSED if status is not None else not transient(error)
 
 
-def status_code(error: BaseException) -> int | None:
+def answered_no(error: BaseException) -> bool:
+    """Whether the service answered what was sent with a refusal, a 4xx."""
+    return 400 <= (status_code(error) or 0) < 500
+
+
+def never_left(error: BaseException) -> bool:
+    """Whether there was no connection by which a request could have left this machine."""
+    from urllib3.exceptions import ConnectTimeoutError, MaxRetryError, NewConnectionError
+
+    reasons = [e.reason for e in chain_of(error) if isinstance(e, MaxRetryError)]
+    no_connection = (ConnectTimeoutError, NewConnectionError)
+    return any(isinstance(e, no_connection) for e in (*chain_of(error), *reasons))
+
+
+def status_code(error: BaseException | None) -> int | None:
     """The HTTP status behind an error of the client, -1 without one; None where none was asked."""
     from ibm_cloud_sdk_core import ApiException
     from qiskit_ibm_runtime.api.exceptions import RequestsApiError
@@ -75,10 +97,10 @@ def status_code(error: BaseException) -> int | None:
     return None
 
 
-def chain_of(error: BaseException) -> list[BaseException]:
+def chain_of(error: BaseException | None) -> list[BaseException]:
     """The error and what it came from; the client hides its causes with `from None`."""
     found: list[BaseException] = []
-    cause: BaseException | None = error
+    cause = error
     while cause is not None and cause not in found:
         found.append(cause)
         cause = cause.__cause__ or cause.__context__
@@ -89,7 +111,8 @@ def in_words(error: BaseException) -> LiveError:
     """What happened, without what is secret, and what to try."""
     from qiskit_ibm_runtime.accounts.exceptions import AccountNotFoundError
 
-    words = without_secrets(" ".join(str(error).split()))[:300]
+    _clean(error)
+    words = said(str(error))
     if isinstance(error, AccountNotFoundError):
         saved = ", ".join(saved_accounts())
         if saved:
@@ -116,13 +139,30 @@ def in_words(error: BaseException) -> LiveError:
     )
 
 
+def _clean(error: BaseException) -> None:
+    """Take what is secret out of an error and its causes: a traceback shows them all."""
+    for cause in chain_of(error):
+        cause.args = tuple(
+            without_secrets(arg) if isinstance(arg, str) else arg for arg in cause.args
+        )
+        if isinstance(message := getattr(cause, "message", None), str):
+            with suppress(AttributeError):  # it may be computed from what is cleaned above
+                cause.message = without_secrets(message)  # type: ignore[attr-defined]
+
+
+def said(text: str, most: int = 300) -> str:
+    """What a service said, as one line of at most `most` characters, without what is secret."""
+    return one_line(without_secrets(one_line(text, len(text))), most)
+
+
 def without_secrets(words: str) -> str:
-    """`words` without any token of the accounts known on this machine."""
+    """`words` without access tokens, and without any token of the accounts on this machine."""
     secrets = [os.environ.get("QISKIT_IBM_TOKEN", "")]
-    secrets += [str(account.get("token", "")) for account in saved_accounts().values()]
+    if "qiskit_ibm_runtime" in sys.modules:  # nothing else reads those that are saved
+        secrets += [str(account.get("token", "")) for account in saved_accounts().values()]
     for secret in filter(None, secrets):
         words = words.replace(secret, "(token)")
-    return words
+    return _TOKEN.sub("(token)", words)
 
 
 def saved_accounts() -> dict[str, dict[str, Any]]:

@@ -8,27 +8,26 @@ import click
 
 from qcompile.calibration import Calibration
 from qcompile.live.journal import Journal, TaskKind
-from qcompile.live.perform import finished, where_it_stands
+from qcompile.live.looking import doubts_in_words
+from qcompile.live.perform import costs, resume_command, task_of, where_it_stands
 from qcompile.report.calibration_values import calibration_values, print_calibration
-from qcompile.report.tables import plural, print_run, print_table
+from qcompile.report.tables import cost_in_words, print_run, print_table
+from qcompile.terminal import one_line
 
 
 def overview(journal: Journal) -> dict[str, Any]:
-    """A run in a few plain values; `qpu_seconds` is what IBM has charged up to now."""
-    charges = finished(journal)
-    states = [submission.state for submission in journal.submissions()]
+    """A run in a few plain values, with what it costs up to now."""
+    states = journal.states()
     return {
         "run": journal.id,
         "kind": journal.kind,
         "backend": journal.settings.get("backend"),
         "created": journal.created.isoformat(),
         "state": "unfinished" if journal.result is None else "finished",
-        "jobs_done": states.count("done"),
-        "jobs_open": states.count("sending") + states.count("sent"),
+        "jobs_done": states.get("done", 0),
+        "jobs_open": states.get("sending", 0) + states.get("sent", 0),
         "steps": journal.step_count(),
-        "qpu_seconds": charges["qpu_seconds"],
-        "jobs_uncharged": charges["jobs_uncharged"],
-        "max_qpu_seconds": charges["max_qpu_seconds"],
+        **costs(journal),
     }
 
 
@@ -76,13 +75,32 @@ def result_values(kind: TaskKind, result: dict[str, Any]) -> dict[str, Any]:
     return calibration_values(Calibration.model_validate(result["calibration"])) | rest
 
 
+def terms(journal: Journal, limit_s: float) -> str:
+    """What resuming the run would do, for whoever does not know it: where, as whom, for how much.
+
+    Raises:
+        LiveError: its settings cannot be read.
+    """
+    task = task_of(journal)
+    account = "the usual account" if task.account is None else f"account {one_line(task.account)}"
+    instance = "" if task.instance is None else f", instance {one_line(task.instance)}"
+    charged_s = costs(journal)["qpu_seconds"]
+    return (
+        f"It would go on on {one_line(task.backend)} with {account}{instance}, "
+        f"within {limit_s:g} QPU seconds, of which {charged_s:.1f} are charged or may be."
+    )
+
+
 def print_overview(journal: Journal) -> None:
     """Print where an unfinished run stands."""
     row = overview(journal)
-    click.echo(f"{row['run']}, {row['kind']} on {row['backend']}: {row['state']}")
+    backend = one_line(str(row["backend"]))
+    click.echo(f"{row['run']}, {row['kind']} on {backend}: {row['state']}")
     click.echo(where_it_stands(journal))
-    click.echo(f"{row['qpu_seconds']:.1f} of {row['max_qpu_seconds']:g} QPU seconds are charged")
-    click.echo(f"`qcompile resume {row['run']}` goes on.")
+    click.echo(f"{cost_in_words(row)}; {row['max_qpu_seconds']:g} allowed")
+    for line in doubts_in_words(journal):
+        click.echo(line)
+    click.echo(f"`{resume_command(journal)}` goes on.")
 
 
 def print_result(kind: TaskKind, result: dict[str, Any]) -> None:
@@ -115,8 +133,5 @@ def print_validation(found: dict[str, Any]) -> None:
 
 
 def charged(result: dict[str, Any]) -> str:
-    """A line on what a finished run was charged."""
-    words = f"run {result['run']} was charged {result['qpu_seconds']:.1f} QPU seconds"
-    if result["jobs_uncharged"]:
-        words += f"; of {plural(result['jobs_uncharged'], 'job')} IBM has not said it yet"
-    return words
+    """A line on what a finished run costs."""
+    return f"run {result['run']}: {cost_in_words(result)}"

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from qcompile.report.console import console
+from qcompile.terminal import plain_output
 
 
 @contextmanager
@@ -15,17 +17,17 @@ def progress_bar(title: str, total: float) -> Iterator[Callable[[float, str], No
 
     Nothing is shown where standard error is no terminal.
     """
-    console = Console(stderr=True)
+    err = console(stderr=True)
     bar = Progress(
         TextColumn("{task.description}", markup=False),
         BarColumn(),
         TextColumn("{task.fields[words]}", markup=False),
         TimeElapsedColumn(),
         TimeRemainingColumn(),
-        console=console,
+        console=err,
         transient=True,
-        disable=not console.is_terminal,
+        disable=not err.is_terminal,
     )
-    with bar:
+    with bar, plain_output():  # rich shows what is printed meanwhile above the bar
         task = bar.add_task(title, total=total, words="")
         yield lambda done, words: bar.update(task, completed=done, words=words)

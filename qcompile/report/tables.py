@@ -8,9 +8,10 @@ from typing import Any, Literal
 
 from rich import box
 from rich.cells import cell_len
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
+
+from qcompile.report.console import PlainConsole, console
 
 _KINDS = {
     "ideal": "ideal simulation",
@@ -21,7 +22,7 @@ _KINDS = {
 _LEAST_FOR_INTERVAL = 5
 _LEAST_TEXT = 12
 """Letters of a name that stay together."""
-_UNBOUNDED = Console(width=100_000)
+_UNBOUNDED = PlainConsole(width=100_000)
 _BARS = "▁▂▃▄▅▆▇█"
 
 
@@ -53,25 +54,25 @@ def print_table(
         table.add_column(escape(column), justify=justify, overflow="fold")
     for row in cells:
         table.add_row(*map(escape, row))
-    console = _console()
-    room = console.width - _UNBOUNDED.measure(table).maximum
+    out = _console()
+    room = out.width - _UNBOUNDED.measure(table).maximum
     widths = _widths(columns, list(zip(*cells, strict=True)) or [()] * len(columns), room)
     for made, width in zip(table.columns, widths, strict=True):
         made.width = width
-    console.width = max(console.width, _UNBOUNDED.measure(table).maximum)
-    console.print(table)
+    out.width = max(out.width, _UNBOUNDED.measure(table).maximum)
+    out.print(table)
 
 
 def _cell(value: object) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
-def _console() -> Console:
+def _console() -> PlainConsole:
     """Standard output; as wide as a line gets where no terminal, nor COLUMNS, says how wide."""
-    console = Console(highlight=False)
-    if not console.is_terminal and not os.environ.get("COLUMNS", "").isdecimal():
-        console.width = _UNBOUNDED.width
-    return console
+    made = console(highlight=False)
+    if not made.is_terminal and not os.environ.get("COLUMNS", "").isdecimal():
+        made.width = _UNBOUNDED.width
+    return made
 
 
 def _widths(columns: Sequence[str], cells: Sequence[Sequence[str]], room: int) -> list[int]:
@@ -94,16 +95,16 @@ def _widths(columns: Sequence[str], cells: Sequence[Sequence[str]], room: int) -
 
 def print_run(summary: dict[str, Any]) -> None:
     """Print what a run found: `RunResult.summary`."""
-    console = _console()
+    out = _console()
     backend = f"{summary['backend']} ({_KINDS.get(summary['kind'], summary['kind'])})"
     policy, environment = escape(summary["policy"]), escape(summary["environment"])
-    console.print(f"[bold]{policy}[/] in {environment} on {escape(backend)}")
+    out.print(f"[bold]{policy}[/] in {environment} on {escape(backend)}")
     grid = Table.grid(padding=(0, 2))
     grid.add_column(style="dim", no_wrap=True)
     grid.add_column()
     for name, value in _run_lines(summary):
         grid.add_row(name, value)
-    console.print(grid)
+    out.print(grid)
 
 
 def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
@@ -141,7 +142,7 @@ def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
         yield (
             "paid",
             f"{plural(summary['jobs'], 'job')}, {summary['executions']:,} executions, "
-            f"{summary['qpu_seconds']:.1f} QPU seconds of {summary['max_qpu_seconds']:g} allowed",
+            f"{cost_in_words(summary)}; {summary['max_qpu_seconds']:g} allowed",
         )
         yield "run", summary["run"]
     elif summary["qpu_seconds_estimate"] is not None and summary["kind"] != "ideal":
@@ -207,3 +208,17 @@ def _bars(values: Sequence[float]) -> str:
     shown = values[:40]
     bars = "".join(_BARS[-1 - round((high - v) / span * (len(_BARS) - 1))] for v in shown)
     return bars + ("…" if len(values) > len(shown) else "")
+
+
+def cost_in_words(row: dict[str, Any]) -> str:
+    """The charge of a run; where it is not settled, what it comes to at most, and why."""
+    settled_s, upper_s = row["qpu_seconds_settled"], row["qpu_seconds"]
+    words = f"{settled_s:.1f} QPU seconds charged"
+    unsettled = []
+    if row["jobs_uncharged"]:
+        unsettled.append(f"{plural(row['jobs_uncharged'], 'job')} not charged yet")
+    if row["jobs_in_doubt"]:
+        unsettled.append(f"{plural(row['jobs_in_doubt'], 'job')} in doubt")
+    if upper_s > settled_s:
+        words += f", {upper_s:.1f} at most"
+    return f"{words} ({', '.join(unsettled)})" if unsettled else words

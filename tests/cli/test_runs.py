@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sqlite3
 from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,12 @@ RESULT = {"passed": True, "failed": [], "qubits": [3], "chi_square": [4.0], "deg
 VERSIONS = {"numpy": "2.0.1"}
 
 
+def settle(made: Journal, job_id: str, charged_s: float) -> None:
+    charge = made.charges.of_job(job_id)
+    assert charge is not None
+    made.charges.settle(charge, charged_s)
+
+
 def journal(kind: Any = "run", runs: str = "runs") -> Journal:
     """A run with a job done, one that failed and one under way, and a step and a half.
 
@@ -34,9 +41,10 @@ def journal(kind: Any = "run", runs: str = "runs") -> Journal:
         return submission
 
     done = sent(0, "job-a")
-    made.note_extra(done, "job-x")
-    made.note_done(done, np.array([[3, 97]]), 2.25)
-    made.note_failed(sent(1, "job-b"), "it rained", None)
+    made.charges.note_unexpected(0, 100, 3, datetime.now(UTC), "job-x")
+    made.note_done(done, np.array([[3, 97]]))
+    settle(made, "job-a", 2.25)
+    made.note_failed(sent(1, "job-b"), "it rained")
     sent(1, "job-c")
     made.note_actions(0, np.array([[0.5, -1.0]]), np.array([1]))
     made.note_rewards(0, [1.0])
@@ -67,8 +75,10 @@ def test_the_list(qcompile: Call, monkeypatch: pytest.MonkeyPatch) -> None:
         "jobs_done": 1,
         "jobs_open": 1,
         "steps": 2,
-        "qpu_seconds": 2.25,
+        "qpu_seconds": 2.25 + 3 * 3,
+        "qpu_seconds_settled": 2.25,
         "jobs_uncharged": 2,
+        "jobs_in_doubt": 0,
         "max_qpu_seconds": 9.0,
     }
     answer = qcompile("runs")
@@ -76,6 +86,30 @@ def test_the_list(qcompile: Call, monkeypatch: pytest.MonkeyPatch) -> None:
     assert first.id in answer.out
     assert second.id in answer.out
     assert "unfinished" in answer.out
+
+
+def test_jobs_in_doubt_are_told_with_when_they_can_be_settled(
+    qcompile: Call, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two submissions without an answer, of 3 s each, beside 2.25 s charged and 9 s not yet."""
+    monkeypatch.setenv("COLUMNS", "140")
+    made = journal()
+    for number in (2, 3):
+        last = made.note_sending(made.intend(number, "d", 100), 3)
+    [row] = qcompile("runs", "--json").json()
+    assert (row["qpu_seconds"], row["qpu_seconds_settled"]) == (2.25 + 9 + 6, 2.25)
+    assert (row["jobs_uncharged"], row["jobs_in_doubt"]) == (2, 2)
+    assert last.sent_at is not None
+    due = last.sent_at + timedelta(hours=1)
+    assert (
+        "2.2 QPU seconds charged, 17.2 at most (2 jobs not charged yet, 2 jobs in doubt); 9 "
+        "allowed\n"
+        "IBM may have accepted 2 jobs that are not known, of 6 s at most; "
+        f"`qcompile resume {made.id}` after {due:%H:%M} UTC settles it.\n"
+    ) in qcompile("runs", "show", "last").out
+    table = qcompile("runs").out
+    assert "17.2 of 9" in table
+    assert "2 jobs" in table
 
 
 def test_another_folder_by_option_and_by_environment(
@@ -97,7 +131,7 @@ def test_where_an_unfinished_run_stands(qcompile: Call) -> None:
     assert answer.out == (
         f"{made.id}, run on somewhere: unfinished\n"
         "Jobs done: 1, steps played: 2; all of it is kept.\n"
-        "2.2 of 9 QPU seconds are charged\n"
+        "2.2 QPU seconds charged, 11.2 at most (2 jobs not charged yet); 9 allowed\n"
         f"`qcompile resume {made.id}` goes on.\n"
     )
     values = qcompile("runs", "show", made.id, "--json").json()
@@ -110,19 +144,24 @@ def test_a_finished_run_is_shown_again_without_asking_anybody(
     monkeypatch.setenv("QISKIT_IBM_URL", "http://127.0.0.1:9/experimental")
     made = Journal.create(Path("runs"), "validate", "cart", settings(), VERSIONS, 9.0)
     paid = made.note_sending(made.intend(0, "d", 100), 3)
-    made.note_done(paid, np.array([[1]]), 2.25)
+    made.note_sent(paid, "job-a")
+    made.note_done(paid, np.array([[1]]))
+    settle(made, "job-a", 2.25)
+    made.note_looked_over()
     made.finish(RESULT)
     for words in (("runs", "show"), ("resume",)):
         answer = qcompile(*words, "last")
         assert answer.code == 0, answer.err
         assert "pass; the largest difference of a <Z> is 0.020" in answer.out
-        assert answer.out.endswith(f"run {made.id} was charged 2.2 QPU seconds\n")
+        assert answer.out.endswith(f"run {made.id}: 2.2 QPU seconds charged\n")
     found = qcompile("resume", "last", "--json").json()
     assert found == {
         **RESULT,
         "run": made.id,
         "qpu_seconds": 2.25,
+        "qpu_seconds_settled": 2.25,
         "jobs_uncharged": 0,
+        "jobs_in_doubt": 0,
         "max_qpu_seconds": 9.0,
     }
     assert qcompile("runs", "show", "last", "--json").json()["result"] == found
@@ -133,11 +172,12 @@ def test_a_finished_run_says_of_how_many_jobs_the_charge_is_not_known(qcompile: 
     made.finish(RESULT)
     answer = qcompile("runs", "show", "last")
     assert answer.out.endswith(
-        f"run {made.id} was charged 2.2 QPU seconds; of 2 jobs IBM has not said it yet\n"
+        f"run {made.id}: 2.2 QPU seconds charged, 11.2 at most (2 jobs not charged yet)\n"
     )
-    made.note_charge("job-b", 1.0)
-    made.note_charge("job-x", 0.5)
-    assert qcompile("runs", "show", "last").out.endswith("was charged 3.8 QPU seconds\n")
+    made.note_failed(made.attempts(1)[-1], "it rained as well")
+    for job_id, charged_s in (("job-b", 1.0), ("job-x", 0.5), ("job-c", 0.0)):
+        settle(made, job_id, charged_s)
+    assert qcompile("runs", "show", "last").out.endswith(": 3.8 QPU seconds charged\n")
 
 
 def overwrite(folder: Path) -> None:
@@ -156,9 +196,9 @@ def test_a_damaged_run_hides_no_other(qcompile: Call, damage: Callable[[Path], N
     broken, kept = journal(), journal()
     damage(broken.folder)
     answer = qcompile("runs", "--json")
-    assert answer.code == 0, answer.err
+    assert answer.code == 1
     assert [row["run"] for row in answer.json()] == [kept.id]
-    assert f"runs/{broken.id}" in answer.err
+    assert f"Error: runs/{broken.id}/journal.sqlite cannot be read: " in answer.err
     assert "cannot be read" in answer.err
     assert kept.id in qcompile("runs").out
     assert qcompile("runs", "show", kept.id, "--json").json()["run"] == kept.id
@@ -243,7 +283,10 @@ def test_a_run_of_a_newer_version_is_explained(qcompile: Call) -> None:
     made = journal()
     answer = qcompile("resume", "last")
     assert answer.code == 1
-    assert f"Error: Run {made.id} cannot be read by this version of qcompile.\n" in answer.err
+    assert (
+        f"Error: runs/{made.id}/journal.sqlite cannot be read by this version of qcompile.\n"
+        in answer.err
+    )
     assert "Traceback" not in answer.err
 
 

@@ -37,7 +37,7 @@ def test_a_job_that_fails_three_times_is_explained(runs: Runs, undisturbed: dict
     assert [(job.status, job.charged_seconds) for job in failed] == [("Failed", 0)] * 3
     assert f"Job {failed[-1].id} failed: " in answer.err
     assert "Internal error of the system." in answer.err
-    assert "  IBM has charged 0 s for it; this was attempt 3.\n" in answer.err
+    assert "  It was charged 0 s; this was attempt 3.\n" in answer.err
     assert answer.err.endswith(f"  `qcompile resume {run_id()}` goes on.\n")
     assert played(runs.until_finished(runs.call("resume", "last", "--json"))) == undisturbed
     check_paid_once(runs.service, 3)
@@ -101,7 +101,7 @@ def test_results_that_stay_unreadable_are_explained_and_never_paid_twice(
     [job] = runs.service.ledger().jobs
     assert (job.status, job.id in answer.err) == ("Completed", True)
     assert f"The result of job {job.id} cannot be read, 4 times." in answer.err
-    assert "  It is paid and is not sent again.\n  Jobs done: 0, " in answer.err
+    assert "  It is paid and is not sent again: going on fetches it once more.\n" in answer.err
     runs.service.faults.clear()
     assert played(runs.until_finished(runs.call("resume", "last", "--json"))) == undisturbed
     check_paid_once(runs.service, 3)
@@ -111,14 +111,15 @@ def test_results_that_stay_unreadable_are_explained_and_never_paid_twice(
 def test_a_charge_that_comes_late_is_not_guessed_and_learnt_later(
     runs: Runs, undisturbed: dict[str, Any]
 ) -> None:
-    """A result is charged what IBM has said when it is read, and says of how many it has not."""
+    """A result tells the caps of jobs of which IBM has not said the charge: 19 s each."""
     runs.service.settings.usage_lag_seconds = 3600
     found = runs.run().json()
     assert played(found) == undisturbed
-    assert (found["qpu_seconds"], found["jobs_uncharged"]) == (0, 3)
+    assert (found["qpu_seconds_settled"], found["jobs_uncharged"]) == (0, 3)
+    assert found["qpu_seconds"] == 3 * 19
     shown = runs.call("runs", "show", "last", "--json").json()
     assert shown["result"] == found
-    assert (shown["qpu_seconds"], shown["jobs_uncharged"]) == (0, 3)
+    assert (shown["qpu_seconds"], shown["jobs_uncharged"]) == (3 * 19, 3)
     runs.service.settings.usage_lag_seconds = 0
     assert runs.call("runs", "show", "last", "--json").json() == shown  # it asks nobody
     again = runs.call("resume", "last", "--json").json()
@@ -138,14 +139,14 @@ def test_charges_are_learnt_in_between_before_there_are_too_many(
 ) -> None:
     monkeypatch.setattr("qcompile.live.jobs._MOST_UNCHARGED", 2)
     runs.service.settings.usage_lag_seconds = 3600
-    real, told = Jobs.learn_charges, []
+    real, told = Jobs._wait_for_charges, []
 
-    def learn(self: Jobs) -> None:
+    def wait(self: Jobs, pause_s: float) -> None:
         runs.service.settings.usage_lag_seconds = 0
-        told.append(len(self.journal.uncharged()))
-        real(self)
+        told.append(len(self.journal.charges.uncharged()))
+        real(self, pause_s)
 
-    monkeypatch.setattr(Jobs, "learn_charges", learn)
+    monkeypatch.setattr(Jobs, "_wait_for_charges", wait)
     found = runs.run().json()
     assert played(found) == undisturbed
     assert told == [2]  # before the third job; at the end nothing is left to ask
@@ -173,16 +174,27 @@ def test_a_deleted_job_is_explained_and_sent_once_more(
         f"  `qcompile resume {run_id()}` goes on.\n"
     )
     assert len(runs.service.ledger().jobs) == 1  # nothing is sent before somebody says so
-    found = runs.until_finished(runs.call("resume", "last", "--json"))
+    again = runs.call("resume", "last")
+    assert again.code == 1
+    assert (
+        f"Error: Job {job.id} gave no counts. IBM says: it has the job no more.\n"
+        "  It may be charged yet. It is sent and paid again only if you say so.\n"
+        "  Jobs done: 0, steps played: 0; all of it is kept.\n"
+        f"  `qcompile resume {run_id()} --yes` sends it again.\n"
+    ) in again.err
+    assert len(runs.service.ledger().jobs) == 1
+    found = runs.until_finished(runs.call("resume", "last", "--json", "--yes"))
     assert runs.errors == []
     assert played(found) == undisturbed
     first, *others = runs.service.ledger().jobs
     assert [number_of(entry) for entry in others] == [(0, 1), (1, 0), (2, 0)]
     assert first.deleted
     assert found["jobs_uncharged"] == 1
-    assert found["qpu_seconds"] == pytest.approx(sum(entry.charged_seconds for entry in others))
+    charged_s = sum(entry.charged_seconds for entry in others)
+    assert found["qpu_seconds_settled"] == pytest.approx(charged_s)
+    assert found["qpu_seconds"] == pytest.approx(charged_s + 19)
     with find_journal(Path("runs"), "last") as journal:
-        charge, *_ = journal.charges()
+        charge, *_ = journal.charges.all()
     assert (charge.cap_s, charge.charged_s) == (19, None)
 
 

@@ -11,7 +11,6 @@ import pytest
 
 from qcompile.errors import LiveError
 from qcompile.live.journal import Journal
-from qcompile.live.records import Charge
 
 RUNS = Path("runs")
 SETTINGS = {"backend": "somewhere", "shots": 3, "angles": [0.1, None]}
@@ -41,7 +40,7 @@ def test_a_new_run_has_a_folder_named_by_time_and_name() -> None:
     assert found.versions == VERSIONS
     assert found.created == journal.created >= before
     assert found.result is None
-    assert found.submissions() == found.charges() == []
+    assert found.submissions() == found.charges.all() == []
     assert found.step_count() == 0
 
 
@@ -70,7 +69,8 @@ def test_a_submission_is_there_from_before_it_is_sent_until_its_counts() -> None
     assert (sent.state, sent.job_id, sent.charged_s) == ("sent", "job-a", None)
     assert (sent.sent_at, sent.cap_s) == (noted.sent_at, 17)
 
-    journal.note_done(made, ones, 2.25)
+    journal.note_done(made, ones)
+    charge(journal, "job-a", 2.25)
     done = again(journal).latest(4)
     assert done is not None
     assert (done.state, done.job_id, done.charged_s) == ("done", "job-a", 2.25)
@@ -85,7 +85,7 @@ def test_attempts_count_up_and_every_tag_is_its_own() -> None:
     for number, attempt in [(0, 0), (1, 0), (0, 1), (0, 2), (11, 0), (1, 1)]:
         made = journal.intend(number, "d", 1)
         assert (made.number, made.attempt) == (number, attempt)
-        journal.note_failed(made, "it rained", 0.5)
+        journal.note_failed(made, "it rained")
         tags.append(made.tag)
     tags.append(other.intend(0, "d", 1).tag)
     assert len(set(tags)) == len(tags) == 7
@@ -93,7 +93,7 @@ def test_attempts_count_up_and_every_tag_is_its_own() -> None:
     found = again(journal).submissions()
     order = [(made.number, made.attempt) for made in found]
     assert order == [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (11, 0)]
-    assert {(s.state, s.words, s.charged_s) for s in found} == {("failed", "it rained", 0.5)}
+    assert {(s.state, s.words) for s in found} == {("failed", "it rained")}
 
 
 def test_sent_again_it_has_the_time_and_the_cap_of_the_last_time() -> None:
@@ -107,17 +107,23 @@ def test_sent_again_it_has_the_time_and_the_cap_of_the_last_time() -> None:
     assert second.sent_at > first.sent_at
 
 
+def charge(journal: Journal, job_id: str, charged_s: float) -> None:
+    found = journal.charges.of_job(job_id)
+    assert found is not None
+    journal.charges.settle(found, charged_s)
+
+
 def several() -> Journal:
     """A run with submissions of every state, the first of them with a second job."""
     journal = new()
     failed = journal.note_sending(journal.intend(0, "d", 10), 5)
     journal.note_sent(failed, "job-a")
-    journal.note_failed(failed, "no", 1.5)
+    journal.note_failed(failed, "no")
+    charge(journal, "job-a", 1.5)
     done = journal.note_sending(journal.intend(0, "d", 11), 6)
     journal.note_sent(done, "job-b")
-    journal.note_extra(done, "job-x")
-    journal.note_extra(done, "job-x")  # it is found at each look
-    journal.note_done(done, np.zeros((1, 1), np.int64), None)
+    journal.charges.note_unexpected(0, 11, 6, datetime.now(UTC), "job-x")
+    journal.note_done(done, np.zeros((1, 1), np.int64))
     sent = journal.note_sending(journal.intend(1, "e", 20), 7)
     journal.note_sent(sent, "job-c")
     journal.note_sending(journal.intend(2, "f", 30), 8)
@@ -125,39 +131,53 @@ def several() -> Journal:
     return journal
 
 
-def test_what_every_attempt_costs() -> None:
+def test_every_job_that_ibm_has_or_may_have_is_a_charge() -> None:
     """But for those that were never sent; a second job costs as well."""
-    journal = several()
-    assert again(journal).charges() == [
-        Charge(10, 5, 1.5),
-        Charge(11, 6, None),
-        Charge(20, 7, None),
-        Charge(30, 8, None),
-        Charge(11, 6, None),
+    charges = again(several()).charges
+    assert [(c.number, c.executions, c.cap_s, c.job_id, c.charged_s) for c in charges.all()] == [
+        (0, 10, 5, "job-a", 1.5),
+        (0, 11, 6, "job-b", None),
+        (0, 11, 6, "job-x", None),
+        (1, 20, 7, "job-c", None),
+        (2, 30, 8, None, None),
     ]
-    made = journal.latest(1)
-    assert made is not None
-    assert [charge.cap_s for charge in again(journal).charges(but=made)] == [5, 6, 8, 6]
-    assert again(journal).jobs_done() == 1
+    assert (charges.settled_s, charges.upper_s) == (1.5, 1.5 + 6 + 6 + 7 + 8)
+    assert again(several()).jobs_done() == 1
 
 
 def test_charges_that_are_not_known_yet_are_learnt_later() -> None:
     """Of jobs that have ended, and of second ones; a job under way has none yet."""
     journal = several()
-    assert sorted(again(journal).uncharged()) == ["job-b", "job-x"]
-    journal.note_charge("job-b", 2.25)
-    assert again(journal).uncharged() == ["job-x"]
-    journal.note_charge("job-x", 0.0)
-    assert again(journal).uncharged() == []
-    assert [charge.charged_s for charge in again(journal).charges()] == [
-        *(1.5, 2.25, None, None, 0.0)
-    ]
+    assert [c.job_id for c in again(journal).charges.uncharged()] == ["job-b", "job-x"]
+    charge(journal, "job-b", 2.25)
+    assert [c.job_id for c in again(journal).charges.uncharged()] == ["job-x"]
+    charge(journal, "job-x", 0.0)
+    assert again(journal).charges.uncharged() == []
+    assert again(journal).charges.settled_s == 3.75
+    latest = again(journal).latest(0)
+    assert latest is not None
+    assert latest.charged_s == 2.25
 
 
-def test_a_job_that_never_came_to_be_has_no_charge_to_wait_for() -> None:
+def test_a_run_is_settled_once_it_was_looked_over_and_nothing_is_open() -> None:
     journal = new()
-    journal.note_failed(journal.note_sending(journal.intend(0, "d", 10), 5), "refused", None)
-    assert again(journal).uncharged() == []
+    made = journal.intend(0, "d", 10)
+    journal.note_looked_over()
+    assert again(journal).is_settled
+    journal.note_sending(made, 5)
+    journal.note_sent(made, "job-a")
+    journal.note_done(made, np.zeros((1, 1), np.int64))
+    charge(journal, "job-a", 1.0)
+    assert not again(journal).is_settled  # something was sent since
+    journal.note_looked_over()
+    assert again(journal).is_settled
+
+
+def test_what_is_written_is_on_the_disk_before_anything_else_happens() -> None:
+    """SQLite's FULL, 2: without it a power cut takes what was said to be written."""
+    journal = new()
+    for seen in (journal, again(journal)):
+        assert seen._db.execute("PRAGMA synchronous").fetchone() == (2,)
 
 
 def test_steps_come_back_as_they_were() -> None:
@@ -201,7 +221,7 @@ def test_another_limit_and_the_result_are_kept() -> None:
 def test_a_block_closes_it() -> None:
     with new() as journal:
         assert journal.submissions() == []
-    with pytest.raises(LiveError, match="cannot be read or written: Cannot operate on a closed"):
+    with pytest.raises(LiveError, match="cannot be read: Cannot operate on a closed"):
         journal.submissions()
     with again(journal) as opened:
         assert opened.id == journal.id

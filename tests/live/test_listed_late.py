@@ -67,7 +67,7 @@ def test_a_job_listed_after_another_was_sent_ends_with_both_counted(
     assert found["qpu_seconds"] == pytest.approx(ledger.charged_seconds)
     assert found["jobs_uncharged"] == 0
     with find_journal(Path("runs"), "last") as journal:
-        assert len(journal.charges()) == 4
+        assert len(journal.charges.all()) == 4
 
 
 def test_a_job_listed_only_after_another_was_accepted_is_counted(

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from qcompile.errors import LiveError
-from qcompile.live.journal import FILE, Journal
+from qcompile.live.journal import Journal
+from qcompile.live.opening import FILE
 from qcompile.live.runs import find_journal, journals
 
 RUNS = Path("runs")
@@ -54,7 +55,7 @@ def test_a_part_of_several_names_is_not_enough() -> None:
     with pytest.raises(LiveError) as caught:
         find_journal(RUNS, "cart")
     assert str(caught.value) == (
-        f"2 runs are meant by 'cart': {ids[0]}, {ids[1]}.\n  Say more of it."
+        f"'cart' matches 2 runs: {ids[0]}, {ids[1]}.\n  Give more of the ID."
     )
 
 

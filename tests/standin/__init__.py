@@ -5,17 +5,22 @@ jobs of both samplers, batches, results and usage. Error codes other than 1305 (
 and 1352 (no sessions on the Open Plan) are its own.
 """
 
+from .answers import CHARGES, SHAPES, Reshape
 from .errors import ApiError
 from .faults import Chance, Fault, Faults, Once, Orders
 from .identity import API_KEY, CRN
 from .jobs import MAX_EXECUTIONS, Entry, Ledger, usage_seconds
 from .settings import Settings
 from .stand_in import StandIn
+from .troubles import TROUBLES, Trouble
 
 __all__ = [
     "API_KEY",
+    "CHARGES",
     "CRN",
     "MAX_EXECUTIONS",
+    "SHAPES",
+    "TROUBLES",
     "ApiError",
     "Chance",
     "Entry",
@@ -24,7 +29,9 @@ __all__ = [
     "Ledger",
     "Once",
     "Orders",
+    "Reshape",
     "Settings",
     "StandIn",
+    "Trouble",
     "usage_seconds",
 ]

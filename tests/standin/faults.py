@@ -5,12 +5,12 @@ from __future__ import annotations
 import threading
 from collections import Counter
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-SUBMIT = "POST /jobs"
-RESULTS = "GET /jobs/{id}/results"
+from .answers import RESULTS, Reshape, reshaped
 
 
 class Fault(StrEnum):
@@ -26,16 +26,32 @@ class Fault(StrEnum):
     """503, before the request is handled."""
     GATEWAY_TIMEOUT = "gateway_timeout"
     """504, before the request is handled."""
+    NOT_FOUND = "not_found"
+    """404, before the request is handled."""
     DROPPED = "dropped"
     """The connection ends without an answer, before the request is handled."""
     ACCEPTED_504 = "accepted_504"
     """504 to POST /jobs, although the job was accepted."""
     ACCEPTED_DROPPED = "accepted_dropped"
     """The connection ends without an answer to POST /jobs, although the job was accepted."""
+    ACCEPTED_400 = "accepted_400"
+    """400 to POST /jobs, although the job was accepted; the next ones alike."""
+    ACCEPTED_401 = "accepted_401"
+    ACCEPTED_403 = "accepted_403"
+    ACCEPTED_404 = "accepted_404"
+    ACCEPTED_409 = "accepted_409"
+    ACCEPTED_413 = "accepted_413"
+    ACCEPTED_429 = "accepted_429"
+    TAGS_IGNORED = "tags_ignored"
+    """GET /jobs lists jobs of any tags."""
+    TAGS_HIDDEN = "tags_hidden"
+    """GET /jobs lists jobs of any tags, and does not say which they have."""
     CUT_ANSWER = "cut_answer"
     """The answer breaks off half way: the request was handled, its body is not complete."""
     JOB_FAILS = "job_fails"
     """The job ends Failed by an error of the system, and is not charged."""
+    JOB_FAILS_CHARGED = "job_fails_charged"
+    """The job ends Failed by an error of the system, and is charged all the same."""
     JOB_CANCELLED = "job_cancelled"
     """Somebody else cancels the job while it waits."""
     JOB_WAITS = "job_waits"
@@ -46,6 +62,8 @@ class Fault(StrEnum):
     """The results are valid JSON of another shape."""
     RESULTS_EMPTY = "results_empty"
     """The body of the results is empty."""
+    REASON_MISSING = "reason_missing"
+    """404 to the results of a job that did not complete."""
 
 
 STATUS = {
@@ -54,11 +72,23 @@ STATUS = {
     Fault.BAD_GATEWAY: 502,
     Fault.UNAVAILABLE: 503,
     Fault.GATEWAY_TIMEOUT: 504,
+    Fault.NOT_FOUND: 404,
 }
 BEFORE = (*STATUS, Fault.DROPPED)
-AFTER_ACCEPTING = (Fault.ACCEPTED_504, Fault.ACCEPTED_DROPPED)
-OF_JOBS = (Fault.JOB_FAILS, Fault.JOB_CANCELLED, Fault.JOB_WAITS)
+ACCEPTED_STATUS = {
+    kind: int(kind.removeprefix("accepted_"))
+    for kind in Fault
+    if kind.startswith("accepted_") and kind is not Fault.ACCEPTED_DROPPED
+}
+AFTER_ACCEPTING = (*ACCEPTED_STATUS, Fault.ACCEPTED_DROPPED)
+OF_LISTS = (Fault.TAGS_IGNORED, Fault.TAGS_HIDDEN)
+OF_JOBS = (Fault.JOB_FAILS, Fault.JOB_FAILS_CHARGED, Fault.JOB_CANCELLED, Fault.JOB_WAITS)
 OF_RESULTS = (Fault.RESULTS_TRUNCATED, Fault.RESULTS_MISSHAPEN, Fault.RESULTS_EMPTY)
+
+_SETTINGS = (
+    *("listing_lag_seconds", "wait_seconds", "retry_after_seconds"),
+    *("echo_secrets", "suffix"),
+)
 
 
 class _Record(BaseModel):
@@ -91,9 +121,12 @@ class Orders(_Record):
     clear: bool = False
     once: tuple[Once, ...] = ()
     chance: tuple[Chance, ...] = ()
+    reshape: tuple[Reshape, ...] = ()
     listing_lag_seconds: float | None = Field(default=None, ge=0)
     wait_seconds: float | None = Field(default=None, ge=0)
     retry_after_seconds: int | None = Field(default=None, ge=0)
+    echo_secrets: bool | None = None
+    suffix: str | None = None
     expire_tokens: bool = False
     refuse_key: bool | None = None
     retire: tuple[str, ...] = ()
@@ -109,6 +142,10 @@ class Faults:
         self.wait_seconds = 3600.0
         """How much longer JOB_WAITS keeps a job in the queue."""
         self.retry_after_seconds = 1
+        self.echo_secrets = False
+        """Whether what is said of an error repeats the headers that came with the request."""
+        self.suffix = ""
+        """What all that is said of an error, or of why a job ended, ends with."""
         self.key_refused = False
         """Whether the API key is refused for good: no token is given, and none is taken."""
         self.retired: set[str] = set()
@@ -118,8 +155,14 @@ class Faults:
         self._expired = 0
         self._once: list[tuple[Once, int]] = []
         self._chance: list[Chance] = []
+        self._reshape: list[tuple[Reshape, int | None]] = []
         self._rng = np.random.default_rng(seed)
         self._lock = threading.RLock()
+
+    def seed(self, seed: int) -> None:
+        """Draw what strikes at random anew."""
+        with self._lock:
+            self._rng = np.random.default_rng(seed)
 
     def once(self, kind: Fault | str, *, on: str | None = None, times: int = 1) -> None:
         """Make `kind` strike the next `times` requests that are `on`, such as "POST /jobs"."""
@@ -136,6 +179,11 @@ class Faults:
             self._chance = [r for r in self._chance if (r.kind, r.on) != (rule.kind, rule.on)]
             if probability:
                 self._chance.append(rule)
+
+    def reshape(self, rule: Reshape) -> None:
+        """Give answers another shape by `rule`, in addition to the rules there are."""
+        with self._lock:
+            self._reshape.append((rule, rule.times))
 
     def expire_tokens(self) -> None:
         """Refuse every token that was given out so far; a new one is taken."""
@@ -161,8 +209,9 @@ class Faults:
     def clear(self) -> None:
         """End all faults; the counts stay."""
         with self._lock:
-            self._once, self._chance = [], []
+            self._once, self._chance, self._reshape = [], [], []
             self.listing_lag_seconds, self.key_refused = 0.0, False
+            self.echo_secrets, self.suffix = False, ""
             self.retired.clear()
 
     def order(self, orders: Orders) -> None:
@@ -174,7 +223,9 @@ class Faults:
                 self.once(rule.kind, on=rule.on, times=rule.times)
             for chance in orders.chance:
                 self.chance(chance.kind, chance.probability, on=chance.on, fetches=chance.fetches)
-            for name in ("listing_lag_seconds", "wait_seconds", "retry_after_seconds"):
+            for shape in orders.reshape:
+                self.reshape(shape)
+            for name in _SETTINGS:
                 if (value := getattr(orders, name)) is not None:
                     setattr(self, name, value)
             if orders.expire_tokens:
@@ -203,6 +254,23 @@ class Faults:
                 if first and chance.kind in OF_RESULTS and self._hits(chance):
                     return chance.kind, chance.fetches
         return None, 0
+
+    def reshapes(self, request: str) -> bool:
+        """Whether a rule may change the answers to these requests."""
+        with self._lock:
+            return any(rule.on == request and left != 0 for rule, left in self._reshape)
+
+    def reshaped(self, request: str, answer: Any) -> tuple[Any, bool]:
+        """The answer to a request as the rules want it, and whether any of them changed it."""
+        struck = False
+        with self._lock:
+            for index, (rule, left) in enumerate(self._reshape):
+                if rule.on == request and left != 0:
+                    answer, changed = reshaped(answer, rule)
+                    struck = struck or changed
+                    if changed and left is not None:
+                        self._reshape[index] = (rule, left - 1)
+        return answer, struck
 
     def _spend(self, kinds: tuple[Fault, ...], request: str) -> Fault | None:
         for index, (rule, left) in enumerate(self._once):

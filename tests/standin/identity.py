@@ -60,6 +60,12 @@ class Identity:
             "scope": "ibm openid",
         }
 
+    def secrets(self) -> list[str]:
+        """The key, every token given so far, and what of a token tells who it was given to."""
+        with self._lock:
+            tokens = list(self._given)
+        return [API_KEY, *(part for token in tokens for part in token.split(".")[1:])]
+
     def check(self, authorization: str, crn: str) -> None:
         """Let a request with these headers pass.
 

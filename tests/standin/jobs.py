@@ -111,10 +111,11 @@ class Job:
     def charged_by(self, now: float) -> float:
         return self.charged if self.has_ended(now) else 0.0
 
-    def fail(self) -> None:
-        """Let the job end by an error of the system, free of charge."""
-        self.outcome, self.charged = FAILED, 0.0
-        self.reason, self.reason_code = "Internal error of the system.", 9999
+    def fail(self, *, charged: bool = False, suffix: str = "") -> None:
+        """Let the job end by an error of the system, free of charge unless `charged`."""
+        self.outcome, self.charged = FAILED, self.charged if charged else 0.0
+        self.reason = " ".join(filter(None, ("Internal error of the system.", suffix)))
+        self.reason_code = 9999
 
     def cancel(self, now: float, reason: str) -> bool:
         """Cancel the job and charge what it used; False where it had ended already."""

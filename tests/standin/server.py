@@ -15,8 +15,17 @@ from werkzeug.exceptions import HTTPException
 from werkzeug.routing import Map, Rule
 from werkzeug.wrappers import Request, Response
 
+from .answers import SUBMIT
 from .errors import ApiError
-from .faults import AFTER_ACCEPTING, BEFORE, STATUS, SUBMIT, Fault, Faults, Orders
+from .faults import (
+    ACCEPTED_STATUS,
+    AFTER_ACCEPTING,
+    BEFORE,
+    STATUS,
+    Fault,
+    Faults,
+    Orders,
+)
 from .identity import Identity
 from .jobs import Ledger
 from .service import Service
@@ -73,13 +82,20 @@ class Application:
         fault = self._faults.strike(BEFORE, name)
         if fault is not None:
             self._faults.record(fault)
-            return None if fault is Fault.DROPPED else self._failure(fault)
+            return None if fault is Fault.DROPPED else self._failure(request, fault)
         response = self._handle(request, name, found)
         if response.status_code >= HTTPStatus.BAD_REQUEST:
             return response
         if name == SUBMIT and (fault := self._faults.strike(AFTER_ACCEPTING, name)):
             self._faults.record(fault)
-            return None if fault is Fault.ACCEPTED_DROPPED else _failed(504, fault)
+            if fault is Fault.ACCEPTED_DROPPED:
+                return None
+            return self._failure(request, fault)
+        if response.is_json and self._faults.reshapes(name):
+            answer, changed = self._faults.reshaped(name, response.get_json())
+            if changed:
+                self._faults.record("reshaped")
+                response = _json(answer)
         body = response.get_data()
         if len(body) > 1 and self._faults.strike((Fault.CUT_ANSWER,), name):
             self._faults.record(Fault.CUT_ANSWER)
@@ -87,11 +103,22 @@ class Application:
             response.content_length = len(body)
         return response
 
-    def _failure(self, fault: Fault) -> Response:
-        response = _failed(STATUS[fault], fault)
-        if fault is Fault.RATE_LIMITED:
+    def _failure(self, request: Request, fault: Fault) -> Response:
+        status = (STATUS | ACCEPTED_STATUS)[fault]
+        response = self._refusal(request, ApiError(status, status, f"The service failed: {fault}."))
+        if status == HTTPStatus.TOO_MANY_REQUESTS:
             response.headers["Retry-After"] = str(self._faults.retry_after_seconds)
         return response
+
+    def _refusal(self, request: Request, error: ApiError) -> Response:
+        """The answer of an error, with what `Faults` adds to its words."""
+        words = [str(error), self._faults.suffix]
+        if self._faults.echo_secrets:
+            self._faults.record("secrets_echoed")
+            words += [f"You sent {name}: {value}" for name, value in request.headers.items()]
+            words += [f"{name}={value}" for name, value in request.form.items()]
+        said = ApiError(error.status, error.code, " ".join(filter(None, words)))
+        return _json(said.body(), error.status)
 
     def _handle(self, request: Request, name: str, found: Mapping[str, Any]) -> Response:
         try:
@@ -102,12 +129,12 @@ class Application:
                 )
             answer = self._handlers[name](request, **found)
         except ApiError as error:
-            return _json(error.body(), error.status)
+            return self._refusal(request, error)
         except HTTPException as error:  # werkzeug's own, of a body that is not JSON
             return Response(error.description, status=error.code)
         except Exception as error:
             self.defects.append(error)
-            return _failed(500, repr(error))
+            return self._refusal(request, ApiError(500, 500, f"The service failed: {error!r}."))
         if answer is None:
             return Response(status=HTTPStatus.NO_CONTENT)
         return answer if isinstance(answer, Response) else _json(answer)
@@ -184,16 +211,12 @@ def _rule(name: str) -> Rule:
     return Rule(f"{prefix}{path}", methods=[method], endpoint=name)
 
 
-def _json(body: dict[str, Any], status: int = HTTPStatus.OK) -> Response:
+def _json(body: Any, status: int = HTTPStatus.OK) -> Response:
     return _json_text(json.dumps(body), status)
 
 
 def _json_text(body: str, status: int = HTTPStatus.OK) -> Response:
     return Response(body, status=status, content_type="application/json")
-
-
-def _failed(status: int, why: str) -> Response:
-    return _json(ApiError(status, status, f"The service failed: {why}.").body(), status)
 
 
 def _hang_up(environ: dict[str, Any]) -> None:

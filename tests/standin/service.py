@@ -11,9 +11,10 @@ from typing import Any
 
 import dateutil.parser
 
+from .answers import LIST, RESULTS, SUBMIT
 from .backends import Machine
 from .errors import ApiError
-from .faults import OF_JOBS, SUBMIT, Fault, Faults
+from .faults import OF_JOBS, OF_LISTS, Fault, Faults
 from .identity import CRN
 from .jobs import CANCELLED, COMPLETED, MAX_EXECUTIONS, QUEUED, Batch, Entry, Job, usage_seconds
 from .physics import RefusedError, draw
@@ -111,8 +112,8 @@ class Service:
                 ends=starts + self._settings.run_seconds,
             )
             job.limit()
-            if fault is Fault.JOB_FAILS:
-                job.fail()
+            if fault in (Fault.JOB_FAILS, Fault.JOB_FAILS_CHARGED):
+                job.fail(charged=fault is Fault.JOB_FAILS_CHARGED, suffix=self._faults.suffix)
             elif fault is Fault.JOB_CANCELLED:
                 job.outcome, job.charged, job.ends = CANCELLED, 0.0, job.starts
                 job.reason, job.reason_code = "Job was cancelled by another user.", None
@@ -146,6 +147,9 @@ class Service:
         """
         now = time.time()
         if job.status(now) != COMPLETED:
+            if self._faults.strike((Fault.REASON_MISSING,), RESULTS):
+                self._faults.record(Fault.REASON_MISSING)
+                raise ApiError(404, 1292, f"The results of job {job.id} were not found.")
             return job.reason if job.has_ended(now) else None
         with job.lock:
             if job.body is None:
@@ -171,12 +175,17 @@ class Service:
         if hidden and self._faults.listing_lag_seconds:
             self._faults.record("listing_lag")
             everything = [job for job in everything if job.created <= known_before]
+        fault = self._faults.strike(OF_LISTS, LIST)
+        if fault is not None:
+            self._faults.record(fault)
+            tags = ()
         found = [job for job in everything if _matches(job, query, tags, now)]
         found.sort(key=lambda job: job.created, reverse=query.get("sort") != "ASC")
         offset, limit = int(query.get("offset", 0)), int(query.get("limit", 10))
         page = found[offset : offset + min(limit, _LONGEST_PAGE)]
+        rows = [job.answer(now) for job in page]
         return {
-            "jobs": [job.answer(now) for job in page],
+            "jobs": [_without_tags(row) if fault is Fault.TAGS_HIDDEN else row for row in rows],
             "count": len(found),
             "limit": limit,
             "offset": offset,
@@ -258,6 +267,10 @@ def _matches(job: Job, query: Mapping[str, Any], tags: Sequence[str], now: float
     if "created_before" in query and job.created > _seconds(query["created_before"]):
         return False
     return set(tags) <= set(job.tags)
+
+
+def _without_tags(row: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in row.items() if key != "tags"}
 
 
 def _seconds(time_: str) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Mapping
+from dataclasses import replace
 from types import TracebackType
 from typing import Any, Self
 
@@ -43,8 +44,9 @@ class StandIn:
         self.faults = Faults(self.settings.seed)
         machines = {name: load_machine(name, fake) for name, fake in backends.items()}
         service = Service(machines, self.settings, self.faults)
-        identity = Identity(self.faults, self.settings)
-        self._application = Application(service, identity, self.faults)
+        self._identity = Identity(self.faults, self.settings)
+        self._application = Application(service, self._identity, self.faults)
+        self._usual = replace(self.settings)
         self._port = port
 
     def __enter__(self) -> Self:
@@ -89,6 +91,16 @@ class StandIn:
             # Without it the client asks IBM's catalogue which instances there are.
             "QISKIT_FUNCTIONS_EXPERIMENTAL": "1",
         }
+
+    def recover(self) -> None:
+        """End all faults, and behave as at the beginning."""
+        self.faults.clear()
+        for name, value in vars(self._usual).items():
+            setattr(self.settings, name, value)
+
+    def secrets(self) -> list[str]:
+        """What must not be in any file or on any terminal: the key, the tokens and their parts."""
+        return self._identity.secrets()
 
     def ledger(self) -> Ledger:
         """The jobs, requests and faults up to now; the same as GET /standin/ledger."""

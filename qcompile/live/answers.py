@@ -1,0 +1,148 @@
+"""What IBM's service answers about jobs, checked before it is believed."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, TypeVar
+
+from pydantic import (
+    AliasChoices,
+    BaseModel,
+    ConfigDict,
+    Field,
+    StrictFloat,
+    StrictInt,
+    ValidationError,
+    WrapValidator,
+)
+
+from qcompile.errors import LiveError
+
+_RAN_TOO_LONG = 1305
+"""IBM's code for a job that it cut off at its `max_execution_time`."""
+_MOST_OF_CAP = 10
+"""A charge above so many times the job's cap is not believed."""
+
+T = TypeVar("T", bound=BaseModel)
+
+
+class UnreadableAnswerError(LiveError):
+    """The service answered with something of another shape than its interface has."""
+
+    def __init__(self, about: str):
+        super().__init__(
+            f"IBM's service gave an answer about {about} that cannot be read.",
+            "Nothing is lost: go on later. If it stays so, install the client of constraints.txt.",
+        )
+
+
+def _or_none(value: Any, handler: Any) -> Any:
+    try:
+        return handler(value)
+    except ValidationError:
+        return None
+
+
+_Lenient = WrapValidator(_or_none)
+"""Of another type than it should be, the value counts as missing."""
+
+
+class _State(BaseModel):
+    model_config = ConfigDict(frozen=True)
+
+    status: str = ""
+    reason: Annotated[str | None, _Lenient] = None
+    reason_code: Annotated[int | None, _Lenient] = Field(
+        default=None, validation_alias=AliasChoices("reason_code", "reasonCode")
+    )
+
+
+class RemoteJob(BaseModel):
+    """A job as IBM tells of it.
+
+    `created` is the time in IBM's words, `cap_s` the seconds at which IBM cuts it off; both are
+    None where IBM does not say them.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    id: str = Field(min_length=1, max_length=200)
+    tags: Annotated[tuple[str, ...] | None, _Lenient] = None
+    created: Annotated[str | None, _Lenient] = None
+    cap_s: Annotated[Annotated[float, Field(gt=0, lt=1e9)] | None, _Lenient] = Field(
+        default=None, validation_alias="cost"
+    )
+    state: _State = _State()
+
+    @property
+    def status(self) -> str:
+        """IBM's word in capitals: QUEUED, RUNNING, COMPLETED, FAILED, CANCELLED or another."""
+        return self.state.status.upper()
+
+    @property
+    def is_done(self) -> bool:
+        return self.status == "COMPLETED"
+
+    @property
+    def is_cancelled(self) -> bool:
+        return self.status.startswith("CANCELLED") and not self.was_cut_off
+
+    @property
+    def was_cut_off(self) -> bool:
+        """Whether IBM stopped it at its cap."""
+        too_long = self.state.reason_code == _RAN_TOO_LONG or "TOO LONG" in self.status
+        return too_long and not self.is_done and self.has_ended
+
+    @property
+    def has_ended(self) -> bool:
+        return self.status.startswith(("COMPLETED", "FAILED", "CANCELLED"))
+
+    @property
+    def reason(self) -> str:
+        """Why it ended without counts."""
+        words = " ".join((self.state.reason or "IBM gives no reason.").split())[:300]
+        code = self.state.reason_code
+        return words if code is None else f"{words} (code {code})"
+
+
+class Listing(BaseModel):
+    """A page of jobs, and how many there are on all pages."""
+
+    jobs: list[RemoteJob]
+    count: int = Field(ge=0)
+
+
+class _Usage(BaseModel):
+    status: str = "pending"
+    qpu_charge_time_seconds: Annotated[StrictInt | StrictFloat | None, _Lenient] = None
+
+
+class Metrics(BaseModel):
+    """What IBM measured of a job."""
+
+    usage: _Usage | None = None
+
+    def charged_s(self, cap_s: float) -> float | None:
+        """What a job that was capped at `cap_s` is charged.
+
+        None as long as IBM does not say, and for what cannot be: less than nothing, no finite
+        number, or more than ten times the cap.
+        """
+        if self.usage is None or self.usage.status == "pending":
+            return None
+        seconds = self.usage.qpu_charge_time_seconds
+        if seconds is None or not 0 <= seconds <= _MOST_OF_CAP * max(cap_s, 1):
+            return None
+        return float(seconds) if math.isfinite(seconds) else None
+
+
+def read(model: type[T], answer: Any, about: str) -> T:
+    """The answer as `model` has it.
+
+    Raises:
+        UnreadableAnswerError: it has another shape.
+    """
+    try:
+        return model.model_validate(answer)
+    except ValidationError as error:
+        raise UnreadableAnswerError(about) from error

@@ -1,0 +1,126 @@
+"""What a run's jobs cost: those that IBM has, and those that it may have."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import datetime
+from typing import Any
+
+from qcompile.execution import qpu_seconds
+from qcompile.live.records import Charge
+
+_DOUBTS = "charged_s IS NULL AND job_id IS NULL"
+
+
+class Charges:
+    """The charges of a journal.
+
+    A charge is there before a job is sent, in doubt, with its cap. It gets the id of its job when
+    IBM answers, or lists it; and what was charged once IBM says that. So `upper_s` is never less
+    than what IBM has charged. Sums of what is charged are kept, and not made anew for each job.
+    """
+
+    def __init__(self, do: Callable[..., object], rows: Callable[..., list[tuple[Any, ...]]]):
+        self._do, self._rows = do, rows
+        self._sums: tuple[float, float] | None = None
+
+    def forget_sums(self) -> None:
+        """Another process may have written: the sums are made anew."""
+        self._sums = None
+
+    # What they come to
+
+    @property
+    def settled_s(self) -> float:
+        """What IBM has charged, as far as it has said."""
+        return self._known()[0]
+
+    @property
+    def upper_s(self) -> float:
+        """What IBM has charged, and the cap of each job of which it has not said it."""
+        [[open_s]] = self._rows("SELECT total(cap_s) FROM charge WHERE charged_s IS NULL")
+        return self.settled_s + float(open_s)
+
+    @property
+    def worst_ratio(self) -> float:
+        """The worst of charge to IBM's estimate so far, 1 at least."""
+        return self._known()[1]
+
+    def _known(self) -> tuple[float, float]:
+        if self._sums is None:
+            rows = self._rows(
+                "SELECT executions, charged_s FROM charge WHERE charged_s IS NOT NULL"
+            )
+            total_s, worst = 0.0, 1.0
+            for executions, charged_s in rows:
+                total_s += charged_s
+                worst = max(worst, charged_s / qpu_seconds(1, executions))
+            self._sums = total_s, worst
+        return self._sums
+
+    # One by one
+
+    def all(self, where: str = "TRUE", *values: object) -> list[Charge]:
+        """Those for which `where` holds, in the order in which they were sent."""
+        rows = self._rows(
+            f"SELECT {Charge.COLUMNS} FROM charge WHERE {where} ORDER BY row", *values
+        )
+        return [Charge.of_row(row) for row in rows]
+
+    def doubts(self, number: int | None = None) -> list[Charge]:
+        """Jobs that IBM may have accepted and that are not known, of job `number` or of all."""
+        if number is None:
+            return self.all(_DOUBTS)
+        return self.all(f"{_DOUBTS} AND number = ?", number)
+
+    def uncharged(self) -> list[Charge]:
+        """Known jobs that have ended, but for their charge."""
+        return self.all(
+            "charged_s IS NULL AND job_id IS NOT NULL AND "
+            "job_id NOT IN (SELECT job_id FROM submission WHERE state = 'sent')"
+        )
+
+    def of_job(self, job_id: str) -> Charge | None:
+        """That of the job, if it is known."""
+        return next(iter(self.all("job_id = ?", job_id)), None)
+
+    # How they change
+
+    def note_doubt(self, number: int, executions: int, cap_s: float, sent_at: datetime) -> None:
+        """A job is being sent: from now on IBM may have it."""
+        self._insert(number, executions, cap_s, sent_at, None)
+
+    def drop(self, doubt: Charge) -> None:
+        """IBM has no such job."""
+        self._do("DELETE FROM charge WHERE row = ?", doubt.row)
+
+    def note_unanswered(self, doubt: Charge, at: datetime, *, refused: bool) -> None:
+        """Sending it ended `at` then without a job's id, and with a refusal if `refused`."""
+        self._do(
+            "UPDATE charge SET sent_at = ?, refused = ? WHERE row = ?",
+            *(at.isoformat(), refused, doubt.row),
+        )
+
+    def note_job(self, doubt: Charge, job_id: str, cap_s: float) -> None:
+        """It is no doubt: its job is known, and is cut off at `cap_s`."""
+        self._do("UPDATE charge SET job_id = ?, cap_s = ? WHERE row = ?", job_id, cap_s, doubt.row)
+
+    def note_unexpected(
+        self, number: int, executions: int, cap_s: float, sent_at: datetime, job_id: str
+    ) -> None:
+        """IBM has a job of which the journal had nothing."""
+        self._insert(number, executions, cap_s, sent_at, job_id)
+
+    def settle(self, charge: Charge, charged_s: float) -> None:
+        """What IBM charged for a job is known now."""
+        total_s, worst = self._known()
+        self._do("UPDATE charge SET charged_s = ? WHERE row = ?", charged_s, charge.row)
+        ratio = charged_s / qpu_seconds(1, charge.executions)
+        self._sums = total_s + charged_s, max(worst, ratio)
+
+    def _insert(self, *values: object) -> None:
+        self._do(
+            "INSERT INTO charge (number, executions, cap_s, sent_at, job_id, refused) "
+            "VALUES (?,?,?,?,?,0)",
+            *(value.isoformat() if isinstance(value, datetime) else value for value in values),
+        )

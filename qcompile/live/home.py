@@ -1,0 +1,77 @@
+"""Where a run is at home: the machine and the folder that last resumed it.
+
+Two copies of a run that go on at once would pay most jobs twice, and a journal may come from
+somebody else. So a run is resumed unasked only where it is at home. The journal keeps digests, with
+the run's ID as salt, not the names: who gets a copy learns neither machine nor folder from it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+import sqlite3
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+Moment = Literal["began", "last"]
+"""Where a run began, and where it was resumed last."""
+
+_MACHINE_ID = Path("/etc/machine-id")
+_TABLE = """
+CREATE TABLE IF NOT EXISTS home (
+  moment TEXT PRIMARY KEY, machine TEXT, folder TEXT, process INTEGER
+)
+"""
+
+
+@dataclass(frozen=True)
+class Home:
+    """Digests of a machine and of the run's folder on it.
+
+    `process` holds the run, or was killed while it did; None where it ended in order.
+    """
+
+    machine: str
+    folder: str
+    process: int | None = None
+
+
+def is_same_place(one: Home | None, other: Home) -> bool:
+    """Whether both are the same folder of the same machine."""
+    return one is not None and (one.machine, one.folder) == (other.machine, other.folder)
+
+
+def here(run_id: str, folder: Path) -> Home:
+    """This machine and `folder`, for the run `run_id`."""
+
+    def digest(name: object) -> str:
+        return hashlib.sha256(f"{run_id}\n{_machine()}\n{name}".encode()).hexdigest()
+
+    return Home(digest(""), digest(folder.resolve()))
+
+
+def read(db: sqlite3.Connection, moment: Moment) -> Home | None:
+    """What a journal says; None where it does not, as those of the first version."""
+    if not db.execute("SELECT 1 FROM sqlite_master WHERE name = 'home'").fetchall():
+        return None
+    row = db.execute(
+        "SELECT machine, folder, process FROM home WHERE moment = ?", (moment,)
+    ).fetchone()
+    return None if row is None else Home(*row)
+
+
+def note(db: sqlite3.Connection, moment: Moment, home: Home) -> None:
+    """Write it down in a journal."""
+    db.execute(_TABLE)
+    values = (home.machine, home.folder, home.process)
+    db.execute("INSERT OR REPLACE INTO home VALUES (?,?,?,?)", (moment, *values))
+
+
+def _machine() -> str:
+    """What this machine is known by: its name, and its own ID, where it has one."""
+    own = ""
+    with suppress(OSError, ValueError):
+        own = _MACHINE_ID.read_text().strip()
+    return f"{platform.node()}\n{own}"

@@ -1,0 +1,147 @@
+"""The jobs that IBM's service has: listed by tag, watched, cancelled, their results and charges."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import datetime
+from typing import Any, TypeVar
+
+from qcompile.errors import LiveError
+from qcompile.live.answers import Listing, Metrics, RemoteJob, UnreadableAnswerError, read
+from qcompile.live.connection import Connection, clients
+from qcompile.live.words import NOT_FOUND, status_code
+
+T = TypeVar("T")
+
+_PAGE, _MOST_PAGES = 200, 500
+
+
+class JobGoneError(LiveError):
+    """IBM has no job of this id."""
+
+
+class RemoteJobs:
+    """What the service behind a connection says of jobs. Only `cancel` changes anything there."""
+
+    def __init__(self, connection: Connection):
+        self._connection = connection
+
+    def listed(self, tag: str, since: datetime | None = None) -> list[RemoteJob]:
+        """Every job with the tag, made `since` then.
+
+        Raises:
+            LiveError: no answer; or one that cannot be relied on, as it has jobs without the tag,
+                or fewer than it says.
+        """
+        found: dict[str, RemoteJob] = {}
+
+        def ask(service: Any) -> None:
+            found.clear()
+            for client in clients(service):
+                found.update(_all_pages(client, tag, since))
+
+        self._connection.ask(ask, about="the list of jobs")
+        if any(tag not in (job.tags or ()) for job in found.values()):
+            raise LiveError(
+                "IBM's service lists jobs that do not have the tag that was asked for.",
+                "Whether a job is this run's cannot be told: none was taken, cancelled or sent.",
+                "Go on later; what is measured is kept.",
+            )
+        return list(found.values())
+
+    def job(self, job_id: str) -> RemoteJob:
+        """The job as it is now.
+
+        Raises:
+            JobGoneError: IBM has none of this id.
+            LiveError: no answer, or one that cannot be read.
+        """
+        about = f"job {job_id}"
+        try:
+            answer = self._ask_of(lambda client: client.job_get(job_id, exclude_params=True), about)
+        except LiveError as error:
+            if status_code(error.__cause__) == NOT_FOUND:
+                raise JobGoneError(f"IBM has no job {job_id} any more.") from error
+            raise
+        job = read(RemoteJob, answer, about)
+        if job.id != job_id or not job.status:
+            raise UnreadableAnswerError(about)
+        return job
+
+    def result(self, job_id: str) -> Any:
+        """The result of a completed job, as qiskit-ibm-runtime decodes it.
+
+        Raises:
+            LiveError: no answer.
+            UnreadableAnswerError: it cannot be decoded.
+        """
+        return self._connection.ask(
+            lambda service: service.job(job_id).result(), about=f"the result of job {job_id}"
+        )
+
+    def charged_s(self, job_id: str, cap_s: float) -> float | None:
+        """What an ended job was charged; None as long as IBM does not say, or says what cannot be.
+
+        It is asked once only: a charge can wait.
+
+        Raises:
+            LiveError: no answer.
+        """
+        about = f"the charge of job {job_id}"
+        try:
+            answer = self._ask_of(lambda client: client.job_metadata(job_id), about, patient=False)
+            return read(Metrics, answer, about).charged_s(cap_s)
+        except UnreadableAnswerError:
+            return None
+        except LiveError as error:
+            if status_code(error.__cause__) == NOT_FOUND:
+                return None
+            raise
+
+    def cancel(self, job_id: str) -> None:
+        """Have the job cancelled.
+
+        Raises:
+            LiveError: it has ended, or there is no answer.
+        """
+        self._ask_of(lambda client: client.job_cancel(job_id), f"job {job_id}")
+
+    def _ask_of(self, question: Callable[[Any], T], about: str, *, patient: bool = True) -> T:
+        """What the client of that instance answers which knows the job."""
+        from qiskit_ibm_runtime.api.exceptions import RequestsApiError
+
+        def ask(service: Any) -> T:
+            *others, last = clients(service)
+            for client in others:
+                try:
+                    return question(client)
+                except RequestsApiError as error:
+                    if error.status_code != NOT_FOUND:
+                        raise
+            return question(last)
+
+        return self._connection.ask(ask, about=about, patient=patient)
+
+
+def _all_pages(client: Any, tag: str, since: datetime | None) -> dict[str, RemoteJob]:
+    """Every job that one instance has with the tag, by id.
+
+    Raises:
+        LiveError: pages end, or bring nothing new, before there are as many as the service says.
+    """
+    found: dict[str, RemoteJob] = {}
+    skip = 0
+    for _ in range(_MOST_PAGES):
+        answer = client.jobs_get(limit=_PAGE, skip=skip, job_tags=[tag], created_after=since)
+        page = read(Listing, answer, "the list of jobs")
+        known = len(found)
+        found.update({job.id: job for job in page.jobs})
+        skip += len(page.jobs)
+        if skip >= page.count:
+            return found
+        if len(found) == known:
+            break
+    raise LiveError(
+        f"IBM's service says that it has {page.count} jobs of one tag, and lists {len(found)}.",
+        "Whether one is missing cannot be told: nothing was sent or cancelled. Go on later.",
+    )

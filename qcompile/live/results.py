@@ -1,0 +1,106 @@
+"""What a finished run found, as its journal keeps it: the shape of it, for each kind of run."""
+
+from __future__ import annotations
+
+import json
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from qcompile.calibration import Calibration
+from qcompile.live.journal import TaskKind
+from qcompile.validation import Line
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Count = Annotated[int, Field(ge=0)]
+
+
+class _Figures(BaseModel):
+    """Figures that are read again; a later version may add others."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+
+
+class EpisodeFigures(_Figures):
+    reward: Finite
+
+
+class RunFigures(_Figures):
+    """Those of `RunResult.summary`."""
+
+    policy: Line
+    environment: Line
+    backend: Line
+    kind: Line
+    shots: Count | Line
+    mitigation: Line
+    predistort: bool
+    calibration: Line | None
+    copies: Count
+    level: Count
+    greedy: bool
+    seed: int
+    episodes: list[EpisodeFigures]
+    mean_reward: Finite | None
+    std_reward: Finite | None
+    ci95: tuple[Finite, Finite] | None
+    solved: bool | None
+    gates_per_circuit: dict[Line, Count]
+    circuits_per_step: Count
+    rounds_per_step: Count
+    max_steps: Count | None
+    jobs: Count
+    executions: Count
+    env_steps: Count
+    wall_seconds: Finite
+
+    @model_validator(mode="after")
+    def _check(self) -> RunFigures:
+        if self.episodes and None in (self.mean_reward, self.std_reward):
+            raise ValueError("episodes without a mean")
+        return self
+
+
+class CalibrateFigures(_Figures):
+    calibration: Calibration
+
+
+class ValidateFigures(_Figures):
+    """Those of `TwinCheck.values`, with the calibration's file; a list entry for each qubit."""
+
+    passed: bool
+    failed: list[Count]
+    qubits: list[Count]
+    chi_square: list[Finite]
+    degrees: list[Count]
+    p_value: list[Finite]
+    largest_difference: Finite
+    file: Line
+    shots: Count
+
+    @model_validator(mode="after")
+    def _check(self) -> ValidateFigures:
+        columns = (self.qubits, self.chi_square, self.degrees, self.p_value)
+        if len({len(column) for column in columns}) > 1:
+            raise ValueError("lists of several lengths")
+        return self
+
+
+_FIGURES: dict[TaskKind, type[_Figures]] = {
+    "run": RunFigures,
+    "calibrate": CalibrateFigures,
+    "validate": ValidateFigures,
+}
+
+
+def check_result(kind: TaskKind, found: dict[str, Any]) -> None:
+    """Nothing, if a run of this kind can have found this.
+
+    Raises:
+        ValueError: it cannot, or it holds what JSON has no word for.
+    """
+    _FIGURES[kind].model_validate(found)
+    try:
+        json.dumps(found, allow_nan=False)
+    except ValueError as error:
+        raise ValueError("a number in it is not finite") from error

@@ -1,0 +1,31 @@
+"""The console that all tables and bars are printed on: rich's, with plain text."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable
+from typing import Any
+
+from rich.console import Console, ConsoleOptions, RenderableType
+from rich.segment import Segment
+
+from qcompile.terminal import plain
+
+
+class PlainConsole(Console):
+    """rich's console; the escape sequences on it are rich's own, never those of a text."""
+
+    def render(
+        self, renderable: RenderableType, options: ConsoleOptions | None = None
+    ) -> Iterable[Segment]:
+        for segment in super().render(renderable, options):
+            if segment.control:
+                yield segment
+            else:
+                yield Segment(plain(segment.text), segment.style)
+
+
+def console(*, stderr: bool = False, **settings: Any) -> PlainConsole:
+    """A console on the stream below `plain_output`, which would take rich's colours away."""
+    stream = sys.stderr if stderr else sys.stdout
+    return PlainConsole(file=getattr(stream, "rich_proxied_file", stream), **settings)
