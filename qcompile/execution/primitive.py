@@ -149,15 +149,17 @@ class PrimitiveExecutor:
 def sampler_kind(sampler: Any, backend: Any) -> Kind:
     """What the counts of a sampler for `backend` are worth: "noise-model" or "hardware".
 
-    They are those of a noise model where there is no sampler, where it simulates by itself, or where
-    its own backend (without one, `backend`) is one of Aer's or Qiskit's simulators or fake backends;
-    so is a sampler of qiskit-ibm-runtime in local testing mode. Whatever else may be a machine that
-    somebody pays for, and is called hardware.
+    They are those of a noise model where there is no sampler, where it simulates by itself, or
+    where its own backend (without one, `backend`) is a simulator or a fake backend of Aer, Qiskit or
+    qiskit-ibm-runtime, whose local testing mode is one. Anything else may be a machine that somebody
+    pays for, and is called hardware.
     """
     own = getattr(sampler, "backend", None)
     own = own() if callable(own) else own
     simulated = sampler is None or _is_simulator(sampler)
-    return "noise-model" if simulated or _is_simulator(backend if own is None else own) else "hardware"
+    return (
+        "noise-model" if simulated or _is_simulator(backend if own is None else own) else "hardware"
+    )
 
 
 def _is_simulator(thing: Any) -> bool:

@@ -37,9 +37,7 @@ class StartOrder:
             yield heapq.heappop(self._waiting)[1]
 
 
-def in_order_of_start(
-    episodes: Iterable[tuple[int, float]], environments: int
-) -> Iterator[float]:
+def in_order_of_start(episodes: Iterable[tuple[int, float]], environments: int) -> Iterator[float]:
     """The rewards of finished episodes, (steps, reward) each, in the order in which they began.
 
     Those that began after the first that has not ended are left out.

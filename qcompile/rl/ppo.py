@@ -104,7 +104,7 @@ class Trainer:
 
     @property
     def observation_dtype(self) -> np.dtype[Any]:
-        """The type in which the models see observations: float32, or float64 where that is lossy."""
+        """In which the models see observations: float32, or float64 where that would round."""
         return self._collector.dtype
 
     def train(

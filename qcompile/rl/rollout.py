@@ -51,9 +51,9 @@ class Rollout:
 class Collector:
     """Steps `count` environments together and resets each one when its episode ends.
 
-    Observations are float32, or float64 where the environment declares what float32 cannot hold
-    (`dtype`). `steps` counts every step taken, `history` has every finished episode. Every episode has a seed
-    of its own, so that an environment is rebuilt by playing its actions again.
+    Observations are of `dtype`: float32, or float64 where the environment declares what float32
+    cannot hold. `steps` counts every step taken, `history` has every finished episode. Every episode
+    has a seed of its own, so that an environment is rebuilt by playing its actions again.
     """
 
     def __init__(self, name: str, count: int, seeds: np.random.SeedSequence):
@@ -90,7 +90,7 @@ class Collector:
             following = np.empty_like(self._observations)
             after = np.empty_like(self._observations)
             rewards, flags = np.empty(count), np.zeros((2, count), dtype=bool)
-            ended: list[int] = []
+            over: list[int] = []
             for i, (stepper, action) in enumerate(
                 zip(self._steppers, actions.tolist(), strict=True)
             ):
@@ -99,9 +99,9 @@ class Collector:
                 self._taken[i].append(action)
                 if terminated or truncated:
                     flags[:, i] = terminated, truncated
-                    ended.append(i)
+                    over.append(i)
             check_finite(self._steppers, following)
-            for i in ended:
+            for i in over:
                 number, steps = len(self.history) + 1, self.steps + i + 1
                 self.history.append(FinishedEpisode(number, steps, self._steppers[i].reward))
                 after[i] = self._steppers[i].reset(self._seed())

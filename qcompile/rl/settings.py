@@ -150,7 +150,7 @@ class Settings:
         return self
 
     def changed(self, **values: Any) -> Settings:
-        """A copy with these values, checked; `steps` and `episodes` leave the annealing as it is."""
+        """A copy with these values, checked; `steps` and `episodes` leave the annealing alone."""
         unknown = sorted(set(values) - set(_DEFAULTS))
         if unknown:
             raise TrainingError(

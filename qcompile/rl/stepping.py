@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from gymnasium.spaces import Discrete
 from numpy.typing import NDArray
 
 from qcompile.errors import EnvironmentStepError
@@ -26,8 +27,8 @@ class Stepper:
 
     Actions count from 0, whatever number the environment gives its first one. Observations are
     vectors of the declared number of features, in `dtype`: float32 where that holds every number of
-    the declared type, float64 elsewhere. `seed` is that of the last reset, `length` the steps since and
-    `reward` what they earned.
+    the declared type, float64 elsewhere. `seed` is that of the last reset, `length` the steps since
+    and `reward` what they earned.
     """
 
     __slots__ = (
@@ -37,6 +38,8 @@ class Stepper:
 
     def __init__(self, environment: Environment):
         observed, acted = environment.observation_space, environment.action_space
+        assert isinstance(acted, Discrete)
+        assert observed.dtype is not None
         self.environment, self._step = environment, environment.step
         self._first_action, self._shape = int(acted.start), observed.shape
         holds_all = np.can_cast(observed.dtype, np.float32)
@@ -102,7 +105,9 @@ class Stepper:
         if isinstance(error, ValueError) and "to unpack" in str(error):  # a wrapper took it apart
             return self._wrong_step(None)
         if isinstance(error, TypeError) and "'seed'" in str(error):
-            return self.error("reset takes no seed.", "It must be reset(*, seed=None, options=None).")
+            return self.error(
+                "reset takes no seed.", "It must be reset(*, seed=None, options=None)."
+            )
         said = words[0][:_LONGEST_WORDS] if words else type(error).__name__
         return self.error(f"the environment failed: {said}")
 
