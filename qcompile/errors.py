@@ -7,6 +7,7 @@ QcompileError                 exit code 1 on the command line
 ├── PolicyError               a policy file or an array that does not fit the policy
 ├── CountsError               shots or counts outside their range
 ├── EnvironmentMismatchError  an environment that is unknown or does not fit the policy
+├── EnvironmentStepError      an environment that fails, or gives what no policy can use
 ├── CalibrationError          counts from which no calibration can be fitted
 ├── TrainingError             training settings that contradict each other
 ├── StudyError                a study or a grid that cannot be run or written up
@@ -61,6 +62,10 @@ class CountsError(QcompileError, ValueError):
 
 class EnvironmentMismatchError(QcompileError, ValueError):
     """The environment is unknown or does not fit the policy."""
+
+
+class EnvironmentStepError(QcompileError, RuntimeError):
+    """An environment fails in an episode, or gives what no policy can use."""
 
 
 class CalibrationError(QcompileError, ValueError):

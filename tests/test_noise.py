@@ -11,6 +11,7 @@ from qiskit import QuantumCircuit
 from qiskit.quantum_info import PTM, average_gate_fidelity
 from qiskit_aer import AerSimulator
 from qiskit_aer.noise import NoiseModel, depolarizing_error, thermal_relaxation_error
+from qiskit_aer.noise.noiseerror import NoiseError
 
 from qcompile.device import (
     IDEAL,
@@ -229,3 +230,15 @@ def test_a_batch_is_its_rows() -> None:
     rows = [noisy.expectation(angles[i : i + 1]) for i in range(len(X))]
     np.testing.assert_array_equal(noisy.expectation(angles), np.concatenate(rows))
     assert noisy.expectation(angles[:0]).shape == (0, len(PROGRAM))
+
+
+def test_an_error_beyond_all_channels_is_the_strongest_depolarising_one() -> None:
+    """Qiskit takes a probability of 4/3 for one qubit and not the next number above it."""
+    qubit = Qubit(t1_us=1, t2_us=1, p10=0, p01=0)
+    calibration = GateCalibration(error=0.99, length_ns=200)
+    assert 0.05 < relaxation_error(qubit, 200) < 0.2
+    found = depolarising(calibration, qubit)
+    transfer = PTM(depolarizing_error(found, 1)).data
+    np.testing.assert_allclose(np.diag(transfer), [1, -1 / 3, -1 / 3, -1 / 3], atol=1e-12)
+    with pytest.raises(NoiseError):
+        depolarizing_error(found * (1 + 1e-9), 1)

@@ -128,7 +128,9 @@ def command(
             nonlocal done
             write_cell(result, cells_folder(out))
             done += 1
-            words = f"{result.row}, seed {result.seed}: {result.averages[-1]:.1f}"
+            last = result.last_average
+            words = f"{result.row}, seed {result.seed}"
+            words += "" if last is None else f": {last:.1f}"
             show(count - len(missing) + done, words)
 
         try:

@@ -145,7 +145,7 @@ def command(
     Ctrl-C ends the training and keeps the policy as it is by then; with --checkpoint, --resume
     goes on from there as if nothing had happened.
     """
-    from qcompile.errors import QcompileError
+    from qcompile.errors import EnvironmentStepError, QcompileError, TrainingError
     from qcompile.report.progress import progress_bar
     from qcompile.report.training_log import EpisodeLog, Scalars
     from qcompile.report.watch import Watch
@@ -168,7 +168,14 @@ def command(
             watch.scalars = stack.enter_context(Scalars(tensorboard, trainer.steps))
         if log is not None:
             watch.log = stack.enter_context(EpisodeLog(log, trainer.history))
-        result = watch.train()
+        failure: QcompileError | None = None
+        try:
+            result = watch.train()
+        except (EnvironmentStepError, TrainingError) as error:
+            if not watch.has_learned:
+                hint = f"Nothing was learned by then: {out} is not written."
+                raise error.with_hints(hint) from error
+            failure, result = error, trainer.result(interrupted=True)
     parameters = write_out(out, watch, result, trainer)
     if as_json:
         echo_json(
@@ -193,5 +200,8 @@ def command(
         )
     else:
         click.echo(closing_words(out, watch, result, parameters))
+    if failure is not None:
+        what = "model" if result.policy is None else "policy"
+        raise failure.with_hints(f"The {what} as it was after the last whole update is in {out}.")
     if result.interrupted:
         raise QcompileError("Interrupted.", *way_on(environment, out, checkpoint, result))

@@ -84,9 +84,9 @@ def closing_words(out: Path, watch: Watch, result: TrainingResult, parameters: i
     """What was trained, how it did, and where it is."""
     words = [f"{len(result.episodes)} episodes, {result.steps} steps"]
     averages = watch.averages
-    if averages.last is None:
+    if not result.episodes:
         words.append("no episode finished")
-    else:
+    if averages.last is not None:
         words.append(f"last 20: {averages.last:.1f}")
     if averages.best is not None:
         words.append(f"best 20: {averages.best:.1f}")

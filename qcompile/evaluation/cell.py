@@ -19,7 +19,8 @@ from qcompile.evaluation.grid import Cell
 from qcompile.execution.executor import Kind
 from qcompile.output import write_file
 from qcompile.rl.environments import threshold_of
-from qcompile.rl.evaluate import Deployment, bootstrap_ci95, is_solved, play
+from qcompile.rl.evaluate import Deployment, is_solved, play
+from qcompile.rl.intervals import bootstrap_ci95
 
 Whole = Annotated[int, Field(ge=0)]
 Amount = Annotated[float, Field(ge=0)]
@@ -53,7 +54,7 @@ class _Summary(_Record):
     episodes: Annotated[list[_Episode], Field(min_length=1)]
     mean_reward: float
     std_reward: float
-    ci95: Annotated[list[float], Field(min_length=2, max_length=2)]
+    ci95: Annotated[list[float], Field(min_length=2, max_length=2)] | None
     solved: bool | None
     gates_per_circuit: dict[str, Whole]
     circuits_per_step: Whole
@@ -188,6 +189,7 @@ def read_cell(cell: Cell, folder: Path) -> CellResult | None:
     """The result of the cell, if `folder` has it with these settings, this policy and backend.
 
     A file whose figures are not those of its episodes, or of another cell, is damaged: no result.
+    The interval is not read but worked out anew: earlier versions had another one.
     """
     try:
         path = folder / f"{cell.name}.json"
@@ -195,7 +197,11 @@ def read_cell(cell: Cell, folder: Path) -> CellResult | None:
     except (OSError, ValidationError):
         return None
     same = (result.name, result.settings) == (cell.name, cell.settings())
-    return result if same and _is_consistent(result, cell) else None
+    if not same or not _is_consistent(result, cell):
+        return None
+    rewards = np.array([*result.rewards.values()])
+    interval = {"ci95": bootstrap_ci95(rewards, cell.seed)}
+    return result.model_copy(update={"summary": result.summary | interval})
 
 
 def _is_consistent(result: CellResult, cell: Cell) -> bool:
@@ -220,7 +226,5 @@ def _is_consistent(result: CellResult, cell: Cell) -> bool:
         or result.threshold != threshold_of(cell.policy.environment)
     ):
         return False
-    told = [summary["mean_reward"], summary["std_reward"], *summary["ci95"]]
-    interval = bootstrap_ci95(rewards, cell.seed)
-    assert interval is not None
-    return np.allclose(told, [rewards.mean(), rewards.std(), *interval], rtol=1e-9, atol=1e-9)
+    told = [summary["mean_reward"], summary["std_reward"]]
+    return np.allclose(told, [rewards.mean(), rewards.std()], rtol=1e-9, atol=1e-9)

@@ -18,6 +18,7 @@ from qcompile.evaluation.write_up import interval, mitigation_words, reference_l
 from qcompile.output import write_file
 from qcompile.report.intervals import Interval, Panel, draw_intervals
 from qcompile.report.tables import interval_words, plural
+from qcompile.rl.intervals import unseen_share
 
 Objects = Sequence[Mapping[str, Any]]
 
@@ -43,7 +44,9 @@ given way to LunarLander-v3.
 How to read the tables:
 
 - **mean ± std**: reward over the episodes, actions sampled; the paper's are over about five.
-- **95 % interval**: of the mean, by bootstrap.
+- **95 % interval**: of the mean, Student's t or the studentised bootstrap, whichever reaches
+  farther (docs/evaluate.md says how often it holds the mean). Equal rewards have no width: so many
+  of them leave {unseen:.1%} of other episodes possible.
 - **to ideal**: the mean of the differences to the same policy on `ideal` with exact expectations,
   over episodes with the same resets, with its 95 % interval; for the paper, the difference of its
   two means.
@@ -116,7 +119,14 @@ def page(
     where = f"[{link if inside else 'this folder'}]({inside}results.csv)"
     first = cells[0]
     figure = f"{inside}devices.png"
-    parts = [_HEAD.format(folder=where, episodes=plural(first.episodes, "episode"), figure=figure)]
+    parts = [
+        _HEAD.format(
+            folder=where,
+            episodes=plural(first.episodes, "episode"),
+            figure=figure,
+            unseen=unseen_share(first.episodes),
+        )
+    ]
     for task in TASKS:
         own = next(cell.policy for cell in cells if cell.policy.name == task.policy)
         threshold = _of_task(task, objects)[0]["threshold"]
@@ -162,8 +172,10 @@ def _table(task: Task, objects: Objects) -> str:
 def _cells(values: Mapping[str, Any]) -> tuple[str, ...]:
     difference = "-"
     if not values["reference"]:
-        least, most = values["paired_ci95"]
-        difference = f"{values['paired_difference']:+.1f} ({least:+.1f} to {most:+.1f})"
+        difference = f"{values['paired_difference']:+.1f}"
+        if values["paired_ci95"] is not None:
+            least, most = values["paired_ci95"]
+            difference += f" ({least:+.1f} to {most:+.1f})"
     return (
         f"`{values['backend']}`",
         f"{values['shots']}",

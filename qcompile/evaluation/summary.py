@@ -11,7 +11,7 @@ import numpy as np
 
 from qcompile.evaluation.cell import CellResult
 from qcompile.evaluation.grid import Cell
-from qcompile.rl.evaluate import bootstrap_ci95
+from qcompile.rl.intervals import bootstrap_ci95
 
 _COLUMNS = (
     "policy",
@@ -53,8 +53,8 @@ def compare(
     """The figures that set a cell beside the ideal; both map an episode's seed to its reward.
 
     The difference is the mean of (reward - ideal reward) over the episodes of both, with its
-    standard deviation and 95 % bootstrap interval. All are None without common episodes, the ratio
-    of the means also where the ideal's is not positive.
+    standard deviation and 95 % interval. All are None without common episodes, the interval also
+    with one alone, the ratio of the means also where the ideal's is not positive.
     """
     common = sorted(rewards.keys() & (ideal or {}).keys())
     figures: dict[str, Any] = dict.fromkeys(

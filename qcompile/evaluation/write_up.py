@@ -78,8 +78,8 @@ def _figure(objects: Sequence[Mapping[str, Any]]) -> bytes:
 
 
 def interval(values: Mapping[str, Any]) -> Interval:
-    """A cell's mean reward and its 95 % interval, for a picture."""
-    low, high = values["ci95"]
+    """A cell's mean reward and its 95 % interval, for a picture; of one episode the mean alone."""
+    low, high = values["ci95"] or (values["mean_reward"],) * 2
     shots = values["shots"]
     return Interval(
         column=values["backend"],
@@ -95,7 +95,8 @@ def reference_line(objects: Sequence[Mapping[str, Any]]) -> tuple[float, float, 
     """Mean and 95 % interval of the reference cell, if it was played."""
     for values in objects:
         if values["reference"]:
-            return (values["mean_reward"], *values["ci95"])
+            mean = values["mean_reward"]
+            return (mean, *(values["ci95"] or (mean, mean)))
     return None
 
 

@@ -19,6 +19,14 @@ from qcompile.execution.executor import CountArray, FloatArray, Kind, check_devi
 from qcompile.execution.packed import REGISTER, PackedRound, count_ones, pack_round
 from qcompile.passes import Executable
 
+_SIMULATORS = (
+    "qiskit_aer.",
+    "qiskit_ibm_runtime.fake_provider.",
+    "qiskit.providers.basic_provider.",
+    "qiskit.providers.fake_provider.",
+    "qiskit.primitives.statevector_sampler.",
+)
+"""Where the classes of samplers and backends that simulate are at home."""
 _WIDEST_DENSITY_MATRIX = 9
 """Circuits side by side up to which one density matrix is faster than a product state per shot."""
 
@@ -31,7 +39,8 @@ class PrimitiveExecutor:
     machine: qiskit-ibm-runtime's SamplerV2 plays the noise of the backend's calibration in Aer,
     the noise that `device` holds, asymmetric readout included. The same seed and the same calls
     then give the same counts. A `sampler` (anything with the `run` of SamplerV2) has its own noise
-    and its own seed; it should accept the native gates of `backend` on all of its qubits.
+    and its own seed; it should accept the native gates of `backend` on all of its qubits. `kind` is
+    that of `sampler_kind`, unless it is given.
 
     Raises:
         DeviceError: the calibration of the backend cannot be made a device.
@@ -44,11 +53,12 @@ class PrimitiveExecutor:
         *,
         sampler: Any = None,
         seed: int | np.random.SeedSequence | None = None,
+        kind: Kind | None = None,
     ):
         from qcompile.snapshot import device_from_backend
 
         self.device = device_from_backend(backend, backend.name)
-        self.kind: Kind = "noise-model"
+        self.kind: Kind = sampler_kind(sampler, backend) if kind is None else kind
         self.rng = np.random.default_rng(seed)
         self._sampler = sampler
         self._simulator: Any = _simulator(backend, self.device) if sampler is None else None
@@ -134,6 +144,28 @@ class PrimitiveExecutor:
             # Its successor in 0.51 plays every pub with one seed: rounds would not be independent.
             warnings.simplefilter("ignore", DeprecationWarning)
             return SamplerV2(mode=self._simulator, options={"simulator": {"seed_simulator": seed}})
+
+
+def sampler_kind(sampler: Any, backend: Any) -> Kind:
+    """What the counts of a sampler for `backend` are worth: "noise-model" or "hardware".
+
+    They are those of a noise model where there is no sampler, where it simulates by itself, or
+    where its own backend (without one, `backend`) is a simulator or a fake backend of Aer, Qiskit or
+    qiskit-ibm-runtime, whose local testing mode is one. Anything else may be a machine that somebody
+    pays for, and is called hardware.
+    """
+    own = getattr(sampler, "backend", None)
+    own = own() if callable(own) else own
+    simulated = sampler is None or _is_simulator(sampler)
+    return (
+        "noise-model" if simulated or _is_simulator(backend if own is None else own) else "hardware"
+    )
+
+
+def _is_simulator(thing: Any) -> bool:
+    """Whether one of the classes of `thing` is at home where nothing leaves this machine."""
+    homes = (f"{base.__module__}." for base in type(thing).__mro__)
+    return any(home.startswith(_SIMULATORS) for home in homes)
 
 
 def _simulator(backend: Any, device: Device) -> Any:

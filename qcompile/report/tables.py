@@ -108,6 +108,8 @@ def print_run(summary: dict[str, Any]) -> None:
 
 
 def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
+    from qcompile.rl.intervals import unseen_share
+
     rewards = [episode["reward"] for episode in summary["episodes"]]
     if rewards:
         interval = interval_words(summary)
@@ -118,6 +120,9 @@ def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
             f"{plural(len(rewards), 'episode')}{interval}",
         )
         yield "each episode", f"{_bars(rewards)}  {min(rewards):.0f} to {max(rewards):.0f}"
+        if interval and min(rewards) == max(rewards):
+            share = f"{unseen_share(len(rewards)):.0%}"
+            yield "all equal", f"up to {share} of all episodes may be others, with 95 % confidence"
     if summary["solved"] is not None:
         yield "solved", "yes" if summary["solved"] else "no"
     words = f"{_shots(summary['shots'])}, level {summary['level']}, "
@@ -138,7 +143,7 @@ def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
         f"{plural(summary['rounds_per_step'], 'round')}",
     )
     yield "played", f"{summary['env_steps']} steps in {summary['wall_seconds']:.1f} s"
-    if summary["kind"] == "hardware":
+    if "run" in summary:
         yield (
             "paid",
             f"{plural(summary['jobs'], 'job')}, {summary['executions']:,} executions, "

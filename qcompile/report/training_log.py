@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from qcompile.errors import MissingExtraError, OutputError
 from qcompile.output import check_writable
+from qcompile.rl.order import StartOrder
 
 if TYPE_CHECKING:
     from qcompile.rl.ppo import Update
@@ -21,21 +22,27 @@ _FLUSH_SECONDS = 5
 
 class Averages:
     """Average rewards: `last`, of the last 20 episodes (fewer before the 20th), and `best`, the
-    highest of 20 in a row (None before the 20th)."""
+    highest of 20 in a row (None before the 20th).
 
-    def __init__(self, rewards: Iterable[float] = ()):
+    Episodes count in the order in which they began in `environments`, each once all that began
+    before it have ended.
+    """
+
+    def __init__(self, environments: int = 1, episodes: Iterable[FinishedEpisode] = ()):
+        self._order = StartOrder(environments)
         self._rewards: deque[float] = deque(maxlen=_EPISODES)
         self.last: float | None = None
         self.best: float | None = None
-        for reward in rewards:
-            self.add(reward)
+        for episode in episodes:
+            self.add(episode)
 
-    def add(self, reward: float) -> None:
+    def add(self, episode: FinishedEpisode) -> None:
         """Count one more episode."""
-        self._rewards.append(reward)
-        self.last = sum(self._rewards) / len(self._rewards)
-        if len(self._rewards) == _EPISODES:
-            self.best = self.last if self.best is None else max(self.best, self.last)
+        for reward in self._order.add(episode.steps, episode.reward):
+            self._rewards.append(reward)
+            self.last = sum(self._rewards) / len(self._rewards)
+            if len(self._rewards) == _EPISODES:
+                self.best = self.last if self.best is None else max(self.best, self.last)
 
 
 class EpisodeLog:

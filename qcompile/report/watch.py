@@ -49,7 +49,7 @@ class Watch:
         self._every, self._episodes = every, episodes
         self.log: EpisodeLog | None = None
         self.scalars: Scalars | None = None
-        self.averages = Averages(episode.reward for episode in trainer.history)
+        self.averages = Averages(trainer.settings.environments, trainer.history)
         self.evaluations: list[Evaluation] = []
         self._seen = len(trainer.history)
         self._due = 0 if every is None else (self._seen // every + 1) * every
@@ -57,15 +57,22 @@ class Watch:
         self._saves = checkpoint is not None or trainer.policy() is None
         self._state: dict[str, Any] | None = trainer.state() if self._saves else None
         self._written = time.monotonic()
+        self.has_learned = trainer.steps > 0
+        """Whether there was a whole rollout, now or before a checkpoint."""
 
     def train(self) -> TrainingResult:
-        """Train to the end, or to Ctrl-C; then the log and the checkpoint are complete."""
-        result = self._trainer.train(self._on_episode, self._on_update)
-        for episode in result.episodes[self._seen :]:  # of a rollout that Ctrl-C cut short
-            self._note(episode)
-        if self._checkpoint is not None:
-            self.save(self._checkpoint)
-        return result
+        """Train to the end, or to Ctrl-C; then the log and the checkpoint are complete.
+
+        Raises:
+            EnvironmentStepError, TrainingError: what ends a training early; they are complete too.
+        """
+        try:
+            return self._trainer.train(self._on_episode, self._on_update)
+        finally:
+            for episode in self._trainer.history[self._seen :]:  # of a rollout that was cut short
+                self._note(episode)
+            if self._checkpoint is not None:
+                self.save(self._checkpoint)
 
     def save(self, path: Path) -> None:
         """Write a checkpoint of the training as it was after its last whole update."""
@@ -74,7 +81,9 @@ class Watch:
 
     def _on_episode(self, episode: FinishedEpisode, progress: float) -> None:
         self._note(episode)
-        words = [f"episode {episode.episode}, last 20: {self.averages.last:.1f}"]
+        words = [f"episode {episode.episode}"]
+        if self.averages.last is not None:
+            words.append(f"last 20: {self.averages.last:.1f}")
         if self.averages.best is not None:
             words.append(f"best {self.averages.best:.1f}")
         if self.evaluations:
@@ -83,7 +92,7 @@ class Watch:
 
     def _note(self, episode: FinishedEpisode) -> None:
         self._seen = episode.episode
-        self.averages.add(episode.reward)
+        self.averages.add(episode)
         if self.log is not None:
             self.log.add_missing([episode])
         if self.scalars is not None:
@@ -93,7 +102,7 @@ class Watch:
         update = self._trainer.last_update
         if self.scalars is not None and update is not None and update is not self._update:
             self.scalars.update(update)
-        self._update = update
+        self._update, self.has_learned = update, True
         self._evaluate()  # before the state is kept: resuming repeats what Ctrl-C breaks off
         if self._saves:
             self._state = self._trainer.state()

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import torch
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from qcompile.errors import QcompileError, TrainingError
+from qcompile.errors import EnvironmentStepError, QcompileError, TrainingError
 from qcompile.output import write_file
 from qcompile.rl.ppo import Trainer
 from qcompile.rl.settings import plain, restored
@@ -74,6 +74,9 @@ def load_checkpoint(path: Path) -> tuple[Trainer, list[str]]:
     try:
         trainer = Trainer(saved.environment, restored(json.loads(saved.settings)), saved.seed)
         trainer.restore({**saved.tensors, **json.loads(saved.plain)})
+    except EnvironmentStepError as error:
+        what = f"Checkpoint {path} is damaged, or its environment has changed."
+        raise TrainingError(what, str(error).splitlines()[0]) from error
     except QcompileError:
         raise
     except Exception as error:  # wrong values lead torch and the environments into any error

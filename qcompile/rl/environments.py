@@ -8,7 +8,6 @@ from functools import cache
 from typing import Any
 
 import gymnasium
-import numpy as np
 from gymnasium.spaces import Box, Discrete
 
 from qcompile.catalogue import nearest
@@ -38,7 +37,11 @@ def make_environments(name: str, count: int, *, film: bool = False) -> list[Envi
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             made = [
-                gymnasium.make(name, render_mode="rgb_array" if film else None)
+                gymnasium.make(
+                    name,
+                    render_mode="rgb_array" if film else None,
+                    disable_env_checker=True,  # it checks one step; rl/stepping.py checks all
+                )
                 for _ in range(count)
             ]
     except gymnasium.error.DependencyNotInstalled as error:
@@ -52,9 +55,18 @@ def make_environments(name: str, count: int, *, film: bool = False) -> list[Envi
             str(error).splitlines()[0],
             nearest(name, [*_USUAL, *gymnasium.registry]),
         ) from error
+    except Exception as error:  # a user's environment may raise anything
+        raise EnvironmentMismatchError(
+            f"Environment {name!r} cannot be made.", str(error).strip()[:200]
+        ) from error
     for environment in made[:1]:
         features_and_actions(environment)
     return made
+
+
+def environment_name(environment: Environment) -> str:
+    """What an environment is called in messages."""
+    return environment.spec.id if environment.spec else str(environment)
 
 
 def features_and_actions(environment: Environment) -> tuple[int, int]:
@@ -63,8 +75,9 @@ def features_and_actions(environment: Environment) -> tuple[int, int]:
     Raises:
         EnvironmentMismatchError: observations are no vectors, or actions are not numbered.
     """
-    observed, acted = environment.observation_space, environment.action_space
-    name = environment.spec.id if environment.spec else str(environment)
+    observed = getattr(environment, "observation_space", None)
+    acted = getattr(environment, "action_space", None)
+    name = environment_name(environment)
     if not isinstance(observed, Box) or observed.shape is None or len(observed.shape) != 1:
         raise EnvironmentMismatchError(
             f"{name} observes {observed}.", "A policy needs a vector of features (a 1-D Box)."
@@ -79,7 +92,7 @@ def features_and_actions(environment: Environment) -> tuple[int, int]:
 def check_fit(policy: Policy, environment: Environment) -> None:
     """Raise EnvironmentMismatchError where `policy` cannot act in `environment`."""
     features, actions = features_and_actions(environment)
-    name = environment.spec.id if environment.spec else str(environment)
+    name = environment_name(environment)
     needed = policy.encoder.features
     if needed > features:
         raise EnvironmentMismatchError(
@@ -116,9 +129,3 @@ def threshold_of(name: str) -> float | None:
 def frames_per_second(environment: Environment) -> float:
     """The rate at which the environment's frames show it in real time."""
     return float(environment.metadata.get("render_fps", 30))
-
-
-def reset_all(environments: list[Environment], seeds: list[int]) -> np.ndarray[Any, Any]:
-    """First observations (n, features) in float64, environment i reset with seeds[i]."""
-    pairs = zip(environments, seeds, strict=True)
-    return np.stack([environment.reset(seed=seed)[0] for environment, seed in pairs]).astype(float)

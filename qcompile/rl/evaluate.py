@@ -23,6 +23,7 @@ from qcompile.rl.environments import (
     make_environments,
     reward_threshold,
 )
+from qcompile.rl.intervals import bootstrap_ci95
 from qcompile.rl.lockstep import Act, Episode, Frame, lockstep
 from qcompile.rl.measurement import Measurement
 
@@ -30,7 +31,6 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
 _LEAST_FOR_SOLVED = 100
-_BLOCK = 1_000_000
 _NO_THETA = np.zeros(0)
 
 
@@ -169,16 +169,6 @@ class RunResult:
         }
 
 
-def bootstrap_ci95(rewards: FloatArray, seed: int, resamples: int = 10_000) -> list[float] | None:
-    """The 95 % bootstrap interval [low, high] of the mean reward; None without episodes."""
-    if not len(rewards):
-        return None
-    rng = np.random.default_rng(seed)
-    blocks = np.array_split(np.empty(resamples), -(-resamples * len(rewards) // _BLOCK))
-    means = [rng.choice(rewards, (len(block), len(rewards))).mean(axis=1) for block in blocks]
-    return [float(v) for v in np.percentile(np.concatenate(means), [2.5, 97.5])]
-
-
 def is_solved(rewards: FloatArray, threshold: float | None) -> bool | None:
     """Whether their mean reaches the threshold; None without one, or where they are too few."""
     if threshold is None or len(rewards) < _LEAST_FOR_SOLVED:
@@ -221,6 +211,7 @@ def play(
     Raises:
         CountsError: episodes lie outside [1, MAX_EPISODES].
         EnvironmentMismatchError: the environment is unknown or does not fit the policy.
+        EnvironmentStepError: it fails in an episode, or gives what no policy can use.
     """
     if not 1 <= episodes <= MAX_EPISODES:
         raise CountsError(

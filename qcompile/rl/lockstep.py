@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from qcompile.rl.environments import Environment, frames_per_second, reset_all
+from qcompile.rl.environments import Environment, frames_per_second
+from qcompile.rl.stepping import Stepper, check_finite
 
 Act = Callable[[NDArray[np.float64]], NDArray[np.intp]]
 Frame = NDArray[np.uint8]
@@ -21,15 +22,6 @@ class Episode:
     seed: int
     reward: float
     length: int
-
-
-@dataclass(slots=True)
-class _Living:
-    """An episode that goes on."""
-
-    environment: Environment
-    seed: int
-    reward: float = 0.0
 
 
 def lockstep(
@@ -49,29 +41,34 @@ def lockstep(
     their number with each step, `on_rewards` what they earned by it; `on_frame` the frames of the
     first episode, (height, width, 3), and how many of them make a second. After `max_steps` an
     episode ends, whatever the environment says.
+
+    Raises:
+        EnvironmentStepError: an environment fails, or gives what no policy can use.
     """
-    seeds = [first_seed + i for i in range(len(environments))]
-    living = [_Living(*pair) for pair in zip(environments, seeds, strict=True)]
+    living = [Stepper(environment) for environment in environments]
     filmed = living[0] if on_frame is not None else None
     fps = frames_per_second(environments[0])
-    observations = reset_all(environments, seeds)
+    first = [stepper.reset(first_seed + i) for i, stepper in enumerate(living)]
+    observations = np.stack(first).astype(np.float64)
     length = 0
     while living:
         actions = act(observations).tolist()
         on_step(len(living))
         length += 1
-        going: list[_Living] = []
+        seen = np.empty_like(observations)
+        ended = np.zeros(len(living), dtype=bool)
         rewards: list[float] = []
-        for episode, action in zip(living, actions, strict=True):
-            seen, reward, terminated, truncated, _ = episode.environment.step(action)
-            rewards.append(float(reward))
-            episode.reward += rewards[-1]
-            if episode is filmed and on_frame is not None:
-                on_frame(episode.environment.render(), fps)  # type: ignore[arg-type]
+        for i, (stepper, action) in enumerate(zip(living, actions, strict=True)):
+            seen[i], reward, terminated, truncated = stepper.step(action)
+            rewards.append(reward)
+            if stepper is filmed and on_frame is not None:
+                on_frame(stepper.environment.render(), fps)  # type: ignore[arg-type]
             if terminated or truncated or length == max_steps:
-                on_episode(Episode(episode.seed, episode.reward, length))
-            else:  # those that go on move up; the rows they take have been used
-                observations[len(going)] = seen
-                going.append(episode)
-        living, observations = going, observations[: len(going)]
+                ended[i] = True
+                on_episode(Episode(stepper.seed, stepper.reward, length))
+        check_finite(living, seen)
+        if ended.any():
+            living = [stepper for stepper, over in zip(living, ended, strict=True) if not over]
+            seen = seen[~ended]
+        observations = seen
         on_rewards(rewards)

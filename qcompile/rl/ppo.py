@@ -12,6 +12,7 @@ import torch
 from numpy.typing import NDArray
 from torch.nn.functional import cross_entropy, mse_loss
 
+from qcompile.errors import TrainingError
 from qcompile.policy import Policy, draw_actions
 from qcompile.rl.advantage import ReturnScale, generalised_advantage
 from qcompile.rl.flat import FlatParameters
@@ -94,10 +95,17 @@ class Trainer:
     @property
     def progress(self) -> float:
         """How much of the run is done, in [0, 1]."""
-        settings = self.settings
-        budgets = ((self.steps, settings.steps), (len(self.history), settings.episodes))
-        parts = [done / budget for done, budget in budgets if budget is not None]
-        return min(max(parts), 1.0)
+        return self._share(self.settings.steps, self.settings.episodes)
+
+    def _share(self, steps: int | None, episodes: int | None) -> float:
+        """How much of a budget of steps, of episodes or of both is spent, in [0, 1]."""
+        budgets = ((self.steps, steps), (len(self.history), episodes))
+        return min(max(done / budget for done, budget in budgets if budget is not None), 1.0)
+
+    @property
+    def observation_dtype(self) -> np.dtype[Any]:
+        """In which the models see observations: float32, or float64 where that would round."""
+        return self._collector.dtype
 
     def train(
         self,
@@ -107,7 +115,12 @@ class Trainer:
         """Train until the budget of the settings is spent, or until Ctrl-C.
 
         `on_episode` is called with each finished episode and the progress of the run, `on_update`
-        after each rollout and what was learned from it: there `state` can be taken.
+        after each rollout and what was learned from it: there `state` can be taken. After an error
+        the actor is as it was after the last whole update, and `result` has it.
+
+        Raises:
+            EnvironmentStepError: an environment fails, or gives what no policy can use.
+            TrainingError: an update leads to numbers that are not finite.
         """
         interrupted = False
         threads = torch.get_num_threads()
@@ -127,8 +140,12 @@ class Trainer:
         finally:
             torch.set_num_threads(threads)
             self._collector.close()
-        if self._pause.best is not None:
-            self.actor.load_state_dict(self._pause.best)
+            if self._pause.best is not None:
+                self.actor.load_state_dict(self._pause.best)
+        return self.result(interrupted)
+
+    def result(self, interrupted: bool = False) -> TrainingResult:
+        """What the training has come to."""
         return TrainingResult(self.actor, self.policy(), self.history, self.steps, interrupted)
 
     def policy(self) -> Policy | None:
@@ -150,15 +167,17 @@ class Trainer:
         """The numbers of the actor that are trained, copies of output reuse folded."""
         return parameter_count(self.actor)
 
-    def _act(self, observations: NDArray[np.float32]) -> NDArray[np.intp]:
+    def _act(self, observations: NDArray[np.floating]) -> NDArray[np.intp]:
         with torch.no_grad():
             seen = torch.from_numpy(observations)
             logits = (self.actor if self._noise is None else self._noise.act)(seen).numpy()
         return draw_actions(logits, self._rng)
 
     def _update(self, rollout: Rollout) -> None:
-        settings = self.settings
-        left = 1.0 - self.progress if settings.anneal else 1.0
+        settings, left = self.settings, 1.0
+        if settings.anneal:
+            left -= self._share(settings.anneal_steps, settings.anneal_episodes)
+        kept = [flat.parameter.detach().clone() for flat in self._learned]
         rates = (settings.actor_lr, settings.critic_lr)
         for group, rate in zip(self._optimiser.param_groups, rates, strict=True):
             group["lr"] = rate * max(left, _LEAST_RATE)
@@ -183,6 +202,14 @@ class Trainer:
                 critic_loss = mse_loss(self._critic(observations)[:, 0], target)
                 self._descend(loss, critic_loss)
         with torch.no_grad():
+            if not all(flat.parameter.isfinite().all() for flat in self._learned):
+                for flat, before_update in zip(self._learned, kept, strict=True):
+                    flat.parameter.copy_(before_update)
+                raise TrainingError(
+                    f"Learning diverged after {len(self.history)} episodes: its numbers are not "
+                    "finite.",
+                    "Try smaller step sizes, or smaller rewards.",
+                )
             self.last_update = Update(
                 self.steps,
                 len(self.history),

@@ -167,7 +167,7 @@ def _as_model(family: Family, **changes: object) -> Family:
     return {name: replace(settings, **changes) for name, settings in family.items()}  # type: ignore[arg-type]
 
 
-PRESETS: dict[str, dict[str, Family]] = {
+_WRITTEN: dict[str, dict[str, Family]] = {
     "paper": {
         "svqc": {**_SVQC_FAMILY, "CartPole single": _SINGLE},
         "mvqc": _as_model(
@@ -189,6 +189,13 @@ PRESETS: dict[str, dict[str, Family]] = {
         ),
         "fcn": _FCN_FAMILY,
     },
+}
+PRESETS = {
+    preset: {
+        model: {name: settings.check() for name, settings in family.items()}
+        for model, family in models.items()
+    }
+    for preset, models in _WRITTEN.items()
 }
 """Settings by preset, model and environment (its name without version); "" serves any other."""
 

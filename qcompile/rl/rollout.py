@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qcompile.errors import TrainingError
-from qcompile.rl.environments import Environment, features_and_actions, make_environments
+from qcompile.rl.environments import features_and_actions, make_environments
+from qcompile.rl.stepping import Stepper, check_finite
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -30,13 +31,14 @@ class FinishedEpisode:
 class Rollout:
     """Steps of n environments: arrays (steps, n), observations (steps, n, features).
 
+
     `next_observations` are those the actions led to, before any reset; no step of a reset is in it.
     """
 
-    observations: NDArray[np.float32]
+    observations: NDArray[np.floating]
     actions: IntArray
     rewards: FloatArray
-    next_observations: NDArray[np.float32]
+    next_observations: NDArray[np.floating]
     terminated: BoolArray
     truncated: BoolArray
     finished: list[FinishedEpisode]
@@ -46,36 +48,24 @@ class Rollout:
         return self.terminated | self.truncated
 
 
-@dataclass(eq=False)
-class _Walk:
-    """The episode an environment is in: the seed of its reset, the actions since, their reward."""
-
-    environment: Environment
-    seed: int
-    actions: list[int]
-    reward: float = 0.0
-
-    def begin(self, seed: int) -> Any:
-        """Reset; the first observation."""
-        self.seed, self.reward = seed, 0.0
-        self.actions.clear()
-        return self.environment.reset(seed=seed)[0]
-
-
 class Collector:
     """Steps `count` environments together and resets each one when its episode ends.
 
-    `steps` counts every step taken, `history` has every finished episode. Every episode has a seed
-    of its own, so that an environment is rebuilt by playing its actions again.
+    Observations are of `dtype`: float32, or float64 where the environment declares what float32
+    cannot hold. `steps` counts every step taken, `history` has every finished episode. Every episode
+    has a seed of its own, so that an environment is rebuilt by playing its actions again.
     """
 
     def __init__(self, name: str, count: int, seeds: np.random.SeedSequence):
         environments = make_environments(name, count)
         self.features, self.actions = features_and_actions(environments[0])
         self._rng = np.random.default_rng(seeds)
-        self._walks = [_Walk(environment, 0, []) for environment in environments]
-        self._observations = np.stack([walk.begin(self._seed()) for walk in self._walks])
-        self._observations = self._observations.astype(np.float32)
+        self._steppers = [Stepper(environment) for environment in environments]
+        self._taken: list[list[int]] = [[] for _ in environments]
+        """The actions of the episode that each environment is in."""
+        first = [stepper.reset(self._seed()) for stepper in self._steppers]
+        self._observations: NDArray[np.floating] = np.stack(first)
+        self.dtype = self._observations.dtype
         self.steps = 0
         self.history: list[FinishedEpisode] = []
 
@@ -83,31 +73,39 @@ class Collector:
         return int(self._rng.integers(2**31))
 
     def collect(
-        self, act: Callable[[NDArray[np.float32]], IntArray], horizon: int | None
+        self, act: Callable[[NDArray[np.floating]], IntArray], horizon: int | None
     ) -> Rollout:
         """`horizon` steps of every environment, or without a horizon one whole episode of each.
 
         `act` maps observations (n, features) to actions (n,).
+
+        Raises:
+            EnvironmentStepError: an environment fails, or gives what no policy can use.
         """
         columns: tuple[list[NDArray[Any]], ...] = ([], [], [], [], [], [])
         before = len(self.history)
-        count = len(self._walks)
+        count = len(self._steppers)
         while len(columns[0]) != horizon:
             actions = act(self._observations)
             following = np.empty_like(self._observations)
             after = np.empty_like(self._observations)
             rewards, flags = np.empty(count), np.zeros((2, count), dtype=bool)
-            for i, (walk, action) in enumerate(zip(self._walks, actions.tolist(), strict=True)):
-                seen, reward, terminated, truncated, _ = walk.environment.step(action)
+            over: list[int] = []
+            for i, (stepper, action) in enumerate(
+                zip(self._steppers, actions.tolist(), strict=True)
+            ):
+                seen, rewards[i], terminated, truncated = stepper.step(action)
                 following[i] = after[i] = seen
-                rewards[i] = reward
-                walk.reward += float(reward)
-                walk.actions.append(action)
+                self._taken[i].append(action)
                 if terminated or truncated:
                     flags[:, i] = terminated, truncated
-                    number, steps = len(self.history) + 1, self.steps + i + 1
-                    self.history.append(FinishedEpisode(number, steps, walk.reward))
-                    after[i] = walk.begin(self._seed())
+                    over.append(i)
+            check_finite(self._steppers, following)
+            for i in over:
+                number, steps = len(self.history) + 1, self.steps + i + 1
+                self.history.append(FinishedEpisode(number, steps, self._steppers[i].reward))
+                after[i] = self._steppers[i].reset(self._seed())
+                self._taken[i].clear()
             row = (self._observations, actions, rewards, following, *flags)
             for column, values in zip(columns, row, strict=True):
                 column.append(values)
@@ -125,7 +123,10 @@ class Collector:
             "rng": self._rng.bit_generator.state,
             "steps": self.steps,
             "episodes": [[e.steps, e.reward] for e in self.history],
-            "walks": [[walk.seed, list(walk.actions)] for walk in self._walks],
+            "walks": [
+                [stepper.seed, list(taken)]
+                for stepper, taken in zip(self._steppers, self._taken, strict=True)
+            ],
             "observations": self._observations.tolist(),
         }
 
@@ -141,19 +142,21 @@ class Collector:
             FinishedEpisode(number, int(steps), float(reward))
             for number, (steps, reward) in enumerate(state["episodes"], 1)
         ]
-        for i, (walk, (seed, actions)) in enumerate(zip(self._walks, state["walks"], strict=True)):
-            seen = walk.begin(seed)
+        for i, (stepper, (seed, actions)) in enumerate(
+            zip(self._steppers, state["walks"], strict=True)
+        ):
+            seen = stepper.reset(seed)
             for action in actions:
-                seen, reward, *_ = walk.environment.step(action)
-                walk.reward += float(reward)
-            walk.actions.extend(actions)
+                seen = stepper.step(action)[0]
+            self._taken[i] = list(actions)
             self._observations[i] = seen
-        if not np.array_equal(self._observations, np.float32(state["observations"])):
+        was = np.array(state["observations"], dtype=self.dtype)
+        if not np.array_equal(self._observations, was):
             raise TrainingError(
                 "The environments do not come to where the checkpoint left them.",
                 "Go on with the versions it was made with; it names them.",
             )
 
     def close(self) -> None:
-        for walk in self._walks:
-            walk.environment.close()
+        for stepper in self._steppers:
+            stepper.environment.close()

@@ -41,20 +41,22 @@ def score(trainer: Trainer, episodes: int, first_seed: int) -> NDArray[np.float6
 
     environments = make_environments(trainer.environment, episodes)
     try:
-        lockstep(_sampling(trainer.actor, first_seed), environments, first_seed, on_episode=note)
+        act = _sampling(trainer, first_seed)
+        lockstep(act, environments, first_seed, on_episode=note)
     finally:
         for environment in environments:
             environment.close()
     return np.array([rewards[seed] for seed in sorted(rewards)])
 
 
-def _sampling(actor: torch.nn.Module, seed: int) -> Act:
-    """Actions drawn from the softmax of a network's outputs."""
+def _sampling(trainer: Trainer, seed: int) -> Act:
+    """Actions drawn from the softmax of a network's outputs, which sees what it learns from."""
     rng = np.random.default_rng(seed)
 
     def act(observations: NDArray[np.float64]) -> NDArray[np.intp]:
         with torch.no_grad():
-            logits = actor(torch.from_numpy(observations).float()).numpy()
+            seen = torch.from_numpy(observations.astype(trainer.observation_dtype))
+            logits = trainer.actor(seen).numpy()
         return draw_actions(logits, rng)
 
     return act

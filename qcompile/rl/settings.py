@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
@@ -97,8 +97,14 @@ class Settings:
     critic_lr: Positive = 0.01
     """Adam's step size for the value."""
     anneal: bool = False
-    """Whether step sizes and entropy bonus fall linearly to the end of the run; step sizes stop
-    falling at 2 % of their start."""
+    """Whether step sizes and entropy bonus fall linearly to 0 within `anneal_steps` or
+    `anneal_episodes`, whichever is sooner; step sizes stop falling at 2 % of their start."""
+    anneal_steps: Count | None = None
+    """Environment steps to fall within; where this and `anneal_episodes` are None, `steps` and
+    `episodes` are taken. Other budgets leave them as they are: a shorter training is the start of
+    the longer one."""
+    anneal_episodes: Count | None = None
+    """Episodes to fall within."""
     gamma: Fraction = 0.99
     """Discount."""
     gae_lambda: Fraction = 1.0
@@ -122,7 +128,7 @@ class Settings:
     the policy; updates resume when the running average falls below."""
 
     def check(self) -> Settings:
-        """These settings, where they fit each other."""
+        """These settings, where they fit each other, with the budgets of what falls filled in."""
         if self.horizon is None and self.environments != 1:
             raise TrainingError(
                 f"{self.environments} environments without a horizon.",
@@ -136,16 +142,24 @@ class Settings:
                     f"Model {self.model!r} has no {name!r}, found {getattr(self, name)!r}.",
                     f"It is a setting of {' and '.join(models)}.",
                 )
+        budgets = (self.anneal_steps, self.anneal_episodes)
+        if not self.anneal and budgets != (None, None):
+            return replace(self, anneal_steps=None, anneal_episodes=None)
+        if self.anneal and budgets == (None, None):
+            return replace(self, anneal_steps=self.steps, anneal_episodes=self.episodes)
         return self
 
     def changed(self, **values: Any) -> Settings:
-        """A copy with these values, checked."""
+        """A copy with these values, checked; `steps` and `episodes` leave the annealing alone."""
         unknown = sorted(set(values) - set(_DEFAULTS))
         if unknown:
             raise TrainingError(
                 f"Unknown setting {unknown[0]!r}.", nearest(unknown[0], SETTING_NAMES)
             )
-        return restored(plain(self) | values)
+        before = plain(self)
+        if before["anneal_steps"] is None and before["anneal_episodes"] is None:
+            before |= {"anneal_steps": self.steps, "anneal_episodes": self.episodes}
+        return restored(before | values)
 
 
 _DEFAULTS: Mapping[str, Any] = {field.name: field.default for field in fields(Settings)}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -13,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from qcompile.errors import TrainingError
 from qcompile.output import write_file
+from qcompile.rl.order import in_order_of_start
 from qcompile.rl.settings import plain, restored
 from qcompile.study.rows import Cell
 
@@ -21,16 +23,16 @@ EVALUATION_SEED = 10_000
 """The final model plays episodes reset with these seeds, which no training sees by name."""
 
 AVERAGED = 20
-"""Episodes of an average, as in the paper's learning curves."""
+"""Episodes of an average, as in the paper's learning curves; they count in the order in which they
+began (`qcompile.rl.order`)."""
 
 Steps = Annotated[int, Field(ge=1)]
 
 
 def first_at(averages: NDArray[np.float64], target: float) -> int | None:
     """The first episode, 20 at least, after which the average is at the target; None if never."""
-    start = min(AVERAGED, len(averages)) - 1
-    reached = np.flatnonzero(averages[start:] >= target)
-    return int(reached[0]) + start + 1 if len(reached) else None
+    reached = np.flatnonzero(averages[AVERAGED - 1 :] >= target)
+    return int(reached[0]) + AVERAGED if len(reached) else None
 
 
 class CellResult(BaseModel):
@@ -56,23 +58,34 @@ class CellResult(BaseModel):
             raise ValueError(f"{len(self.steps)} steps for {len(self.rewards)} rewards")
         return self
 
-    @property
+    @cached_property
     def averages(self) -> NDArray[np.float64]:
-        """The average of the last 20 rewards (fewer before the 20th), after each episode."""
-        total = np.cumsum([0.0, *self.rewards])
-        end = np.arange(1, len(self.rewards) + 1)
+        """The average of the last 20 rewards (fewer before the 20th), after each episode.
+
+        Episodes count in the order in which they began; those that began after the first that the
+        end of the training cut off are left out.
+        """
+        finished = zip(self.steps, self.rewards, strict=True)
+        rewards = [*in_order_of_start(finished, self.settings.get("environments", 1))]
+        total = np.cumsum([0.0, *rewards])
+        end = np.arange(1, len(rewards) + 1)
         start = np.maximum(end - AVERAGED, 0)
         return np.asarray((total[end] - total[start]) / (end - start))
 
     @property
     def full_averages(self) -> NDArray[np.float64]:
-        """The averages over 20 episodes; the last one alone where there are fewer episodes."""
-        return self.averages[min(AVERAGED, len(self.rewards)) - 1 :]
+        """The averages over 20 episodes; none where there are fewer episodes."""
+        return self.averages[AVERAGED - 1 :]
 
     @property
-    def best_average(self) -> float:
-        """The best average over 20 episodes."""
-        return float(self.full_averages.max())
+    def best_average(self) -> float | None:
+        """The best average over 20 episodes; None where there are fewer."""
+        return float(self.full_averages.max()) if len(self.full_averages) else None
+
+    @property
+    def last_average(self) -> float | None:
+        """The last average over 20 episodes; None where there are fewer."""
+        return float(self.full_averages[-1]) if len(self.full_averages) else None
 
     def first_at(self, target: float) -> int | None:
         """The first episode, 20 at least, after which the average is at the target."""

@@ -143,6 +143,8 @@ def _outcome(cell: C, run: Callable[[C], R]) -> tuple[str, R | _Failure]:
     """The cell's name with its result, or with what went wrong: no worker raises for that."""
     try:
         return cell.name, run(cell)
+    except QcompileError as error:
+        return cell.name, _Failure(str(error))
     except Exception as error:
         return cell.name, _Failure(f"{type(error).__name__}: {error}")
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from qcompile.study.cell import AVERAGED
 from qcompile.study.paper import FIGURES, shown_in
-from qcompile.study.summary import RowSummary, spread
+from qcompile.study.summary import TOO_FEW, RowSummary, spread
 
 _HOLDS = 1.2
 """A claim of the paper holds where ours takes at most so many times its episodes."""
@@ -28,11 +29,14 @@ How to read the tables:
   averaged over all seeds, is at the target. **seeds at target**: how many seeds reach it by
   themselves, and the episodes they take: the median, and the range of those that do.
 - **best, last average**: of the last 20 rewards: the best one of each seed, and the one at the end
-  of its training, mean ± standard deviation over the seeds.
+  of its training, mean ± standard deviation over the seeds. Episodes of environments that step
+  together count in the order in which they began: in the order in which they end, short ones come
+  first. The best of many averages is above what any model scores: for that read the next column.
 - **fresh episodes**: the mean reward of the final model, mean ± standard deviation over the seeds,
   and the lowest seed.
 - **the paper's number**: "holds" where the mean of the seeds is at the target within {holds:g}
-  times the paper's episodes (LunarLander: the best seed, as in the paper).
+  times the paper's episodes (LunarLander: the best seed, as in the paper); "not tested" where fewer
+  episodes or seeds were trained than it takes to tell.
 """
 
 _COLUMNS = (
@@ -91,7 +95,7 @@ def _cells(summary: RowSummary) -> tuple[str, ...]:
         f"`{row.preset}`",
         f"{summary.parameters:,}",
         row.claim.words,
-        _episode(summary.mean_first),
+        _episode(summary),
         _seeds(summary),
         spread(summary.best),
         spread(summary.final),
@@ -100,7 +104,10 @@ def _cells(summary: RowSummary) -> tuple[str, ...]:
     )
 
 
-def _episode(first: int | None) -> str:
+def _episode(summary: RowSummary) -> str:
+    if len(summary.mean_curve) < AVERAGED:
+        return TOO_FEW
+    first = summary.mean_first
     return "not reached" if first is None else f"{first:,}"
 
 
@@ -116,14 +123,22 @@ def _seeds(summary: RowSummary) -> str:
 
 
 def verdict(summary: RowSummary) -> str:
-    """Whether the paper's number of episodes holds here."""
-    wanted = summary.row.claim.episodes
+    """Whether the paper's number of episodes holds here, if what was trained can tell."""
+    row, results = summary.row, summary.results
+    wanted = row.claim.episodes
     if wanted is None:
         return "-"
-    first = summary.mean_first
-    if summary.row.figure == "lunarlander":
+    best_counts = row.figure == "lunarlander"
+    first, trained = summary.mean_first, len(summary.mean_curve)
+    if best_counts:
         first = min((f for f in summary.each_first if f is not None), default=None)
+        trained = min(len(result.averages) for result in results)
+    holds = first is not None and first <= _HOLDS * wanted
+    if len(results) < row.seeds and not (best_counts and holds):
+        return f"not tested: {len(results)} of {row.seeds} seeds"
+    if first is None and trained < int(_HOLDS * wanted):
+        return f"not tested: {trained:,} of {int(_HOLDS * wanted):,} episodes"
     if first is None:
         return "does not hold: not reached"
     ratio = first / wanted
-    return f"{'holds' if ratio <= _HOLDS else 'does not hold'}: {ratio:.2f} times the episodes"
+    return f"{'holds' if holds else 'does not hold'}: {ratio:.2f} times the episodes"

@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from qcompile.study.cell import CellResult, first_at
+from qcompile.study.cell import AVERAGED, CellResult, first_at
 from qcompile.study.rows import Row
 
+TOO_FEW = f"under {AVERAGED} episodes"
 _CURVE_POINTS = 200
 
 
@@ -21,8 +22,8 @@ _CURVE_POINTS = 200
 class RowSummary:
     """A row with the results of its seeds, in the order of the seeds.
 
-    An average is over the last 20 episodes; `mean_curve` is that of the seeds' averages, after each
-    episode until the shortest training ends.
+    An average is over the last 20 episodes, in the order in which they began; `mean_curve` is that
+    of the seeds' averages, after each episode until the shortest training ends.
     """
 
     row: Row
@@ -70,20 +71,20 @@ class RowSummary:
             "target": self.row.target,
             "mean_at_target": self.mean_first,
             "each_at_target": self.each_first,
-            "best_average": self.best.tolist(),
-            "last_average": self.final.tolist(),
+            "best_average": [result.best_average for result in self.results],
+            "last_average": [result.last_average for result in self.results],
             "evaluation_mean": self.evaluation.tolist(),
         }
 
     @property
     def best(self) -> NDArray[np.float64]:
-        """The best average of each seed, (seeds,)."""
-        return np.array([result.best_average for result in self.results])
+        """The best average of each seed, (seeds,); nan where it has fewer than 20 episodes."""
+        return np.array([result.best_average for result in self.results], dtype=np.float64)
 
     @property
     def final(self) -> NDArray[np.float64]:
-        """The last average of each seed, (seeds,)."""
-        return np.array([result.averages[-1] for result in self.results])
+        """The last average of each seed, (seeds,); nan where it has fewer than 20 episodes."""
+        return np.array([result.last_average for result in self.results], dtype=np.float64)
 
     @property
     def evaluation(self) -> NDArray[np.float64]:
@@ -92,8 +93,13 @@ class RowSummary:
 
 
 def spread(values: NDArray[np.float64]) -> str:
-    """Mean ± standard deviation over the seeds, in words; values (seeds,)."""
-    return f"{values.mean():.1f} ± {values.std():.1f}"
+    """Mean ± standard deviation over the seeds, in words; values (seeds,), nan where one has none.
+
+    One seed has no deviation.
+    """
+    if np.isnan(values).any():
+        return TOO_FEW
+    return f"{values.mean():.1f}" + (f" ± {values.std():.1f}" if len(values) > 1 else ", one seed")
 
 
 def results_csv(summaries: Sequence[RowSummary]) -> str:
@@ -110,8 +116,8 @@ def results_csv(summaries: Sequence[RowSummary]) -> str:
             result.steps[-1] if result.steps else 0,
             summary.row.target,
             "" if first is None else first,
-            f"{result.best_average:.2f}",
-            f"{result.averages[-1]:.2f}",
+            "" if result.best_average is None else f"{result.best_average:.2f}",
+            "" if result.last_average is None else f"{result.last_average:.2f}",
             f"{np.mean(result.evaluation):.2f}",
             f"{np.std(result.evaluation):.2f}",
         ]

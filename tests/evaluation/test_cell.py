@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from scipy import stats
 
 from qcompile.errors import CalibrationError, OutputError
 from qcompile.evaluation import cell as module
@@ -126,12 +127,6 @@ def without_episode(text: str) -> str:
     return json.dumps(values)
 
 
-def swapped(text: str) -> str:
-    values = json.loads(text)
-    values["summary"]["ci95"].reverse()
-    return json.dumps(values)
-
-
 def other_threshold(text: str) -> str:
     return json.dumps(json.loads(text) | {"threshold": 1.0})
 
@@ -153,8 +148,6 @@ def other_threshold(text: str) -> str:
         "another kind": changed(kind="guess"),
         "another mean": changed(mean_reward=9.0),
         "another scatter": changed(std_reward=0.125),
-        "an interval reversed": swapped,
-        "no interval": changed(ci95=None),
         "an interval of three": changed(ci95=[1.0, 2.0, 3.0]),
         "a number as text": changed(executions="12"),
         "solved": changed(solved=True),
@@ -174,6 +167,21 @@ def test_a_damaged_file_is_no_result(
     assert damaged != file.read_text()
     file.write_text(damaged)
     assert read_cell(cell, file.parent) is None
+
+
+@pytest.mark.parametrize("interval", [None, [0.0, 1.0], [9.0, 8.0]])
+def test_an_interval_of_an_earlier_version_is_worked_out_anew(
+    kept: tuple[Cell, Path], interval: Any
+) -> None:
+    cell, file = kept
+    result = read_cell(cell, file.parent)
+    assert result is not None
+    rewards = [*result.rewards.values()]
+    theirs = stats.ttest_1samp(rewards, 0).confidence_interval(0.95)
+    low, high = result.summary["ci95"]
+    assert low <= theirs.low < theirs.high <= high
+    file.write_text(changed(ci95=interval)(file.read_text()))
+    assert read_cell(cell, file.parent) == result
 
 
 def test_a_result_that_cannot_be_written(cell: MakeCell, tmp_path: Path) -> None:

@@ -161,6 +161,17 @@ def test_certain_outcomes_have_no_noise() -> None:
     assert ones.tolist() == [[0, 4096, 4096], [0, 4096, 0], [0, 4096, 4096]]
 
 
+def test_probabilities_that_rounding_carries_below_zero_are_zero() -> None:
+    """Gates undone by later ones: P(1) is 0, computed as -1e-16 for some angles."""
+    there = np.random.default_rng(0).uniform(-3, 3, (500, 2))
+    program = Program.of([Circuit.parse("ry(x0) rz(x1) rz(x3) ry(x2)")], 4)
+    executable = compile(program, load_device("ideal"), 0)
+    executor = OfflineExecutor(executable.device, 0)
+    x = np.hstack([there, -there])
+    assert (executor.expectation(executable, x, np.zeros(0)) > 1).any(), "no rounding to be tested"
+    assert not executor.run(executable, x, np.zeros(0), 100).any()
+
+
 @pytest.mark.parametrize("level", [0, 1, 2])
 def test_a_batch_is_its_rows(level: int) -> None:
     executable, (x, theta) = paper(7, "fake_lima", level), inputs(9, 7)

@@ -11,14 +11,16 @@ import numpy as np
 import pytest
 from qiskit import QuantumCircuit
 from qiskit.exceptions import QiskitError
-from qiskit.primitives import StatevectorSampler
+from qiskit.primitives import BackendSamplerV2, StatevectorSampler
 from qiskit.providers.fake_provider import GenericBackendV2
+from qiskit_aer import AerSimulator
 from qiskit_aer.primitives import SamplerV2 as AerSampler
 from scipy.stats import binom
 
 from qcompile.device import Device, load_device
 from qcompile.errors import CircuitError, CountsError, DeviceError, MissingExtraError
 from qcompile.execution import OfflineExecutor, PrimitiveExecutor, open_executor
+from qcompile.execution.primitive import sampler_kind
 from qcompile.ir import Circuit, Program
 from qcompile.noise import NoisyCircuits
 from qcompile.passes import Executable, compile
@@ -235,6 +237,68 @@ def test_the_device_is_the_calibration_of_the_backend() -> None:
     assert LIMA.kind == "noise-model"
     assert LIMA.device.name == "fake_lima"
     assert LIMA.device.qubits == load_device("fake_lima").qubits
+
+
+class Wrapped:
+    """A sampler of somebody's own, which says what it runs on."""
+
+    def __init__(self, backend: Any):
+        self.backend = backend
+
+
+class OwnFake(type(find_backend("FakeLimaV2"))):  # type: ignore[misc]
+    """A fake backend of one's own."""
+
+
+def machine() -> Any:
+    """IBM's class of a machine, without a connection: nothing but its type is asked."""
+    from qiskit_ibm_runtime import IBMBackend
+
+    return object.__new__(IBMBackend)
+
+
+def samplers() -> dict[str, tuple[Any, str]]:
+    fake = find_backend("FakeLimaV2")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return {
+            "none": (None, "noise-model"),
+            "Qiskit's statevector": (StatevectorSampler(), "noise-model"),
+            "Aer's": (AerSampler(), "noise-model"),
+            "local testing mode": (runtime_sampler(fake), "noise-model"),
+            "local testing mode, Aer": (runtime_sampler(AerSimulator()), "noise-model"),
+            "over a fake": (BackendSamplerV2(backend=fake), "noise-model"),
+            "over a fake of one's own": (BackendSamplerV2(backend=OwnFake()), "noise-model"),
+            "over a generic backend": (Wrapped(GenericBackendV2(3)), "noise-model"),
+            "a method": (Wrapped(lambda: fake), "noise-model"),
+            "says nothing": (Counting(), "noise-model"),
+            "over a machine": (Wrapped(machine()), "hardware"),
+            "over a machine, a method": (Wrapped(machine), "hardware"),
+            "over what is not known": (Wrapped(object()), "hardware"),
+        }
+
+
+@pytest.mark.parametrize("name", samplers())
+def test_a_result_is_called_what_its_sampler_runs_on(name: str) -> None:
+    """All are opened for a fake backend: what the sampler says of itself counts first."""
+    sampler, kind = samplers()[name]
+    assert PrimitiveExecutor(find_backend("FakeLimaV2"), sampler=sampler).kind == kind
+
+
+def test_a_sampler_that_says_nothing_runs_on_the_backend_it_is_given_for() -> None:
+    assert sampler_kind(Counting(), machine()) == "hardware"
+    assert sampler_kind(None, machine()) == "noise-model"  # its calibration, played in Aer
+
+
+def test_a_kind_that_is_given_counts() -> None:
+    backend = find_backend("FakeLimaV2")
+    sampler = Wrapped(object())
+    assert PrimitiveExecutor(backend, sampler=sampler, kind="noise-model").kind == "noise-model"
+
+
+def test_shots_are_not_spread_over_threads() -> None:
+    """Aer draws other counts where they are; 1 is its word for never."""
+    assert LIMA._simulator.options.max_parallel_shots == 1
 
 
 def test_wrong_use_is_refused() -> None:

@@ -42,6 +42,16 @@ def test_algorithm_2_holds_good_episodes_and_keeps_the_longest_row() -> None:
     assert kept == [1, 1, 1, 4, 4, 6, 6, 6]
 
 
+def test_algorithm_2_goes_on_holding_while_the_average_is_at_the_threshold() -> None:
+    """300 and 100 average exactly 200, which has not fallen below 200: the row lasts, 199 ends it.
+
+    Rewards 300 (300), 100 (200), 199 (199.67).
+    """
+    held, kept = scripted(Pause(200.0), [300, 100, 199])
+    assert held == [True, True, False]
+    assert kept == [1, 1, 1]
+
+
 def test_algorithm_2_without_a_threshold_never_holds() -> None:
     held, kept = scripted(Pause(None), [1e6, -1e6, 1e6])
     assert held == [False] * 3

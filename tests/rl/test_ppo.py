@@ -192,3 +192,13 @@ def test_a_trainer_checks_what_it_is_given() -> None:
         Trainer("Match-v0", Settings(environments=4, steps=1), 0)
     with pytest.raises(EnvironmentMismatchError, match="Unknown environment 'CartPoll-v1'"):
         Trainer("CartPoll-v1", QUICK, 0)
+
+
+def test_a_shorter_training_is_the_start_of_the_longer_one() -> None:
+    """Step sizes fall by the budget of the preset: fewer episodes change nothing before."""
+    preset = settings_for("tuned", "CartPole-v1").changed(episodes=9, anneal_episodes=9)
+    long, short = (
+        Trainer("CartPole-v1", preset.changed(episodes=episodes), 5).train() for episodes in (9, 4)
+    )
+    assert short.episodes == long.episodes[:4]
+    assert len(long.episodes) == 9

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import math
-import tracemalloc
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from qcompile.policy import Encoder
 from qcompile.policy.layouts import parallel
 from qcompile.rl.environments import make_environments, reward_threshold
-from qcompile.rl.evaluate import Episode, RunResult, bootstrap_ci95, play
+from qcompile.rl.evaluate import Episode, RunResult, play
 
 Make = Callable[..., Any]
 
@@ -135,26 +133,6 @@ def test_thresholds_are_those_of_gymnasium() -> None:
         assert reward_threshold(make_environments(name, 1)[0]) == threshold
 
 
-def test_the_interval_of_equal_rewards_is_their_value() -> None:
-    assert bootstrap_ci95(np.full(7, 42.0), 0) == [42.0, 42.0]
-    assert bootstrap_ci95(np.zeros(0), 0) is None
-
-
-@pytest.mark.parametrize("size", [5, 100])
-def test_the_interval_is_scipy_s_percentile_bootstrap(size: int) -> None:
-    """Two runs of 10000 resamples; an end at 2.5 % of a nearly normal law of deviation s has the
-    error s sqrt(0.025 * 0.975 / 10000) / phi(1.96) = 0.027 s, their difference 0.038 s."""
-    rewards = np.random.default_rng(0).normal(200, 30, size)
-    found = bootstrap_ci95(rewards, 1)
-    theirs = stats.bootstrap(
-        (rewards,), np.mean, n_resamples=10_000, method="percentile", rng=np.random.default_rng(2)
-    ).confidence_interval
-    assert found is not None
-    deviation = rewards.std() / np.sqrt(size)
-    np.testing.assert_allclose(found, [theirs.low, theirs.high], atol=5 * 0.038 * deviation)
-    assert found[0] < rewards.mean() < found[1]
-
-
 @pytest.mark.parametrize(
     ("shots", "circuits", "jobs"),
     [
@@ -195,33 +173,3 @@ def test_jobs_follow_the_episodes_that_live_on(stubborn: Make, deploy: Make) -> 
     assert living[-1] < 8
     assert result.load.jobs == sum(math.ceil(alive / 3) for alive in living)
     assert result.steps == max(lengths)
-
-
-@pytest.mark.parametrize("block", [1, 700, 12_345, 10**9])
-def test_the_bootstrap_in_blocks_is_the_bootstrap(
-    monkeypatch: pytest.MonkeyPatch, block: int
-) -> None:
-    """numpy draws the same numbers in any blocks: the interval stays to the last bit but rounding.
-
-    The unblocked law is written out here: 2000 resamples of 37 rewards in one array.
-    """
-    rewards = np.random.default_rng(3).normal(200, 30, 37)
-    drawn = np.random.default_rng(9).choice(rewards, (2000, 37)).mean(axis=1)
-    monkeypatch.setattr("qcompile.rl.evaluate._BLOCK", block)
-    found = bootstrap_ci95(rewards, 9, resamples=2000)
-    np.testing.assert_allclose(found, np.percentile(drawn, [2.5, 97.5]), rtol=1e-12)
-
-
-def test_the_bootstrap_of_many_rewards_needs_little_memory() -> None:
-    """10,000 rewards, 10,000 times, are 800 MB at once; a block of a million numbers is 8 MB."""
-    rewards = np.random.default_rng(4).normal(size=10_000)
-    tracemalloc.start()
-    found = bootstrap_ci95(rewards, 0)
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert peak < 40e6
-    assert found is not None
-    # The law is normal by now: mean +- 1.96 s / 100, its ends known within 0.027 s / 100.
-    deviation = rewards.std() / 100
-    normal = rewards.mean() + deviation * stats.norm.ppf([0.025, 0.975])
-    np.testing.assert_allclose(found, normal, atol=5 * 0.027 * deviation)

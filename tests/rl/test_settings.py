@@ -210,3 +210,30 @@ def test_a_preset_that_is_not_there_is_refused(arguments: tuple[str, ...], messa
     with pytest.raises(TrainingError) as caught:
         settings_for(*arguments)
     assert message in str(caught.value)
+
+
+def test_a_shorter_training_falls_as_the_preset_does() -> None:
+    """`--episodes 60` is the first 60 episodes of the preset's 150."""
+    preset = settings_for("tuned", "CartPole-v1")
+    assert (preset.episodes, preset.anneal_episodes, preset.anneal_steps) == (150, 150, None)
+    for changes in ({"episodes": 60}, {"episodes": None, "steps": 5000}, {"episodes": 900}):
+        made = preset.changed(**changes)
+        assert (made.anneal_steps, made.anneal_episodes) == (None, 150)
+        assert restored(plain(made)) == made
+    assert preset.changed(episodes=60).changed(clip=0.3).anneal_episodes == 150
+    own = preset.changed(anneal_episodes=60, episodes=60)
+    assert own.anneal_episodes == 60
+
+
+def test_annealing_switched_on_falls_within_the_budget_of_the_preset() -> None:
+    made = settings_for("paper", "CartPole-v1").changed(anneal=True, episodes=60)
+    assert made.anneal_episodes == 500
+    assert made.changed(anneal=False).anneal_episodes is None
+
+
+def test_settings_of_earlier_files_fall_within_their_own_budget() -> None:
+    """They hold no budget to fall within: their training fell within its own."""
+    values = plain(settings_for("tuned", "CartPole-v1"))
+    del values["anneal_steps"], values["anneal_episodes"]
+    assert restored(values) == settings_for("tuned", "CartPole-v1")
+    assert restored(values | {"episodes": 60}).anneal_episodes == 60

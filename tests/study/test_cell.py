@@ -38,13 +38,28 @@ def test_the_first_episode_at_the_target_is_the_20th_at_least(summary: Any) -> N
     assert never.first_at(10.0) is None
 
 
-def test_a_training_shorter_than_20_episodes_has_one_average(summary: Any) -> None:
+def test_a_training_shorter_than_20_episodes_has_no_average_over_20(summary: Any) -> None:
     (result,) = summary([30.0, 0.0, 0.0]).results
     assert result.averages.tolist() == [30.0, 15.0, 10.0]
-    assert result.best_average == 10.0
-    assert result.first_at(10.0) == 3
-    assert result.first_at(10.1) is None
-    assert first_at(np.array([7.0]), 7.0) == 1
+    assert (result.best_average, result.last_average) == (None, None)
+    assert result.first_at(10.0) is None
+    assert first_at(np.full(19, 7.0), 7.0) is None
+    assert first_at(np.full(20, 7.0), 7.0) == 20
+
+
+def test_episodes_of_many_environments_count_in_the_order_in_which_they_began(
+    summary: Any,
+) -> None:
+    """21 environments begin together and earn 21, 20, ..., 1 for as many steps.
+
+    In the order of their ends the first 20 average 10.5, in that of their numbers 11.5.
+    """
+    (result,) = summary([float(i) for i in range(1, 22)]).results
+    steps = [21 * (i - 1) + (21 - i) + 1 for i in range(1, 22)]
+    many = result.model_copy(update={"steps": steps, "settings": {"environments": 21}})
+    assert many.full_averages.tolist() == [11.5, 10.5]
+    assert (many.best_average, many.last_average) == (11.5, 10.5)
+    assert many.first_at(11.0) == 20
 
 
 def test_the_best_average_is_no_early_one(summary: Any) -> None:

@@ -180,6 +180,43 @@ def test_the_verdict(
     assert verdict(summary(AT_40, AT_30, claim=Claim("-", claimed), **changes)) == words
 
 
+@pytest.mark.parametrize(
+    ("results", "changes", "words"),
+    [
+        # The paper takes 100 episodes; at 120 at most it holds.
+        ([NEVER, NEVER], {}, "not tested: 45 of 120 episodes"),
+        ([[0.0] * 119, [0.0] * 200], {}, "not tested: 119 of 120 episodes"),
+        ([[0.0] * 120, [0.0] * 200], {}, "does not hold: not reached"),
+        ([AT_30, AT_40], {"seeds": 5}, "not tested: 2 of 5 seeds"),
+        ([NEVER] * 2, {"seeds": 5}, "not tested: 2 of 5 seeds"),
+        # Of the best of ten one may already do.
+        ([AT_30, NEVER], {"seeds": 10, "figure": "lunarlander"}, "holds: 0.30 times the episodes"),
+        ([NEVER] * 2, {"seeds": 10, "figure": "lunarlander"}, "not tested: 2 of 10 seeds"),
+    ],
+)
+def test_no_verdict_without_the_episodes_and_seeds_for_it(
+    summary: Make, results: list[list[float]], changes: dict[str, Any], words: str
+) -> None:
+    assert verdict(summary(*results, claim=Claim("-", 100), **changes)) == words
+
+
+def test_a_first_look_says_what_it_cannot_say(summary: Make) -> None:
+    """One seed does not scatter, and 19 episodes have no average over 20."""
+    short = summary([5.0] * 19, claim=Claim("about 30", 30), evaluation=[[1.0, 2.0]], seeds=5)
+    _, _, line = tables(page([short], "study", {}))[FIGURES["cartpole"]]
+    assert line[4:] == [
+        "under 20 episodes",
+        "0 of 1",
+        "under 20 episodes",
+        "under 20 episodes",
+        "1.5, one seed, lowest 1.5",
+        "not tested: 1 of 5 seeds",
+    ]
+    assert short.values()["best_average"] == short.values()["last_average"] == [None]
+    (row,) = read(results_csv([short]))
+    assert (row["best_average"], row["last_average"]) == ("", "")
+
+
 # The page and its pictures.
 
 

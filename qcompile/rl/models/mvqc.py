@@ -54,7 +54,7 @@ class MVQC(torch.nn.Module):
     def expectation(self, observations: torch.Tensor) -> torch.Tensor:
         """Observations (B, features) to <Z> of every qubit (B, features)."""
         scale = self.log_scale.exp().reshape(self._layers, self._qubits)
-        x = torch.arctan(observations[:, None, :] * scale)  # (B, layers, qubits)
+        x = torch.arctan(observations[:, None, :] * scale).to(scale.dtype)  # (B, layers, qubits)
         trained = _rz_ry(self.theta[..., 0], self.theta[..., 1])  # (layers + 1, qubits, 2, 2)
         # What follows the ring of a layer on one qubit is one matrix: encode, then train.
         between = trained[1:] @ _rz_ry(x, x)  # (B, layers, qubits, 2, 2)

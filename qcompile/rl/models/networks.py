@@ -12,21 +12,30 @@ _ACTIVATIONS = {"relu": torch.nn.ReLU, "tanh": torch.nn.Tanh}
 _KERNEL = 3
 
 
+class Network(torch.nn.Sequential):
+    """Layers from observations (B, features), in any precision, to outputs (B, outputs)."""
+
+    def forward(self, observations: torch.Tensor) -> torch.Tensor:
+        seen = observations.to(next(self.parameters()).dtype)
+        outputs: torch.Tensor = super().forward(seen)  # type: ignore[no-untyped-call]
+        return outputs
+
+
 def fully_connected(
     features: int, outputs: int, settings: Settings, generator: torch.Generator
-) -> torch.nn.Sequential:
+) -> Network:
     """Linear layers of the sizes `hidden`, the activation between them, and a linear output."""
     sizes = [features, *settings.hidden]
     layers: list[torch.nn.Module] = []
     for before, after in itertools.pairwise(sizes):
         layers += [torch.nn.Linear(before, after), _ACTIVATIONS[settings.activation]()]
     layers.append(torch.nn.Linear(sizes[-1], outputs))
-    return _drawn(torch.nn.Sequential(*layers), settings, generator)
+    return _drawn(Network(*layers), settings, generator)
 
 
 def convolutional(
     features: int, outputs: int, settings: Settings, generator: torch.Generator
-) -> torch.nn.Sequential:
+) -> Network:
     """Convolutions of width 3 over the row of features, `hidden` channels, and a linear output."""
     channels = [1, *settings.hidden]
     layers: list[torch.nn.Module] = [torch.nn.Unflatten(1, (1, features))]
@@ -36,12 +45,10 @@ def convolutional(
             _ACTIVATIONS[settings.activation](),
         ]
     layers += [torch.nn.Flatten(), torch.nn.Linear(channels[-1] * features, outputs)]
-    return _drawn(torch.nn.Sequential(*layers), settings, generator)
+    return _drawn(Network(*layers), settings, generator)
 
 
-def _drawn(
-    network: torch.nn.Sequential, settings: Settings, generator: torch.Generator
-) -> torch.nn.Sequential:
+def _drawn(network: Network, settings: Settings, generator: torch.Generator) -> Network:
     """The network with torch's usual first numbers, from `generator`: uniform, 1 / sqrt(inputs)."""
     for layer in network:
         if isinstance(layer, (torch.nn.Linear, torch.nn.Conv1d)):

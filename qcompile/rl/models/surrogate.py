@@ -35,7 +35,8 @@ class Surrogate(torch.nn.Module):
         """Observations (B, features) to outputs (B, outputs)."""
         u = observations.index_select(1, self.feature) * self.log_scale.exp()
         cosine = torch.rsqrt(u * u + 1)
-        outputs: torch.Tensor = self.head(torch.cat([u * cosine, cosine * cosine], dim=1))
+        values = torch.cat([u * cosine, cosine * cosine], dim=1)
+        outputs: torch.Tensor = self.head(values.to(self.log_scale.dtype))
         return outputs
 
     def policy(self, name: str, environment: str, metadata: dict[str, Any]) -> Policy:

@@ -32,8 +32,12 @@ class SVQC(torch.nn.Module):
         self.head = ReusedLinear(len(self.program), outputs, settings, generator)
 
     def inputs(self, observations: torch.Tensor) -> torch.Tensor:
-        """Observations (B, features) to the inputs x of the circuits (B, inputs), in radians."""
-        return torch.arctan(observations.index_select(1, self.feature) * self.log_scale.exp())
+        """Observations (B, features) to the inputs x of the circuits (B, inputs), in radians.
+
+        Observations in double precision are encoded in it, as the deployed policy does.
+        """
+        scaled = observations.index_select(1, self.feature) * self.log_scale.exp()
+        return torch.arctan(scaled).to(self.theta.dtype)
 
     def expectation(self, observations: torch.Tensor) -> torch.Tensor:
         """Observations (B, features) to the ideal <Z> of every circuit (B, circuits)."""
