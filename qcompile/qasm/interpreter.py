@@ -11,10 +11,11 @@ from openqasm3 import ast
 
 from qcompile.errors import CircuitError
 from qcompile.ir import Angle, Circuit, Gate, Program
-from qcompile.qasm.expressions import CONSTANTS, Scope, shown
+from qcompile.qasm.expressions import Scope, shown
 from qcompile.qasm.gates import ENTANGLING_GATES, inverse, require_count, standard
 from qcompile.qasm.layout import Layout
 from qcompile.qasm.registers import Kind, Reference, Registers
+from qcompile.qasm.variables import Variables
 from qcompile.qasm.write import DEFINITIONS
 
 MOST_GATES = 1_000_000
@@ -34,13 +35,10 @@ class Interpreter:
     def __init__(self, tree: Any):
         self.line = 1
         self._tree = tree
-        self._values: dict[str, Angle] = dict(CONSTANTS)
-        self._inputs: list[str] = []
         self._registers = Registers()
         self._definitions: dict[str, Any] = {}
         self._active: list[str] = []
         self._declared: set[str] = set()
-        self._whole: set[str] = set()
         self._gates: defaultdict[int, list[Gate]] = defaultdict(list)
         self._bit_of: dict[int, int | None] = {}
         self._written_bits: set[int] = set()
@@ -52,7 +50,8 @@ class Interpreter:
         if version is not None and version.split(".")[0] not in ("2", "3"):
             raise CircuitError(f"OpenQASM {version} is not known.", "Known versions: 2.0 and 3.0.")
         is_2 = version is not None and version.startswith("2")
-        self._scope = Scope(self._values, None if is_2 else self._whole)
+        self._variables = Variables(real=is_2)
+        self._scope = self._variables.scope
         self._entangling = self._find_entangling()
         for statement in self._tree.statements:
             self.line = statement.span.start_line
@@ -61,7 +60,7 @@ class Interpreter:
         if not layout.qubits:
             raise CircuitError("The program has no qubits.", "Declare some, such as: qubit[2] q;")
         circuits = tuple(Circuit(tuple(self._gates[i])) for i in range(len(layout)))
-        return Program(circuits, tuple(self._inputs)), layout
+        return Program(circuits, tuple(self._variables.inputs)), layout
 
     def _run(self, statement: Any) -> None:
         match statement:
@@ -78,19 +77,21 @@ class Interpreter:
                 if isinstance(statement.init_expression, ast.QuantumMeasurement):
                     self._measure(statement.init_expression, statement.identifier)
                 elif statement.init_expression is not None:
-                    raise _unsupported(statement)
+                    self._require_zeros(statement)
+            case ast.ClassicalDeclaration() if type := self._scope.type_of(statement.type):
+                name = self._declare(statement.identifier.name)
+                self._variables.declare(name, type, statement.init_expression)
+            case ast.ClassicalAssignment(lvalue=ast.Identifier()):
+                self._variables.assign(statement.lvalue.name, statement.op.name, statement.rvalue)
             case ast.IODeclaration(type=ast.BitType()) if statement.io_identifier.name == "output":
                 self._declare_register("bit", statement.identifier, statement.type.size)
             case ast.IODeclaration(type=ast.FloatType() | ast.AngleType()) if (
                 statement.io_identifier.name == "input"
             ):
+                self._variables.input(self._declare(statement.identifier.name))
+            case ast.ConstantDeclaration() if type := self._scope.type_of(statement.type):
                 name = self._declare(statement.identifier.name)
-                self._values[name] = Angle.symbol(name)
-                self._inputs.append(name)
-            case ast.ConstantDeclaration(
-                type=ast.IntType() | ast.UintType() | ast.FloatType() | ast.AngleType()
-            ):
-                self._declare_constant(statement)
+                self._variables.constant(name, type, statement.init_expression)
             case ast.AliasStatement():
                 name = self._declare(statement.target.name)
                 self._registers.alias(name, self._resolve(statement.value))
@@ -122,15 +123,14 @@ class Interpreter:
         name = self._declare(identifier.name)
         self._registers.declare(kind, name, size and self._scope.whole_number(size))
 
-    def _declare_constant(self, statement: Any) -> None:
-        value = self._scope.evaluate(statement.init_expression)
-        if not value.is_constant:
-            raise CircuitError(f"{shown(statement.init_expression)!r} is no constant.")
-        name = self._declare(statement.identifier.name)
-        if isinstance(statement.type, ast.IntType | ast.UintType):
-            self._scope.whole_number(statement.init_expression)
-            self._whole.add(name)
-        self._values[name] = value
+    def _require_zeros(self, statement: Any) -> None:
+        """Raise CircuitError unless bits are set to 0, which is what they are before measured."""
+        value = self._scope.value(statement.init_expression)
+        if value.number not in (0, Angle()):
+            raise CircuitError(
+                f"{shown(statement)} sets bits to 1.",
+                "Bits that are not measured stay 0 here.",
+            )
 
     def _resolve(self, operand: Any, kind: Kind | None = None) -> Reference:
         return self._registers.resolve(operand, self._scope, kind)
