@@ -8,8 +8,10 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from fractions import Fraction
 
 from qcompile.errors import CircuitError
+from qcompile.ir.turns import MODERATE_RAD, reduced, reduced_sum
 
 NEGLIGIBLE_RAD = 1e-13
 """An angle this close to a special value counts as that value: <Z> moves by less than 1e-12."""
@@ -90,7 +92,7 @@ class Angle:
 
     def wrapped(self) -> Angle:
         """The same rotation with its constant in (-pi, pi] (equal up to global phase)."""
-        constant = math.remainder(self.constant, 2 * math.pi)
+        constant = _within_a_turn(self.constant)
         if constant <= -math.pi + NEGLIGIBLE_RAD:
             constant += 2 * math.pi
         if constant > math.pi:
@@ -99,15 +101,32 @@ class Angle:
 
     def equals(self, constant: float) -> bool:
         """Whether this is `constant` up to whole turns and NEGLIGIBLE_RAD, for all symbols."""
-        distance = math.remainder(self.constant - constant, 2 * math.pi)
+        distance = math.remainder(self.moderate().constant - constant, 2 * math.pi)
         return self.is_constant and abs(distance) <= NEGLIGIBLE_RAD
 
+    def moderate(self) -> Angle:
+        """The same rotation with a constant that can be added to others without loss.
+
+        A constant above MODERATE_RAD is wrapped, exactly; one below stays as it is.
+        """
+        return self if abs(self.constant) <= MODERATE_RAD else self.wrapped()
+
     def substitute(self, values: Mapping[str, float]) -> Angle:
-        """The angle with the symbols named in `values` replaced by their numbers."""
-        bound = sum(c * values[s] for s, c in self.terms if s in values)
-        return Angle._checked(
-            self.constant + bound, {s: c for s, c in self.terms if s not in values}
-        )
+        """The angle with the symbols named in `values` replaced by their numbers.
+
+        Where they make it larger than MODERATE_RAD its constant is kept modulo 2 pi, exactly.
+        """
+        products = [c * values[s] for s, c in self.terms if s in values]
+        constant = self.constant + sum(products)
+        if products and not sum(map(abs, products), abs(self.constant)) <= MODERATE_RAD:
+            try:
+                terms = [
+                    Fraction(c) * Fraction(float(values[s])) for s, c in self.terms if s in values
+                ]
+                constant = reduced_sum([Fraction(self.constant), *terms])
+            except (OverflowError, ValueError) as error:
+                raise CircuitError(f"{self} is not finite at these values.") from error
+        return Angle._checked(constant, {s: c for s, c in self.terms if s not in values})
 
     def rename(self, names: Mapping[str, str]) -> Angle:
         """The angle with the symbols named in `names` called what it says."""
@@ -118,6 +137,13 @@ class Angle:
         if self.constant or not parts:
             parts.append(_number(self.constant))
         return "+".join(parts).replace("+-", "-")
+
+
+def _within_a_turn(angle: float) -> float:
+    """`angle` modulo 2 pi, in [-pi, pi]."""
+    if abs(angle) <= MODERATE_RAD:
+        return math.remainder(angle, 2 * math.pi)
+    return float(reduced(angle))
 
 
 def check_symbol(name: str) -> None:
@@ -137,7 +163,10 @@ def _term(coefficient: float, symbol: str) -> str:
 
 def _number(value: float) -> str:
     """`value` as a short text that parses back to the same float: a fraction of pi if it is one."""
-    parts = round(value * _PARTS_OF_PI / math.pi)
+    scaled = value * _PARTS_OF_PI / math.pi
+    if math.isinf(scaled):
+        return repr(float(value))
+    parts = round(scaled)
     common = math.gcd(parts, _PARTS_OF_PI)
     top, bottom = parts // common, _PARTS_OF_PI // common
     if top and top * math.pi / bottom == value:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from qcompile.device import Device
 from qcompile.errors import CircuitError
 from qcompile.ir import Angle, Circuit, Gate, Program
-from qcompile.ir.table import AngleTable
+from qcompile.ir.table import AngleTable, are_large
 from qcompile.simulate import Definitions
 
 FloatArray = NDArray[np.float64]
@@ -66,7 +66,7 @@ class Executable:
         if self._definitions is not None:
             values = self._definitions(x, theta)
             x = np.concatenate([x, values], axis=1) if self._mixed else values
-        angles = self._table(x, theta)
+        angles = self._table(x, theta, large=are_large(x, theta, self._table.largest))
         shape = (len(x), len(self.native), max(self.slots, 1))
         if angles.ndim == 1:
             angles = np.broadcast_to(angles, (len(x), angles.size))

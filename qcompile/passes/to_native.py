@@ -39,7 +39,7 @@ class ToNative:
 
     def _gate(self, gate: Gate) -> Iterator[Gate]:
         if gate.name in self.native.split():
-            yield gate
+            yield gate if gate.angle is None else Gate(gate.name, gate.angle.moderate())
             return
         angles = alternating(Circuit((gate,)))
         first, polar, last = [*angles, *[Angle()] * (3 - len(angles))]

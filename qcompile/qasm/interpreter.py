@@ -11,11 +11,12 @@ from openqasm3 import ast
 
 from qcompile.errors import CircuitError
 from qcompile.ir import Angle, Circuit, Gate, Program
-from qcompile.qasm.expressions import CONSTANTS, Scope, shown
+from qcompile.qasm.expressions import Scope, shown
 from qcompile.qasm.gates import ENTANGLING_GATES, inverse, require_count, standard
 from qcompile.qasm.grammar import OpaqueGate
 from qcompile.qasm.layout import Layout
 from qcompile.qasm.registers import Kind, Reference, Registers
+from qcompile.qasm.variables import Variables
 from qcompile.qasm.write import DEFINITIONS
 
 MOST_GATES = 1_000_000
@@ -46,16 +47,14 @@ class Interpreter:
         """The names of all gates, standard or the file's own, that join qubits."""
         self._joining_later = joining_later
         self._is_2 = version == "2"
-        self._values: dict[str, Angle] = dict(CONSTANTS)
-        self._inputs: list[str] = []
+        self._variables = Variables(real=self._is_2)
+        self._scope = self._variables.scope
         self._registers = Registers()
         self._definitions: dict[str, Any] = {}
         self._opaque: set[str] = set()
         self._inlined: dict[tuple[Any, ...], list[list[Gate]]] = {}
         self._active: list[str] = []
         self._declared: set[str] = set()
-        self._whole: set[str] = set()
-        self._scope = Scope(self._values, None if self._is_2 else self._whole)
         self._gates: defaultdict[int, list[Gate]] = defaultdict(list)
         self._bit_of: dict[int, int | None] = {}
         self._written_bits: set[int] = set()
@@ -67,7 +66,7 @@ class Interpreter:
         if not layout.qubits:
             raise CircuitError("The program has no qubits.", "Declare some, such as: qubit[2] q;")
         circuits = tuple(Circuit(tuple(self._gates.pop(i, ()))) for i in range(len(layout)))
-        return Program(circuits, tuple(self._inputs)), layout
+        return Program(circuits, tuple(self._variables.inputs)), layout
 
     def run(self, statement: Any) -> None:
         """Run one statement."""
@@ -122,19 +121,21 @@ class Interpreter:
                 if isinstance(statement.init_expression, ast.QuantumMeasurement):
                     self._measure(statement.init_expression, statement.identifier)
                 elif statement.init_expression is not None:
-                    raise _unsupported(statement)
+                    self._require_zeros(statement)
+            case ast.ClassicalDeclaration() if type := self._scope.type_of(statement.type):
+                name = self._declare(statement.identifier.name)
+                self._variables.declare(name, type, statement.init_expression)
+            case ast.ClassicalAssignment(lvalue=ast.Identifier()):
+                self._variables.assign(statement.lvalue.name, statement.op.name, statement.rvalue)
             case ast.IODeclaration(type=ast.BitType()) if statement.io_identifier.name == "output":
                 self._declare_register("bit", statement.identifier, statement.type.size)
             case ast.IODeclaration(type=ast.FloatType() | ast.AngleType()) if (
                 statement.io_identifier.name == "input"
             ):
+                self._variables.input(self._declare(statement.identifier.name))
+            case ast.ConstantDeclaration() if type := self._scope.type_of(statement.type):
                 name = self._declare(statement.identifier.name)
-                self._values[name] = Angle.symbol(name)
-                self._inputs.append(name)
-            case ast.ConstantDeclaration(
-                type=ast.IntType() | ast.UintType() | ast.FloatType() | ast.AngleType()
-            ):
-                self._declare_constant(statement)
+                self._variables.constant(name, type, statement.init_expression)
             case ast.AliasStatement():
                 name = self._declare(statement.target.name)
                 self._registers.alias(name, self._resolve(statement.value))
@@ -169,15 +170,14 @@ class Interpreter:
         least = 0 if self._is_2 and kind == "bit" else 1
         self._registers.declare(kind, name, size and self._scope.whole_number(size), least)
 
-    def _declare_constant(self, statement: Any) -> None:
-        value = self._scope.evaluate(statement.init_expression)
-        if not value.is_constant:
-            raise CircuitError(f"{shown(statement.init_expression)!r} is no constant.")
-        name = self._declare(statement.identifier.name)
-        if isinstance(statement.type, ast.IntType | ast.UintType):
-            self._scope.whole_number(statement.init_expression)
-            self._whole.add(name)
-        self._values[name] = value
+    def _require_zeros(self, statement: Any) -> None:
+        """Raise CircuitError unless bits are set to 0, which is what they are before measured."""
+        value = self._scope.value(statement.init_expression)
+        if value.number not in (0, Angle()):
+            raise CircuitError(
+                f"{shown(statement)} sets bits to 1.",
+                "Bits that are not measured stay 0 here.",
+            )
 
     def _resolve(self, operand: Any, kind: Kind | None = None) -> Reference:
         return self._registers.resolve(operand, self._scope, kind)
