@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from typing import Any
 
 import openqasm3
@@ -13,54 +13,98 @@ from qcompile.errors import CircuitError
 from qcompile.ir import Angle, Circuit, Gate, Program
 from qcompile.qasm.expressions import Scope, shown
 from qcompile.qasm.gates import ENTANGLING_GATES, inverse, require_count, standard
+from qcompile.qasm.grammar import OpaqueGate
 from qcompile.qasm.layout import Layout
 from qcompile.qasm.registers import Kind, Reference, Registers
 from qcompile.qasm.variables import Variables
 from qcompile.qasm.write import DEFINITIONS
 
 MOST_GATES = 1_000_000
-"""Nested gate definitions double with every line; this many gates are refused, not written out."""
+"""Gates of all circuits. Nested definitions double with every line; more are not written out."""
 
-_INCLUDES = ("stdgates.inc", "qelib1.inc")
+_MOST_INLINED, _MOST_INLINED_GATES = 10_000, 1_000
+"""Calls of the file's own gates that are kept written out, and the gates of each."""
+
+_INCLUDES = ("stdgates.inc", "qelib1.inc", "hqslib1.inc")
 _COUNTS = {2: "two", 3: "three", 4: "four", 5: "five"}
 _WRITTEN_DEFINITIONS = {t for texts in DEFINITIONS.values() for t in texts.values()}
 
 
-class Interpreter:
-    """Runs a parsed program once; `line` is the line it is at.
+class UnsupportedError(CircuitError):
+    """A statement that is legal and that this reader does not know."""
 
-    Whatever cannot be compiled is a CircuitError without the line.
+
+class Interpreter:
+    """Runs the statements of a file, one by one; `line` is the line it is at.
+
+    `version` is that of the file, "2" or "3". `joining_later` counts the statements still to come
+    that join qubits, for a message. Whatever cannot be compiled is a CircuitError without the line.
     """
 
-    def __init__(self, tree: Any):
+    def __init__(self, version: str | None, joining_later: Callable[[], int] = lambda: 0):
         self.line = 1
-        self._tree = tree
+        self.entangling = set(ENTANGLING_GATES)
+        """The names of all gates, standard or the file's own, that join qubits."""
+        self._joining_later = joining_later
+        self._is_2 = version == "2"
+        self._variables = Variables(real=self._is_2)
+        self._scope = self._variables.scope
         self._registers = Registers()
         self._definitions: dict[str, Any] = {}
+        self._opaque: set[str] = set()
+        self._inlined: dict[tuple[Any, ...], list[list[Gate]]] = {}
         self._active: list[str] = []
         self._declared: set[str] = set()
         self._gates: defaultdict[int, list[Gate]] = defaultdict(list)
         self._bit_of: dict[int, int | None] = {}
         self._written_bits: set[int] = set()
-        self._room = MOST_GATES
+        self._room = self._steps = MOST_GATES
 
-    def run(self) -> tuple[Program, Layout]:
-        """The program and its layout."""
-        version = self._tree.version
-        if version is not None and version.split(".")[0] not in ("2", "3"):
-            raise CircuitError(f"OpenQASM {version} is not known.", "Known versions: 2.0 and 3.0.")
-        is_2 = version is not None and version.startswith("2")
-        self._variables = Variables(real=is_2)
-        self._scope = self._variables.scope
-        self._entangling = self._find_entangling()
-        for statement in self._tree.statements:
-            self.line = statement.span.start_line
-            self._run(statement)
+    def finish(self) -> tuple[Program, Layout]:
+        """The program and its layout, behind the last statement."""
         layout = self._registers.layout(self._bit_of)
         if not layout.qubits:
             raise CircuitError("The program has no qubits.", "Declare some, such as: qubit[2] q;")
-        circuits = tuple(Circuit(tuple(self._gates[i])) for i in range(len(layout)))
+        circuits = tuple(Circuit(tuple(self._gates.pop(i, ()))) for i in range(len(layout)))
         return Program(circuits, tuple(self._variables.inputs)), layout
+
+    def run(self, statement: Any) -> None:
+        """Run one statement."""
+        self.line = statement.span.start_line
+        self._run(statement)
+
+    def evaluate(self, expression: Any) -> Angle:
+        """The angle that an expression stands for."""
+        return self._scope.evaluate(expression)
+
+    def call(self, name: str, angles: Sequence[Angle], width: int) -> list[list[Gate]]:
+        """The gates that gate `name` puts on each of its `width` qubits."""
+        if name in self._opaque:
+            raise CircuitError(
+                f"Gate {name!r} is opaque: the file does not say what it does.",
+                f"Define it: gate {name} ... {{ ... }}",
+            )
+        if name in self._definitions:
+            return self._inline(name, angles, width)
+        gates = standard(name, angles, list(self._definitions))
+        require_count(name, 1, width, "qubit")
+        return [list(gates)]
+
+    def qubits(self, operand: Any) -> Sequence[int]:
+        """The positions of the qubits that an operand names, now and ever after."""
+        return self._resolve(operand, "qubit").positions
+
+    def append(self, gates: Sequence[Gate], qubits: Sequence[int]) -> bool:
+        """Put `gates` on each of `qubits`, unless one of them is measured already."""
+        for qubit in qubits:
+            if qubit in self._bit_of:
+                return False
+        needed = len(gates) * len(qubits)
+        self._require_room(needed)
+        self._room -= needed
+        for qubit in qubits:
+            self._gates[qubit] += gates
+        return True
 
     def _run(self, statement: Any) -> None:
         match statement:
@@ -68,7 +112,7 @@ class Interpreter:
                 if statement.filename not in _INCLUDES:
                     raise CircuitError(
                         f"The include {statement.filename!r} is not known.",
-                        f"Known: {' and '.join(_INCLUDES)}. Copy what it defines into this file.",
+                        f"Known: {', '.join(_INCLUDES)}. Copy what it defines into this file.",
                     )
             case ast.QubitDeclaration():
                 self._declare_register("qubit", statement.qubit, statement.size)
@@ -97,7 +141,9 @@ class Interpreter:
                 self._registers.alias(name, self._resolve(statement.value))
             case ast.QuantumGateDefinition():
                 self._define(statement)
-            case ast.QuantumGate() | ast.QuantumPhase() if _joins(statement, self._entangling):
+            case OpaqueGate():
+                self._opaque.add(self._declare(statement.name.name))
+            case ast.QuantumGate() | ast.QuantumPhase() if joins(statement, self.entangling):
                 raise self._entangles(statement)
             case ast.QuantumGate():
                 self._apply(statement)
@@ -121,7 +167,8 @@ class Interpreter:
 
     def _declare_register(self, kind: Kind, identifier: Any, size: Any) -> None:
         name = self._declare(identifier.name)
-        self._registers.declare(kind, name, size and self._scope.whole_number(size))
+        least = 0 if self._is_2 and kind == "bit" else 1
+        self._registers.declare(kind, name, size and self._scope.whole_number(size), least)
 
     def _require_zeros(self, statement: Any) -> None:
         """Raise CircuitError unless bits are set to 0, which is what they are before measured."""
@@ -135,19 +182,16 @@ class Interpreter:
     def _resolve(self, operand: Any, kind: Kind | None = None) -> Reference:
         return self._registers.resolve(operand, self._scope, kind)
 
-    def _find_entangling(self) -> set[str]:
-        """The names of all gates, standard or the file's own, that join qubits."""
-        names = set(ENTANGLING_GATES)
-        for statement in self._tree.statements:
-            if isinstance(statement, ast.QuantumGateDefinition):
-                if any(_joins(inner, names) for inner in statement.body):
-                    names.add(statement.name.name)
-                else:
-                    names.discard(statement.name.name)
-        return names
+    def note_entangling(self, definition: Any) -> None:
+        """Know whether the gate that is defined joins qubits."""
+        if any(joins(inner, self.entangling) for inner in definition.body):
+            self.entangling.add(definition.name.name)
+        else:
+            self.entangling.discard(definition.name.name)
 
     def _define(self, statement: Any) -> None:
         name = self._declare(statement.name.name)
+        self.note_entangling(statement)
         arguments = [a.name for a in statement.arguments]
         qubits = [q.name for q in statement.qubits]
         for names in (arguments, qubits):
@@ -160,7 +204,7 @@ class Interpreter:
         swaps = isinstance(statement, ast.QuantumGate) and statement.name.name == "swap"
         verb = "exchanges" if swaps and not statement.modifiers else "entangles"
         width = max(2, len(statement.qubits))
-        count = sum(_joins(s, self._entangling) for s in self._tree.statements)
+        count = 1 + self._joining_later()
         return CircuitError(
             f"{shown(statement)} {verb} {_COUNTS.get(width, width)} qubits.",
             f"qcompile compiles circuits without entangling gates; this one has {count}.",
@@ -181,45 +225,46 @@ class Interpreter:
             if len(set(targets)) != len(targets):
                 raise CircuitError(f"{shown(statement)} uses a qubit twice.")
             for target, gates in zip(targets, parts, strict=True):
-                self._require_unmeasured(target, statement)
-                self._spend(len(gates))
-                self._gates[target] += gates
+                if not self.append(gates, (target,)):
+                    raise self._measured_before(target, statement)
 
     def _expand(self, statement: Any, scope: Scope) -> list[list[Gate]]:
         """The gates that a gate statement puts on each of its operands."""
-        self._spend(1)
         if statement.duration is not None:
             raise CircuitError(f"{shown(statement)} has a duration.", "Gates take none here.")
         angles = [scope.evaluate(argument) for argument in statement.arguments]
-        name = statement.name.name
-        if name in self._definitions:
-            parts = self._inline(name, angles, len(statement.qubits))
-        else:
-            gates = list(standard(name, angles, list(self._definitions)))
-            require_count(name, 1, len(statement.qubits), "qubit")
-            parts = [gates]
+        parts = self.call(statement.name.name, angles, len(statement.qubits))
         for modifier in reversed(statement.modifiers):
             parts = [self._modify(gates, modifier, scope) for gates in parts]
         return parts
 
-    def _inline(self, name: str, angles: list[Angle], width: int) -> list[list[Gate]]:
+    def _inline(self, name: str, angles: Sequence[Angle], width: int) -> list[list[Gate]]:
         definition, line = self._definitions[name], self.line
         require_count(name, len(definition.arguments), len(angles), "angle")
         require_count(name, len(definition.qubits), width, "qubit")
+        call = (name, *angles)
+        if call in self._inlined:
+            return self._inlined[call]
         if name in self._active:
             raise CircuitError(f"Gate {name!r} is defined by itself.")
         self._active.append(name)
         arguments = (argument.name for argument in definition.arguments)
         scope = self._scope.inner(dict(zip(arguments, angles, strict=True)))
         parts: dict[str, list[Gate]] = {qubit.name: [] for qubit in definition.qubits}
-        for statement in definition.body:
-            self.line = statement.span.start_line
-            for operand, gates in self._inner(statement, parts, scope):
-                self._spend(len(gates))
-                parts[operand] += gates
-        self._active.pop()
+        try:
+            for statement in definition.body:
+                self.line = statement.span.start_line
+                self._step()
+                for operand, gates in self._inner(statement, parts, scope):
+                    parts[operand] += gates
+                    self._require_room(len(parts[operand]))
+        finally:
+            self._active.pop()
         self.line = line
-        return list(parts.values())
+        made = list(parts.values())
+        if len(self._inlined) < _MOST_INLINED and sum(map(len, made)) <= _MOST_INLINED_GATES:
+            self._inlined[call] = made
+        return made
 
     def _inner(
         self, statement: Any, parts: Mapping[str, object], scope: Scope
@@ -250,7 +295,7 @@ class Interpreter:
             case "pow":
                 power = scope.whole_number(modifier.argument)
                 gates = gates if power >= 0 else inverse(gates)
-                self._spend(len(gates) * abs(power))
+                self._require_room(len(gates) * abs(power))
                 return gates * abs(power) if gates else []
         raise CircuitError("ctrl and negctrl need two qubits.")
 
@@ -287,24 +332,31 @@ class Interpreter:
                 )
             self._written_bits.add(bit)
 
-    def _require_unmeasured(self, qubit: int, statement: Any) -> None:
-        if qubit in self._bit_of:
-            name = self._registers.name("qubit", qubit)
-            raise CircuitError(
-                f"{shown(statement)} follows the measurement of {name}.",
-                "qcompile measures every qubit once, at the end.",
-            )
+    def _measured_before(self, qubit: int, statement: Any) -> CircuitError:
+        name = self._registers.name("qubit", qubit)
+        return CircuitError(
+            f"{shown(statement)} follows the measurement of {name}.",
+            "qcompile measures every qubit once, at the end.",
+        )
 
-    def _spend(self, gates: int) -> None:
-        self._room -= gates
-        if self._room < 0:
+    def _require_room(self, gates: int) -> None:
+        if gates > self._room:
             raise CircuitError(
                 f"The program has more than {MOST_GATES} gates when it is written out.",
                 "Check its nested gate definitions and powers.",
             )
 
+    def _step(self) -> None:
+        """Count a statement of a gate's body: those without gates double too."""
+        self._steps -= 1
+        if self._steps < 0:
+            raise CircuitError(
+                f"The gate definitions take more than {MOST_GATES} statements to write out.",
+                "Check those that nest.",
+            )
 
-def _joins(statement: Any, entangling: set[str]) -> bool:
+
+def joins(statement: Any, entangling: Set[str]) -> bool:
     """Whether a statement is a gate on several qubits at once."""
     if not isinstance(statement, ast.QuantumGate | ast.QuantumPhase):
         return False
@@ -314,8 +366,8 @@ def _joins(statement: Any, entangling: set[str]) -> bool:
     return isinstance(statement, ast.QuantumGate) and statement.name.name in entangling
 
 
-def _unsupported(statement: Any) -> CircuitError:
-    return CircuitError(
+def _unsupported(statement: Any) -> UnsupportedError:
+    return UnsupportedError(
         f"The statement {shown(statement)!r} is not supported.",
         "qcompile reads gates, barriers, and one measurement of each qubit at the end.",
     )

@@ -39,10 +39,10 @@ class Registers:
         self._places: dict[Kind, list[Slot | int]] = {"qubit": [], "bit": []}
         self._references: dict[str, Reference] = {}
 
-    def declare(self, kind: Kind, name: str, size: int | None) -> None:
-        """Add a register of `size` qubits or bits, or a single one (None)."""
+    def declare(self, kind: Kind, name: str, size: int | None, least: int = 1) -> None:
+        """Add a register of `size` qubits or bits, at least `least`, or a single one (None)."""
         places = self._places[kind]
-        if size is not None and not 1 <= size <= MOST_QUBITS - len(places):
+        if size is not None and not least <= size <= MOST_QUBITS - len(places):
             raise CircuitError(
                 f"Register {name!r} has {size} {kind}s.",
                 f"A program can have 1 to {MOST_QUBITS} of them.",
