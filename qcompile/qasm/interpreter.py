@@ -355,7 +355,7 @@ class Interpreter:
                     f"{shown(statement)} comes after a gate or a measurement of its qubit.",
                     "qcompile compiles circuits that start in |0>; a reset can only come first.",
                 )
-        self._mark("reset", [statement.qubits])
+            self._marks.append(Mark("reset", (qubit,), (0,)))
 
     def _measure(self, measurement: Any, target: Any) -> None:
         qubits = self._resolve(measurement.qubit, "qubit")
