@@ -22,7 +22,7 @@ _ROUNDING = 1e-15
 _SYMBOL = re.compile(r"[A-Za-z_]\w*\Z")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Angle:
     """constant + sum of coefficient * symbol, in radians.
 
@@ -61,6 +61,8 @@ class Angle:
 
     @classmethod
     def _checked(cls, constant: float, terms: Mapping[str, float]) -> Angle:
+        if not terms and math.isfinite(constant):
+            return cls(constant)
         if not all(math.isfinite(v) for v in (constant, *terms.values())):
             raise CircuitError("An angle is not finite.", f"Found {constant} with {dict(terms)}.")
         kept = tuple(sorted((s, c) for s, c in terms.items() if abs(c) > _ROUNDING))
