@@ -44,7 +44,7 @@ def reduced(angles: FloatArray | float) -> FloatArray:
     return np.where(large, np.copysign(1.0, angles) * radians, angles)
 
 
-def reduced_product(factor: FloatArray, values: FloatArray) -> FloatArray:
+def reduced_product(factor: FloatArray | float, values: FloatArray | float) -> FloatArray:
     """`factor * values` modulo 2 pi, as exact as `reduced`: the product is not rounded before.
 
     It is NaN where the product is not finite.

@@ -83,10 +83,10 @@ class FastPath:
             else:
                 gate = self._parse(f"{head} q;", 1)
                 angles = list(map(self._interpreter.evaluate, gate.arguments))
-            parts = self._interpreter.call(name, angles, 1)
+            unitary = self._interpreter.call(name, angles, 1)
         except (CircuitError, RecursionError):
             return None
-        gates = tuple(parts[0])
+        gates = tuple(unitary.parts[0])
         if len(self._gates) < _MOST_TEXTS:
             self._gates[head] = gates
         return gates

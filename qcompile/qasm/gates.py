@@ -17,13 +17,15 @@ Gates = tuple[Gate, ...]
 class FileGate:
     """A gate that files name: its parameters, what it is, and the gates it becomes.
 
-    `meaning` is the text of the documentation; the gates are equal to it up to global phase.
+    `meaning` is the text of the documentation; the gates are equal to it up to the global phase
+    `phase`, which powers need to know.
     """
 
     name: str
     parameters: tuple[str, ...]
     meaning: str
     make: Callable[..., Gates]
+    phase: Callable[..., Angle] = lambda *_: Angle()
 
 
 def _alias(name: str, of: str) -> FileGate:
@@ -36,6 +38,10 @@ def _u(theta: Angle, phi: Angle, lam: Angle) -> Gates:
     return Gate("rz", lam), Gate("ry", theta), Gate("rz", phi)
 
 
+def _half_sum(*angles: Angle) -> Angle:
+    return (angles[-2] + angles[-1]) * 0.5
+
+
 def _r(theta: Angle, phi: Angle) -> Gates:
     return Gate("rz", -phi), Gate("rx", theta), Gate("rz", phi)
 
@@ -45,14 +51,16 @@ _U = "rz(lambda), then ry(theta), then rz(phi)"
 _R = "a turn by theta about the axis cos(phi) x + sin(phi) y"
 
 OTHER_GATES = (
-    *(FileGate(name, ("theta", "phi", "lambda"), _U, _u) for name in ("U", "u", "u3")),
-    FileGate("u2", ("phi", "lambda"), "u(pi/2, phi, lambda)", lambda *a: _u(_HALF_PI, *a)),
+    *(FileGate(name, ("theta", "phi", "lambda"), _U, _u, _half_sum) for name in ("U", "u", "u3")),
+    FileGate(
+        "u2", ("phi", "lambda"), "u(pi/2, phi, lambda)", lambda *a: _u(_HALF_PI, *a), _half_sum
+    ),
     _alias("u1", "p"),
     _alias("phase", "p"),
     FileGate("u0", ("a",), "id", lambda _: (Gate("id"),)),
     FileGate("gphase", ("a",), "a global phase: nothing", lambda _: ()),
     *(FileGate(name, ("theta", "phi"), _R, _r) for name in ("r", "prx", "U1q")),
-    FileGate("gpi", ("phi",), "r(pi, phi)", lambda phi: _r(_PI, phi)),
+    FileGate("gpi", ("phi",), "r(pi, phi)", lambda phi: _r(_PI, phi), lambda _: _HALF_PI),
     FileGate("gpi2", ("phi",), "r(pi/2, phi)", lambda phi: _r(_HALF_PI, phi)),
     _alias("i", "id"),
     _alias("v", "sx"),
@@ -78,9 +86,6 @@ ENTANGLING_GATES = frozenset(
     """.split()  # noqa: SIM905
 )
 
-_INVERSE = {"s": "sdg", "t": "tdg", "sx": "sxdg"}
-_INVERSE |= {inverse: name for name, inverse in _INVERSE.items()}
-
 
 def standard(name: str, angles: Sequence[Angle], defined: Sequence[str] = ()) -> Gates:
     """The gate `name` of a standard include, up to global phase; the first gate acts first.
@@ -99,16 +104,13 @@ def standard(name: str, angles: Sequence[Angle], defined: Sequence[str] = ()) ->
     return (Gate(name, *angles),)
 
 
+def lacking_phase(name: str, angles: Sequence[Angle]) -> Angle:
+    """The global phase that the gates of `standard` lack."""
+    return _OTHERS[name].phase(*angles) if name in _OTHERS else Angle()
+
+
 def require_count(gate: str, needed: int, found: int, what: str) -> None:
     """Raise CircuitError unless `gate` was given as many angles or qubits as it takes."""
     if needed != found:
         plural = "" if needed == 1 else "s"
         raise CircuitError(f"{gate} takes {needed} {what}{plural}, found {found}.")
-
-
-def inverse(gates: Sequence[Gate]) -> list[Gate]:
-    """The gates that undo `gates`."""
-    return [
-        Gate(_INVERSE.get(gate.name, gate.name), gate.angle and -gate.angle)
-        for gate in reversed(gates)
-    ]

@@ -76,9 +76,7 @@ def unexpected(line: int, token: str) -> SyntaxFault:
     """What a parser says of the first token that it cannot use; "" is the end of the text."""
     if token:
         return SyntaxFault(line, f"Syntax error at {token[:60]!r}.", "Is a ';' missing before it?")
-    return SyntaxFault(
-        line, "The file ends within a statement.", "Is a ';' or a bracket missing?"
-    )
+    return SyntaxFault(line, "The file ends within a statement.", "Is a ';' or a bracket missing?")
 
 
 class _Parser:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence, Set
+from collections.abc import Callable, Mapping, Sequence, Set
 from typing import Any
 
 import openqasm3
@@ -12,9 +12,10 @@ from openqasm3 import ast
 from qcompile.errors import CircuitError
 from qcompile.ir import Angle, Circuit, Gate, Program
 from qcompile.qasm.expressions import Scope, shown
-from qcompile.qasm.gates import ENTANGLING_GATES, inverse, require_count, standard
+from qcompile.qasm.gates import ENTANGLING_GATES, lacking_phase, require_count, standard
 from qcompile.qasm.grammar import OpaqueGate
 from qcompile.qasm.layout import Layout
+from qcompile.qasm.modifiers import Unitary
 from qcompile.qasm.registers import Kind, Reference, Registers
 from qcompile.qasm.variables import Variables
 from qcompile.qasm.write import DEFINITIONS
@@ -52,7 +53,7 @@ class Interpreter:
         self._registers = Registers()
         self._definitions: dict[str, Any] = {}
         self._opaque: set[str] = set()
-        self._inlined: dict[tuple[Any, ...], list[list[Gate]]] = {}
+        self._inlined: dict[tuple[Any, ...], Unitary] = {}
         self._active: list[str] = []
         self._declared: set[str] = set()
         self._gates: defaultdict[int, list[Gate]] = defaultdict(list)
@@ -77,8 +78,8 @@ class Interpreter:
         """The angle that an expression stands for."""
         return self._scope.evaluate(expression)
 
-    def call(self, name: str, angles: Sequence[Angle], width: int) -> list[list[Gate]]:
-        """The gates that gate `name` puts on each of its `width` qubits."""
+    def call(self, name: str, angles: Sequence[Angle], width: int) -> Unitary:
+        """What gate `name` does to its `width` qubits."""
         if name in self._opaque:
             raise CircuitError(
                 f"Gate {name!r} is opaque: the file does not say what it does.",
@@ -88,7 +89,7 @@ class Interpreter:
             return self._inline(name, angles, width)
         gates = standard(name, angles, list(self._definitions))
         require_count(name, 1, width, "qubit")
-        return [list(gates)]
+        return Unitary([gates], lacking_phase(name, angles), is_standard=True)
 
     def qubits(self, operand: Any) -> Sequence[int]:
         """The positions of the qubits that an operand names, now and ever after."""
@@ -145,10 +146,8 @@ class Interpreter:
                 self._opaque.add(self._declare(statement.name.name))
             case ast.QuantumGate() | ast.QuantumPhase() if joins(statement, self.entangling):
                 raise self._entangles(statement)
-            case ast.QuantumGate():
+            case ast.QuantumGate() | ast.QuantumPhase():
                 self._apply(statement)
-            case ast.QuantumPhase() if not statement.qubits:
-                self._scope.evaluate(statement.argument)
             case ast.QuantumBarrier():
                 for operand in statement.qubits:
                     self._resolve(operand, "qubit")
@@ -212,7 +211,7 @@ class Interpreter:
         )
 
     def _apply(self, statement: Any) -> None:
-        parts = self._expand(statement, self._scope)
+        parts = self._expand(statement, self._scope).parts
         operands = [self._resolve(qubit, "qubit") for qubit in statement.qubits]
         sizes = {len(operand.positions) for operand in operands if not operand.single}
         if len(sizes) > 1:
@@ -228,17 +227,21 @@ class Interpreter:
                 if not self.append(gates, (target,)):
                     raise self._measured_before(target, statement)
 
-    def _expand(self, statement: Any, scope: Scope) -> list[list[Gate]]:
-        """The gates that a gate statement puts on each of its operands."""
-        if statement.duration is not None:
-            raise CircuitError(f"{shown(statement)} has a duration.", "Gates take none here.")
-        angles = [scope.evaluate(argument) for argument in statement.arguments]
-        parts = self.call(statement.name.name, angles, len(statement.qubits))
+    def _expand(self, statement: Any, scope: Scope) -> Unitary:
+        """What a gate statement does to its operands."""
+        if isinstance(statement, ast.QuantumPhase):
+            phase = scope.evaluate(statement.argument)
+            unitary = Unitary([[] for _ in statement.qubits], phase)
+        else:
+            if statement.duration is not None:
+                raise CircuitError(f"{shown(statement)} has a duration.", "Gates take none here.")
+            angles = [scope.evaluate(argument) for argument in statement.arguments]
+            unitary = self.call(statement.name.name, angles, len(statement.qubits))
         for modifier in reversed(statement.modifiers):
-            parts = [self._modify(gates, modifier, scope) for gates in parts]
-        return parts
+            unitary = self._modify(unitary, modifier, statement, scope)
+        return unitary
 
-    def _inline(self, name: str, angles: Sequence[Angle], width: int) -> list[list[Gate]]:
+    def _inline(self, name: str, angles: Sequence[Angle], width: int) -> Unitary:
         definition, line = self._definitions[name], self.line
         require_count(name, len(definition.arguments), len(angles), "angle")
         require_count(name, len(definition.qubits), width, "qubit")
@@ -251,25 +254,29 @@ class Interpreter:
         arguments = (argument.name for argument in definition.arguments)
         scope = self._scope.inner(dict(zip(arguments, angles, strict=True)))
         parts: dict[str, list[Gate]] = {qubit.name: [] for qubit in definition.qubits}
+        phase = Angle()
         try:
             for statement in definition.body:
                 self.line = statement.span.start_line
                 self._step()
-                for operand, gates in self._inner(statement, parts, scope):
+                operands = self._inner_operands(statement, parts)
+                if isinstance(statement, ast.QuantumBarrier):
+                    continue
+                inner = self._expand(statement, scope)
+                phase += inner.phase
+                for operand, gates in zip(operands, inner.parts, strict=True):
                     parts[operand] += gates
                     self._require_room(len(parts[operand]))
         finally:
             self._active.pop()
         self.line = line
-        made = list(parts.values())
-        if len(self._inlined) < _MOST_INLINED and sum(map(len, made)) <= _MOST_INLINED_GATES:
+        made = Unitary(list(parts.values()), phase)
+        if len(self._inlined) < _MOST_INLINED and made.size <= _MOST_INLINED_GATES:
             self._inlined[call] = made
         return made
 
-    def _inner(
-        self, statement: Any, parts: Mapping[str, object], scope: Scope
-    ) -> Iterator[tuple[str, list[Gate]]]:
-        """What one statement of a gate's body adds to the qubits of the gate."""
+    def _inner_operands(self, statement: Any, parts: Mapping[str, object]) -> list[str]:
+        """The qubits of the gate that a statement of its body acts on."""
         if not isinstance(statement, ast.QuantumGate | ast.QuantumPhase | ast.QuantumBarrier):
             raise _unsupported(statement)
         operands = [q.name if isinstance(q, ast.Identifier) else "" for q in statement.qubits]
@@ -281,23 +288,32 @@ class Interpreter:
                 )
         if len(set(operands)) != len(operands):
             raise CircuitError(f"{shown(statement)} uses a qubit twice.")
-        if isinstance(statement, ast.QuantumGate):
-            yield from zip(operands, self._expand(statement, scope), strict=True)
-        elif isinstance(statement, ast.QuantumPhase):
-            if operands:
-                raise _unsupported(statement)
-            scope.evaluate(statement.argument)
+        return operands
 
-    def _modify(self, gates: list[Gate], modifier: Any, scope: Scope) -> list[Gate]:
-        match modifier.modifier.name:
-            case "inv":
-                return inverse(gates)
-            case "pow":
-                power = scope.whole_number(modifier.argument)
-                gates = gates if power >= 0 else inverse(gates)
-                self._require_room(len(gates) * abs(power))
-                return gates * abs(power) if gates else []
-        raise CircuitError("ctrl and negctrl need two qubits.")
+    def _modify(self, unitary: Unitary, modifier: Any, statement: Any, scope: Scope) -> Unitary:
+        name = modifier.modifier.name
+        if name == "inv":
+            return unitary.inverse()
+        if name == "pow":
+            power = scope.evaluate(modifier.argument)
+            if not power.is_constant:
+                raise CircuitError(f"{shown(modifier.argument)!r} is no constant.")
+            multiple = unitary.multiple(power.constant)
+            if multiple is None and power.constant.is_integer():
+                self._require_room(unitary.size * int(abs(power.constant)))
+            return multiple or unitary.power(power.constant)
+        controls = 1 if modifier.argument is None else scope.whole_number(modifier.argument)
+        if (
+            controls != 1
+            or len(statement.qubits) != 1
+            or not isinstance(statement, ast.QuantumPhase)
+            or unitary.size
+        ):
+            raise CircuitError(
+                f"{shown(statement)}: {name} @ needs a qubit more than the gate.",
+                "Only that of gphase is a gate on one qubit.",
+            )
+        return unitary.controlled(on_one=name == "ctrl")
 
     def _reset(self, statement: Any) -> None:
         for qubit in self._resolve(statement.qubits, "qubit").positions:

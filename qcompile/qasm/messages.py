@@ -12,9 +12,15 @@ _NAME = r"[^\W\d]\w*"
 HINTS = tuple(
     (re.compile(pattern, re.DOTALL), hint)
     for pattern, hint in (
-        (r"(?:qubit|qreg)\s*(?:\[[^;\]]*\])?\s*(\$\d+)\s*;", r"Remove the line: \1 is there as it is."),
+        (
+            r"(?:qubit|qreg)\s*(?:\[[^;\]]*\])?\s*(\$\d+)\s*;",
+            r"Remove the line: \1 is there as it is.",
+        ),
         (rf"(qubit|bit)\s+({_NAME})\s*(\[[^;\]]*\])\s*;", r"Write: \1\3 \2;"),
-        (rf"(int|uint|float|angle|bit)\s+({_NAME})\s*(\[[^;\]]*\])\s*=\s*([^;]+);", r"Write: \1\3 \2 = \4;"),
+        (
+            rf"(int|uint|float|angle|bit)\s+({_NAME})\s*(\[[^;\]]*\])\s*=\s*([^;]+);",
+            r"Write: \1\3 \2 = \4;",
+        ),
         (rf"const\s+({_NAME})\s*=\s*([^;]+);", r"Write: const float \1 = \2;"),
     )
 )
