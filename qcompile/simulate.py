@@ -109,14 +109,22 @@ class Simulator:
             else:
                 cos, sin = np.cos(half), np.sin(half)
                 alpha, beta = cos * alpha - sin * beta, sin * alpha + cos * beta
-        size_alpha, size_beta = np.abs(alpha), np.abs(beta)
-        # Where one of them vanishes its phase is free: 0 keeps one z rotation out of the circuit.
-        total = np.where(size_alpha > NEGLIGIBLE_RAD, -2 * np.angle(alpha), 0.0)
-        difference = np.where(size_beta > NEGLIGIBLE_RAD, 2 * np.angle(beta), 0.0)
-        total = np.where(size_alpha > NEGLIGIBLE_RAD, total, difference)
-        difference = np.where(size_beta > NEGLIGIBLE_RAD, difference, total)
-        polar = 2 * np.arctan2(size_beta, size_alpha)
-        return (total - difference) / 2, polar, (total + difference) / 2
+        return euler_angles(alpha, beta)
+
+
+def euler_angles(alpha: Array, beta: Array) -> tuple[Array, Array, Array]:
+    """first, polar, last of SU(2) matrices whose first columns are (alpha, beta).
+
+    The matrix is Rz(last) Ry(polar) Rz(first) up to global phase, and polar lies in [0, pi].
+    """
+    size_alpha, size_beta = np.abs(alpha), np.abs(beta)
+    # Where one of them vanishes its phase is free: 0 keeps one z rotation out of the circuit.
+    total = np.where(size_alpha > NEGLIGIBLE_RAD, -2 * np.angle(alpha), 0.0)
+    difference = np.where(size_beta > NEGLIGIBLE_RAD, 2 * np.angle(beta), 0.0)
+    total = np.where(size_alpha > NEGLIGIBLE_RAD, total, difference)
+    difference = np.where(size_beta > NEGLIGIBLE_RAD, difference, total)
+    polar = 2 * np.arctan2(size_beta, size_alpha)
+    return (total - difference) / 2, polar, (total + difference) / 2
 
 
 class Definitions:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import ast
-import keyword
 import math
 import re
 from collections.abc import Mapping
@@ -11,6 +9,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from qcompile.errors import CircuitError
+from qcompile.ir.affine import NotAffineError, affine
 from qcompile.ir.turns import MODERATE_RAD, reduced, reduced_sum
 
 NEGLIGIBLE_RAD = 1e-13
@@ -19,10 +18,10 @@ NEGLIGIBLE_RAD = 1e-13
 _PARTS_OF_PI = 48
 _ROUNDING = 1e-15
 """A coefficient as small as this is what is left of terms that cancel."""
-_SYMBOL = re.compile(r"[A-Za-z_]\w*\Z")
+_SYMBOL = re.compile(r"[^\W\d]\w*\Z")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Angle:
     """constant + sum of coefficient * symbol, in radians.
 
@@ -61,6 +60,8 @@ class Angle:
 
     @classmethod
     def _checked(cls, constant: float, terms: Mapping[str, float]) -> Angle:
+        if not terms and math.isfinite(constant):
+            return cls(constant)
         if not all(math.isfinite(v) for v in (constant, *terms.values())):
             raise CircuitError("An angle is not finite.", f"Found {constant} with {dict(terms)}.")
         kept = tuple(sorted((s, c) for s, c in terms.items() if abs(c) > _ROUNDING))
@@ -148,10 +149,9 @@ def _within_a_turn(angle: float) -> float:
 
 def check_symbol(name: str) -> None:
     """Raise CircuitError where `name` cannot name a symbol."""
-    if not _SYMBOL.match(name) or name == "pi" or keyword.iskeyword(name):
+    if not _SYMBOL.match(name) or name == "pi":
         raise CircuitError(
-            f"{name!r} is no symbol.",
-            "A symbol is letters, digits and _; 'pi' and Python's keywords are taken.",
+            f"{name!r} is not a symbol.", "A symbol is letters, digits and _; 'pi' is taken."
         )
 
 
@@ -177,42 +177,9 @@ def _number(value: float) -> str:
 
 def _parse(text: str) -> Angle:
     try:
-        return _affine(ast.parse(text.strip(), mode="eval").body, text)
-    except (SyntaxError, ValueError, RecursionError, MemoryError, ZeroDivisionError) as error:
-        if isinstance(error, CircuitError):
-            raise
+        return Angle._checked(*affine(text))
+    except (NotAffineError, RecursionError, ZeroDivisionError) as error:
         raise _not_affine(text) from error
-
-
-def _affine(node: ast.expr, text: str) -> Angle:
-    match node:
-        case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
-            return Angle.of(value)
-        case ast.Name(id="pi"):
-            return Angle(math.pi)
-        case ast.Name(id=name):
-            return Angle.symbol(name)
-        case ast.UnaryOp(op=ast.USub(), operand=operand):
-            return -_affine(operand, text)
-        case ast.UnaryOp(op=ast.UAdd(), operand=operand):
-            return _affine(operand, text)
-        case ast.BinOp(left=left_node, op=operator, right=right_node):
-            left, right = _affine(left_node, text), _affine(right_node, text)
-            match operator:
-                case ast.Add():
-                    return left + right
-                case ast.Sub():
-                    return left - right
-                case ast.Mult() if right.is_constant:
-                    return left * right.constant
-                case ast.Mult() if left.is_constant:
-                    return right * left.constant
-                case ast.Div() if right.is_constant:
-                    return Angle._checked(
-                        left.constant / right.constant,
-                        {s: c / right.constant for s, c in left.terms},
-                    )
-    raise _not_affine(text)
 
 
 def _not_affine(text: str) -> CircuitError:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
-from qcompile.ir import Angle, Circuit, Gate, Program
+from qcompile.ir import FIXED_GATES, Angle, Circuit, Gate, Program
 from qcompile.passes.base import Promise
 from qcompile.simulate import alternating
 
@@ -31,11 +31,20 @@ class ToNative:
     keeps: ClassVar[Promise] = "unitary"
 
     def apply(self, program: Program) -> Program:
-        circuits = (self._circuit(circuit) for circuit in program.circuits)
-        return replace(program, circuits=tuple(circuits))
-
-    def _circuit(self, circuit: Circuit) -> Circuit:
-        return Circuit(tuple(part for gate in circuit.gates for part in self._gate(gate)))
+        fixed = {name: tuple(self._gate(Gate(name))) for name in FIXED_GATES}
+        return replace(
+            program,
+            circuits=tuple(
+                Circuit(
+                    tuple(
+                        part
+                        for gate in circuit.gates
+                        for part in (fixed[gate.name] if gate.angle is None else self._gate(gate))
+                    )
+                )
+                for circuit in program.circuits
+            ),
+        )
 
     def _gate(self, gate: Gate) -> Iterator[Gate]:
         if gate.name in self.native.split():

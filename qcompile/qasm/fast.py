@@ -6,6 +6,7 @@ looked up from then on. What is not understood here is left to them, so the path
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from typing import Any
@@ -75,7 +76,10 @@ class FastPath:
             if name in self._words:
                 return None
             if _NUMBERS.match(arguments):
-                angles = [Angle.of(float(a)) for a in arguments[:-1].split(",")]
+                numbers = [float(text) for text in arguments[:-1].split(",")]
+                if not all(map(math.isfinite, numbers)):
+                    return None
+                angles = list(map(Angle, numbers))
             else:
                 gate = self._parse(f"{head} q;", 1)
                 angles = list(map(self._interpreter.evaluate, gate.arguments))

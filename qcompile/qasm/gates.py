@@ -58,6 +58,7 @@ OTHER_GATES = (
     _alias("u1", "p"),
     _alias("phase", "p"),
     FileGate("u0", ("a",), "id", lambda _: (Gate("id"),)),
+    FileGate("gphase", ("a",), "a global phase: nothing", lambda _: ()),
     *(FileGate(name, ("theta", "phi"), _R, _r) for name in ("r", "prx", "U1q")),
     FileGate("gpi", ("phi",), "r(pi, phi)", lambda phi: _r(_PI, phi), lambda _: _HALF_PI),
     FileGate("gpi2", ("phi",), "r(pi/2, phi)", lambda phi: _r(_HALF_PI, phi)),
