@@ -10,6 +10,7 @@ from qcompile.device import Device
 from qcompile.errors import CircuitError, DeviceError
 from qcompile.ir import Circuit
 from qcompile.passes import Executable, compile
+from qcompile.qasm.names import legal_names, renamed
 from qcompile.qasm.read import Source
 from qcompile.qasm.write import Version, write
 
@@ -32,7 +33,7 @@ def compile_source(source: Source, device: Device, level: int, version: Version)
         CircuitError: level 2, and nothing is measured; or two kinds of qubits.
         DeviceError: the device has too few qubits.
     """
-    program, layout, notes = source.program, source.layout, []
+    program, layout, notes = source.program, source.layout, list(source.notes)
     measured = [bit is not None for bit in layout.bits]
     if level == 2 and not any(measured):
         raise CircuitError(
@@ -62,6 +63,10 @@ def compile_source(source: Source, device: Device, level: int, version: Version)
             f"{len(native.inputs)} native angles are inputs of the result: they follow from the "
             "program's own inputs when it is bound (compile(...).bind_slots in Python)."
         )
+    if other := legal_names(native, layout, version):
+        native, layout = renamed(native, layout, other)
+        pairs = ", ".join(f"{old} is {new}" for old, new in list(other.items())[:8])
+        notes.append(f"names that OpenQASM reserves are changed: {pairs}.")
     physical = version == "3" and not device.is_ideal
     if version == "2" and not device.is_ideal:
         places = ", ".join(map(str, executable.qubits.tolist()))

@@ -45,6 +45,13 @@ class OpaqueGate(ast.Statement):
     name: ast.Identifier
 
 
+@dataclass
+class UnreadSubroutine(ast.Statement):
+    """A `def` that the parser fails on."""
+
+    name: ast.Identifier
+
+
 class SyntaxFault(CircuitError):
     """The text is not OpenQASM at `line`."""
 

@@ -10,14 +10,25 @@ from typing import Any
 from openqasm3 import ast
 
 from qcompile.errors import CircuitError
-from qcompile.qasm.grammar import SyntaxFault, parse_2, parse_3, unexpected
+from qcompile.qasm.grammar import (
+    WORDS_2,
+    WORDS_3,
+    OpaqueGate,
+    SyntaxFault,
+    UnreadSubroutine,
+    parse_2,
+    parse_3,
+    unexpected,
+)
 from qcompile.qasm.messages import HINTS
 from qcompile.qasm.statements import BLANK, Span
 
 LONGEST_STATEMENT = 1_000_000
 """Characters of one statement: the full parser takes about a kilobyte for each."""
 
+_ONLY_3 = WORDS_3 - WORDS_2 - {"gphase"}
 _HEADER = re.compile(r"OPENQASM\s+([0-9]+)(?:\.[0-9]+)?\s*;")
+_SUBROUTINE = re.compile(r"def\s+([^\W\d]\w*)")
 _LOCATED = re.compile(r"L(\d+):C\d+: (.*)", re.DOTALL)
 
 
@@ -33,6 +44,8 @@ class Grammar:
 
     def __init__(self, text: str):
         self._text = text
+        self._own: set[str] = set()
+        """The gates that a file of OpenQASM 2 has defined."""
         start = BLANK.match(text).end()  # type: ignore[union-attr]
         header = _HEADER.match(text, start)
         self.start = header.end() if header else start
@@ -58,7 +71,7 @@ class Grammar:
         if span.word == "OPENQASM":
             raise SyntaxFault(line, "OPENQASM must be the first word of a file, with one version.")
         try:
-            return self._parse(text, line)
+            return self._parse(text, span.word, line)
         except SyntaxFault as fault:
             for pattern, hint in HINTS:
                 if found := pattern.match(text):
@@ -67,7 +80,7 @@ class Grammar:
                     ) from fault
             raise
 
-    def _parse(self, text: str, line: int) -> Any:
+    def _parse(self, text: str, word: str, line: int) -> Any:
         if self.version != "2":
             with contextlib.suppress(SyntaxFault):
                 return parse_3(text, line)
@@ -79,12 +92,17 @@ class Grammar:
                         return parse_2(text, line)
                 raise
         try:
-            return parse_2(text, line)
+            if word in _ONLY_3 and word not in self._own:
+                raise SyntaxFault(line, f"Unknown gate {word!r}.")
+            node = parse_2(text, line)
         except SyntaxFault:
             with contextlib.suppress(SyntaxFault):
                 # OpenQASM 3 knows ^ as an exclusive or; in OpenQASM 2 it is **.
                 return _parse_fully(text.replace("^", "**"), line)
             raise
+        if isinstance(node, ast.QuantumGateDefinition | OpaqueGate):
+            self._own.add(node.name.name)
+        return node
 
 
 def _parse_fully(text: str, line: int) -> Any:
@@ -101,6 +119,10 @@ def _parse_fully(text: str, line: int) -> Any:
         raise
     except Exception as error:
         # The parser lets through whatever its conversion of an odd literal happens to raise.
+        if subroutine := _SUBROUTINE.match(text):
+            node = UnreadSubroutine(ast.Identifier(subroutine[1]))
+            node.span = ast.Span(line, 0, line, 0)
+            return node
         raise SyntaxFault(line, f"The statement {_shortened(text)!r} cannot be read.") from error
     if len(statements) != 1:
         raise SyntaxFault(line, f"The statement {_shortened(text)!r} cannot be read.")
@@ -121,9 +143,10 @@ def _fault(error: Exception, line: int) -> SyntaxFault:
 def _move(node: Any, lines: int) -> None:
     """Add `lines` to the lines of a statement and of those in its body."""
     node.span.start_line += lines
-    if isinstance(node, ast.QuantumGateDefinition):
-        for statement in node.body:
-            statement.span.start_line += lines
+    for value in vars(node).values():
+        for inner in value if isinstance(value, list) else ():
+            if isinstance(inner, ast.Statement):
+                _move(inner, lines)
 
 
 def _shortened(text: str) -> str:
