@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -177,12 +177,20 @@ class Executable:
             if gate.angle is not None and (self.bend is not None or not gate.angle.is_constant)
         )
 
-    def template(self) -> Program:
+    def template(
+        self, numbers: Sequence[int] | None = None, taken: Collection[str] = ()
+    ) -> Program:
         """The native circuits with an input for each of the `open_slots`.
 
-        Slot k of circuit i is the input a{i}_{k}; what `bind_slots` gives is its value.
+        Slot k of circuit i is the input a{i}_{k}; what `bind_slots` gives is its value. `numbers`
+        are what the names call the circuits instead of 0, 1, ...; with names that are `taken` it is
+        a_{i}_{k}, with as many underscores as it takes.
         """
-        names = {place: f"a{place[0]}_{place[1]}" for place in self.open_slots}
+        numbers = range(len(self.native)) if numbers is None else numbers
+        prefix = "a"
+        while any(name.startswith(prefix) and name[len(prefix) :][:1].isdigit() for name in taken):
+            prefix += "_"
+        names = {(i, slot): f"{prefix}{numbers[i]}_{slot}" for i, slot in self.open_slots}
         circuits = []
         for index, circuit in enumerate(self.native.circuits):
             gates, slot = [], 0

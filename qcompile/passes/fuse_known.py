@@ -51,7 +51,9 @@ def _products(circuits: Sequence[Sequence[Gate]]) -> FloatArray:
     counts = np.array([len(gates) for gates in circuits])
     total = int(counts.sum())
     code = np.fromiter((_CODE[g.name] for g in chain(*circuits)), np.intp, total)
-    angle = np.fromiter((g.angle.constant if g.angle else 0.0 for g in chain(*circuits)), float, total)
+    angle = np.fromiter(
+        (g.angle.constant if g.angle else 0.0 for g in chain(*circuits)), float, total
+    )
     half = reduced(angle)[:, None] / 2
     product = np.cos(half) * _COSINE[code] + np.sin(half) * _SINE[code]
     while counts.max() > 1:

@@ -16,6 +16,7 @@ from qcompile.qasm.expressions import Scope, shown
 from qcompile.qasm.gates import ENTANGLING_GATES, lacking_phase, require_count, standard
 from qcompile.qasm.grammar import OpaqueGate, UnreadSubroutine
 from qcompile.qasm.layout import Layout
+from qcompile.qasm.marks import Mark
 from qcompile.qasm.modifiers import Unitary
 from qcompile.qasm.registers import Kind, Reference, Registers
 from qcompile.qasm.variables import Variables
@@ -55,19 +56,29 @@ class Interpreter:
         self._declared: set[str] = set()
         self._gates: defaultdict[int, list[Gate]] = defaultdict(list)
         self._bit_of: dict[int, int | None] = {}
-        self._written_bits: set[int] = set()
+        self._written_by: dict[int, int] = {}
+        self._again: dict[tuple[int, int], None] = {}
+        self._marks: list[Mark] = []
+        self._durations: dict[str, str] = {}
+        self._barrier_in_gate = False
         self._room = self._steps = MOST_GATES
         self._blocks = Blocks(
             self._variables, self._registers, self._declared, self._run, self._step
         )
 
-    def finish(self) -> tuple[Program, Layout]:
-        """The program and its layout, behind the last statement."""
-        layout = self._registers.layout(self._bit_of)
+    def finish(self) -> tuple[Program, Layout, tuple[Mark, ...]]:
+        """The program, its layout and its marks, behind the last statement."""
+        layout = self._registers.layout(self._bit_of, list(self._again))
         if not layout.qubits:
             raise CircuitError("The program has no qubits.", "Declare some, such as: qubit[2] q;")
         circuits = tuple(Circuit(tuple(self._gates.pop(i, ()))) for i in range(len(layout)))
-        return Program(circuits, tuple(self._variables.inputs)), layout
+        return Program(circuits, tuple(self._variables.inputs)), layout, tuple(self._marks)
+
+    def notes(self) -> tuple[str, ...]:
+        """What of the file is in no circuit and no mark."""
+        if not self._barrier_in_gate:
+            return ()
+        return ("barriers within gate definitions are left out.",)
 
     def run(self, statement: Any) -> None:
         """Run one statement."""
@@ -161,8 +172,13 @@ class Interpreter:
             case ast.QuantumGate() | ast.QuantumPhase():
                 self._apply(statement)
             case ast.QuantumBarrier():
-                for operand in statement.qubits:
-                    self._resolve(operand, "qubit")
+                self._mark("barrier", statement.qubits)
+            case ast.DelayInstruction() if text := self._duration(statement.duration):
+                self._mark(f"delay[{text}]", statement.qubits)
+            case ast.ConstantDeclaration() | ast.ClassicalDeclaration() if isinstance(
+                statement.type, ast.DurationType
+            ) and (text := self._duration(statement.init_expression)):
+                self._durations[self._declare(statement.identifier.name)] = text
             case ast.QuantumReset():
                 self._reset(statement)
             case ast.QuantumMeasurementStatement():
@@ -273,6 +289,7 @@ class Interpreter:
                 self._step()
                 operands = self._inner_operands(statement, parts)
                 if isinstance(statement, ast.QuantumBarrier):
+                    self._barrier_in_gate = True
                     continue
                 inner = self._expand(statement, scope)
                 phase += inner.phase
@@ -327,6 +344,22 @@ class Interpreter:
             )
         return unitary.controlled(on_one=name == "ctrl")
 
+    def _mark(self, text: str, operands: Sequence[Any]) -> None:
+        """Note a statement on these operands, or on every qubit."""
+        named = [q for operand in operands for q in self._resolve(operand, "qubit").positions]
+        qubits = tuple(dict.fromkeys(named if operands else self._registers.every_qubit))
+        gates = (None if qubit in self._bit_of else len(self._gates[qubit]) for qubit in qubits)
+        self._marks.append(Mark(text, qubits, tuple(gates)))
+
+    def _duration(self, expression: Any) -> str | None:
+        """A duration as text: a number with its unit, or what was declared as one."""
+        match expression:
+            case ast.DurationLiteral():
+                return f"{expression.value:.15g}{expression.unit.name}"
+            case ast.Identifier():
+                return self._durations.get(expression.name)
+        return None
+
     def _reset(self, statement: Any) -> None:
         for qubit in self._resolve(statement.qubits, "qubit").positions:
             if self._gates[qubit] or qubit in self._bit_of:
@@ -334,6 +367,7 @@ class Interpreter:
                     f"{shown(statement)} comes after a gate or a measurement of its qubit.",
                     "qcompile compiles circuits that start in |0>; a reset can only come first.",
                 )
+            self._marks.append(Mark("reset", (qubit,), (0,)))
 
     def _measure(self, measurement: Any, target: Any) -> None:
         qubits = self._resolve(measurement.qubit, "qubit")
@@ -344,21 +378,22 @@ class Interpreter:
                 "A measurement needs one bit for each qubit.",
             )
         for index, qubit in enumerate(qubits.positions):
-            if qubit in self._bit_of:
-                raise CircuitError(
-                    f"{self._registers.name('qubit', qubit)} is measured twice.",
-                    "qcompile measures every qubit once, at the end.",
-                )
-            bit = None if bits is None else bits.positions[index]
+            self._measure_one(qubit, None if bits is None else bits.positions[index])
+
+    def _measure_one(self, qubit: int, bit: int | None) -> None:
+        """Measure a qubit; one that is measured already has the same value still."""
+        before = self._bit_of.setdefault(qubit, bit)
+        if bit is None:
+            return
+        if self._written_by.setdefault(bit, qubit) != qubit:
+            raise CircuitError(
+                f"{self._registers.name('bit', bit)} is written twice.",
+                "Measure every qubit into a bit of its own.",
+            )
+        if before is None:
             self._bit_of[qubit] = bit
-            if bit is None:
-                continue
-            if bit in self._written_bits:
-                raise CircuitError(
-                    f"{self._registers.name('bit', bit)} is written twice.",
-                    "Measure every qubit into a bit of its own.",
-                )
-            self._written_bits.add(bit)
+        elif bit != before:
+            self._again[qubit, bit] = None
 
     def _measured_before(self, qubit: int, statement: Any) -> CircuitError:
         name = self._registers.name("qubit", qubit)

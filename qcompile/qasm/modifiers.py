@@ -154,11 +154,25 @@ def _principal(gates: Sequence[Gate], phase: Angle, exponent: float) -> tuple[li
     y, x = rotation[1, 0].real, -rotation[1, 0].imag
     half = math.atan2(math.hypot(x, y, z), cos)
     low, high = _principal_angle(middle - half), _principal_angle(middle + half)
-    tilt, turn = math.atan2(math.hypot(x, y), z), math.atan2(y, x)
     about = exponent * (high - low)
-    power = [("rz", -turn), ("ry", -tilt), ("rz", about), ("ry", tilt), ("rz", turn)]
-    made = [Gate(name, Angle(angle)) for name, angle in power if angle]
-    return made if abs(about) > _NO_TURN_RAD else [], Angle(exponent * (high + low) / 2)
+    return _rotation(about, (x, y, z)), Angle(exponent * (high + low) / 2)
+
+
+def _rotation(angle: float, axis: tuple[float, float, float]) -> list[Gate]:
+    """The rotation about any axis, of any length."""
+    if abs(angle) <= _NO_TURN_RAD:
+        return []
+    x, y, z = axis
+    for name, along, across in (
+        ("rx", x, math.hypot(y, z)),
+        ("ry", y, math.hypot(x, z)),
+        ("rz", z, math.hypot(x, y)),
+    ):
+        if across <= _NO_TURN_RAD * abs(along):
+            return [Gate(name, Angle(math.copysign(1.0, along) * angle))]
+    tilt, turn = math.atan2(math.hypot(x, y), z), math.atan2(y, x)
+    gates = (("rz", -turn), ("ry", -tilt), ("rz", angle), ("ry", tilt), ("rz", turn))
+    return [Gate(name, Angle(by)) for name, by in gates if by]
 
 
 def _principal_angle(angle: float) -> float:

@@ -78,4 +78,5 @@ def renamed(program: Program, layout: Layout, other: dict[str, str]) -> tuple[Pr
         bit_registers=registers(layout.bit_registers),
         qubits=tuple(q if isinstance(q, int) else slot(q) for q in layout.qubits),
         bits=tuple(None if bit is None else slot(bit) for bit in layout.bits),
+        again=tuple((circuit, slot(bit)) for circuit, bit in layout.again),
     )

@@ -14,7 +14,7 @@ from qcompile.qasm.grammar import (
     WORDS_2,
     WORDS_3,
     OpaqueGate,
-    SyntaxFault,
+    ParseError,
     UnreadSubroutine,
     parse_2,
     parse_3,
@@ -58,45 +58,45 @@ class Grammar:
         """The node of a statement that starts in `line`; the spans of nodes hold lines of the file.
 
         Raises:
-            SyntaxFault: it is no statement; its `line` says where.
+            ParseError: it is no statement; its `line` says where.
             RecursionError: it is nested too deeply.
         """
         text = self._text[span.start : span.end]
         if len(text) > LONGEST_STATEMENT:
-            raise SyntaxFault(
+            raise ParseError(
                 line,
                 f"A statement of {len(text)} characters is too long.",
                 f"The most is {LONGEST_STATEMENT}. Is a ';' or a bracket missing?",
             )
         if span.word == "OPENQASM":
-            raise SyntaxFault(line, "OPENQASM must be the first word of a file, with one version.")
+            raise ParseError(line, "OPENQASM must be the first word of a file, with one version.")
         try:
             return self._parse(text, span.word, line)
-        except SyntaxFault as fault:
+        except ParseError as fault:
             for pattern, hint in HINTS:
                 if found := pattern.match(text):
-                    raise SyntaxFault(
+                    raise ParseError(
                         line, f"{found[0]!r} is not OpenQASM.", found.expand(hint)
                     ) from fault
             raise
 
     def _parse(self, text: str, word: str, line: int) -> Any:
         if self.version != "2":
-            with contextlib.suppress(SyntaxFault):
+            with contextlib.suppress(ParseError):
                 return parse_3(text, line)
             try:
                 return _parse_fully(text, line)
-            except SyntaxFault:
+            except ParseError:
                 if self.version is None:
-                    with contextlib.suppress(SyntaxFault):
+                    with contextlib.suppress(ParseError):
                         return parse_2(text, line)
                 raise
         try:
             if word in _ONLY_3 and word not in self._own:
-                raise SyntaxFault(line, f"Unknown gate {word!r}.")
+                raise ParseError(line, f"Unknown gate {word!r}.")
             node = parse_2(text, line)
-        except SyntaxFault:
-            with contextlib.suppress(SyntaxFault):
+        except ParseError:
+            with contextlib.suppress(ParseError):
                 # OpenQASM 3 knows ^ as an exclusive or; in OpenQASM 2 it is **.
                 return _parse_fully(text.replace("^", "**"), line)
             raise
@@ -123,20 +123,20 @@ def _parse_fully(text: str, line: int) -> Any:
             node = UnreadSubroutine(ast.Identifier(subroutine[1]))
             node.span = ast.Span(line, 0, line, 0)
             return node
-        raise SyntaxFault(line, f"The statement {_shortened(text)!r} cannot be read.") from error
+        raise ParseError(line, f"The statement {_shortened(text)!r} cannot be read.") from error
     if len(statements) != 1:
-        raise SyntaxFault(line, f"The statement {_shortened(text)!r} cannot be read.")
+        raise ParseError(line, f"The statement {_shortened(text)!r} cannot be read.")
     _move(statements[0], line - 1)
     return statements[0]
 
 
-def _fault(error: Exception, line: int) -> SyntaxFault:
+def _fault(error: Exception, line: int) -> ParseError:
     if match := _LOCATED.match(str(error)):
-        return SyntaxFault(line + int(match[1]) - 1, f"Syntax error: {match[2]}.")
+        return ParseError(line + int(match[1]) - 1, f"Syntax error: {match[2]}.")
     cause = error.__cause__
     token = getattr(cause.args[0], "offendingToken", None) if cause and cause.args else None
     if token is None:
-        return SyntaxFault(line, "Syntax error.", "The text is no OpenQASM 2 or 3 program.")
+        return ParseError(line, "Syntax error.", "The text is no OpenQASM 2 or 3 program.")
     return unexpected(line + token.line - 1, "" if token.text == "<EOF>" else token.text)
 
 

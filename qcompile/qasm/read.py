@@ -12,6 +12,7 @@ from pathlib import Path
 from qcompile.errors import CircuitError, ProgramFileError
 from qcompile.ir import Program
 from qcompile.qasm.layout import Layout
+from qcompile.qasm.marks import Mark
 
 
 @dataclass(frozen=True)
@@ -20,18 +21,20 @@ class Source:
 
     `program` has one circuit for each qubit, in the order of their declaration (physical qubits
     in the order of their first use); its inputs are those the file declares. `layout` holds the
-    file's registers, and the qubit and bit of every circuit. `notes` say what was left out.
+    file's registers, and the qubit and bit of every circuit. `notes` say what was left out; `marks`
+    are the resets, barriers and delays, which no circuit holds, in the order of the file.
     """
 
     program: Program
     layout: Layout
     notes: tuple[str, ...] = ()
+    marks: tuple[Mark, ...] = ()
 
 
 def read(text: str, name: str = "<string>") -> Source:
     """The program that OpenQASM 3 or 2 text stands for, up to a global phase.
 
-    Gates of the file's own are inlined, broadcasts written out, barriers dropped. A file says by
+    Gates of the file's own are inlined and broadcasts written out. A file says by
     `OPENQASM 2.0;` that it is one of OpenQASM 2.
 
     Raises:

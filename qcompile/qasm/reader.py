@@ -11,9 +11,10 @@ from openqasm3 import ast
 from qcompile.errors import CircuitError
 from qcompile.ir import Program
 from qcompile.qasm.fast import FastPath
-from qcompile.qasm.grammar import SyntaxFault
+from qcompile.qasm.grammar import ParseError
 from qcompile.qasm.interpreter import Interpreter, joins
 from qcompile.qasm.layout import Layout
+from qcompile.qasm.marks import Mark
 from qcompile.qasm.parse import Grammar
 from qcompile.qasm.statements import BLANK, Span, spans
 
@@ -34,8 +35,8 @@ class Reader:
         self._position = self._counted = 0
         self._pragmas: list[str] = []
 
-    def run(self) -> tuple[Program, Layout, tuple[str, ...]]:
-        """The program, its layout, and notes on what was passed over.
+    def run(self) -> tuple[Program, Layout, tuple[str, ...], tuple[Mark, ...]]:
+        """The program, its layout, notes on what was passed over, and its marks.
 
         Raises:
             CircuitError: it cannot be compiled; `line` says where.
@@ -56,7 +57,8 @@ class Reader:
                 self._run_fast(fast)
             span = next(spans(text, self._position), None)
             if span is None:
-                return (*interpreter.finish(), self._notes())
+                program, layout, marks = interpreter.finish()
+                return program, layout, (*self._notes(), *interpreter.notes()), marks
             self._position = span.end
             self._come_to(span.start)
             if span.word.lstrip("#") == "pragma":
@@ -75,7 +77,7 @@ class Reader:
         """Run one statement, and return its node."""
         try:
             node = self._grammar.parse(span, self.line)
-        except SyntaxFault as fault:
+        except ParseError as fault:
             self.line = fault.line
             raise
         try:

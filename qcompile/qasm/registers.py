@@ -72,19 +72,32 @@ class Registers:
             del self._references[name]
         self._references.update(before)
 
-    def layout(self, bit_of: Mapping[int, int | None]) -> Layout:
-        """The layout in which qubit i is measured into bit `bit_of[i]`, if it has one."""
+    def layout(
+        self, bit_of: Mapping[int, int | None], again: Sequence[tuple[int, int]] = ()
+    ) -> Layout:
+        """The layout in which qubit i is measured into bit `bit_of[i]`, if it has one.
+
+        `again` holds the qubits and bits of further measurements.
+        """
+        places = self._places["bit"]
         bits: list[Slot | None] = []
         for qubit in range(len(self._places["qubit"])):
             bit = bit_of.get(qubit)
-            place = None if bit is None else self._places["bit"][bit]
+            place = None if bit is None else places[bit]
             bits.append(place if isinstance(place, tuple) else None)
+        more = [(qubit, places[bit]) for qubit, bit in again]
         return Layout(
             tuple(self._registers["qubit"]),
             tuple(self._registers["bit"]),
             tuple(self._places["qubit"]),
             tuple(bits),
+            tuple((qubit, place) for qubit, place in more if isinstance(place, tuple)),
         )
+
+    @property
+    def every_qubit(self) -> Sequence[int]:
+        """The qubits declared so far."""
+        return range(len(self._places["qubit"]))
 
     def name(self, kind: Kind, position: int) -> str:
         """What the file calls a qubit or bit, such as q[0], q or $3."""

@@ -7,8 +7,8 @@ import random
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
 from qasm.test_read_refusals import PIECES, REFUSED, VALID
+
 from qcompile.errors import CircuitError
 from qcompile.ir import FIXED_GATES, ROTATION_GATES
 from qcompile.qasm import read
@@ -46,7 +46,9 @@ def program(rng: random.Random, version: str) -> str:
         angles = [rng.choice(numbers if rng.random() < 0.6 else texts) for _ in range(count)]
         blank = rng.choice(["", "", "", " ", "\n", "  // why\n", "/* ; */"])
         head = f"{name}({blank.join([',']).join(angles)})" if angles else name
-        operand = rng.choice(["q[0]", "q[1]", "q[2]", "q[02]", "q", "p", "$4", "q[3]", "r", "q[0:1]"])
+        operand = rng.choice(
+            ["q[0]", "q[1]", "q[2]", "q[02]", "q", "p", "$4", "q[3]", "r", "q[0:1]"]
+        )
         lines.append(f"{blank}{head} {blank}{operand}{blank};" if rng.random() > 0.02 else head)
         if version == "3" and rng.random() < 0.1:
             lines.append(rng.choice([f"const float k = {index};", "barrier q;", "inv @ s q[0];"]))

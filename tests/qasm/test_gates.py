@@ -70,20 +70,22 @@ def test_entangling_gates_of_the_vendors_are_named(gate):
 
 def test_a_file_of_braket_is_read():
     source = read(
-        "OPENQASM 3.0;\nbit[2] b;\nqubit[2] q;\n#pragma braket verbatim\nbox{\nv q[0];\nsi q[0];\n}\n"
+        "OPENQASM 3.0;\nbit[2] b;\nqubit[2] q;\n#pragma braket verbatim\n"
+        "box{\nv q[0];\nsi q[0];\n}\n"
         "#pragma braket result probability q[0]\nb[0] = measure q[0];\nb[1] = measure q[1];\n"
     )
     assert source.program.circuits == (Circuit.parse("sx sdg"), Circuit())
-    assert source.notes == (
-        "pragmas are skipped: '#pragma braket verbatim' in line 4 and 1 more.",
-    )
+    assert source.notes == ("pragmas are skipped: '#pragma braket verbatim' in line 4 and 1 more.",)
 
 
 def test_a_file_of_quantinuum_is_read():
-    text = 'OPENQASM 2.0;\ninclude "hqslib1.inc";\nqreg q[1];\nU1q(0.5*pi,0.5*pi) q[0];\nx() q[0];\n'
+    text = (
+        'OPENQASM 2.0;\ninclude "hqslib1.inc";\nqreg q[1];\nU1q(0.5*pi,0.5*pi) q[0];\nx() q[0];\n'
+    )
     circuit = read(text).program.circuits[0]
     np.testing.assert_allclose(
-        np.abs(unitary(circuit)), np.abs(np.array([[0, 1], [1, 0]]) @ np.array(turn(math.pi / 2, 0)))
+        np.abs(unitary(circuit)),
+        np.abs(np.array([[0, 1], [1, 0]]) @ np.array(turn(math.pi / 2, 0))),
     )
 
 

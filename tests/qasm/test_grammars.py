@@ -11,7 +11,7 @@ from openqasm3.parser import parse
 from qcompile.errors import ProgramFileError
 from qcompile.ir import Circuit
 from qcompile.qasm import Register, read
-from qcompile.qasm.grammar import WORDS_2, WORDS_3, SyntaxFault, parse_2, parse_3
+from qcompile.qasm.grammar import WORDS_2, WORDS_3, ParseError, parse_3
 
 qiskit_qasm2 = pytest.importorskip("qiskit.qasm2")
 
@@ -119,7 +119,7 @@ def test_common_statements_are_the_nodes_of_the_full_parser(text):
     ],
 )  # fmt: skip
 def test_other_statements_are_left_to_the_full_parser(text):
-    with pytest.raises(SyntaxFault):
+    with pytest.raises(ParseError):
         parse_3(text, 1)
 
 
