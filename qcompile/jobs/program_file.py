@@ -12,8 +12,9 @@ from qcompile.errors import CircuitError, DeviceError
 from qcompile.jobs.marks import counted, moved, native_starts, on_circuits
 from qcompile.passes import Executable, compile, native_set
 from qcompile.qasm.layout import Layout
+from qcompile.qasm.names import Version, legal_names, renamed
 from qcompile.qasm.read import Source
-from qcompile.qasm.write import Version, write
+from qcompile.qasm.write import write
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +63,10 @@ def compile_source(source: Source, device: Device, level: int, version: Version)
             f"{len(native.inputs)} native angles are inputs of the result: they follow from the "
             "program's own inputs when it is bound (compile(...).bind_slots in Python)."
         )
+    if other := legal_names(native, layout, version):
+        native, layout = renamed(native, layout, other)
+        pairs = ", ".join(f"{old} is {new}" for old, new in list(other.items())[:8])
+        notes.append(f"names that OpenQASM reserves are changed: {pairs}.")
     physical = version == "3" and not device.is_ideal
     qubits = executable.qubits.tolist() if physical else None
     text = write(native, version=version, layout=layout, qubits=qubits, marks=marks)

@@ -39,13 +39,20 @@ _UNARY_LEVEL = 3
 
 
 @dataclass
-class OpaqueGate(ast.Statement):
+class OpaqueGate(ast.Statement):  # type: ignore[misc]
     """`opaque name(...) qubits;` of OpenQASM 2: a gate without a meaning."""
 
     name: ast.Identifier
 
 
-class SyntaxFault(CircuitError):
+@dataclass
+class UnreadSubroutine(ast.Statement):  # type: ignore[misc]
+    """A `def` that the parser fails on."""
+
+    name: ast.Identifier
+
+
+class ParseError(CircuitError):
     """The text is not OpenQASM at `line`."""
 
     def __init__(self, line: int, what: str, *hints: str):
@@ -57,7 +64,7 @@ def parse_2(text: str, line: int) -> Any:
     """The node of one statement of OpenQASM 2 that starts in `line`.
 
     Raises:
-        SyntaxFault: it is none.
+        ParseError: it is none.
     """
     return _Parser(text, line, WORDS_2, "^").whole(2)
 
@@ -67,16 +74,16 @@ def parse_3(text: str, line: int) -> Any:
     measurement, a barrier, a reset, an include.
 
     Raises:
-        SyntaxFault: it is another one, or none.
+        ParseError: it is another one, or none.
     """
     return _Parser(text, line, WORDS_3, "**").whole(3)
 
 
-def unexpected(line: int, token: str) -> SyntaxFault:
+def unexpected(line: int, token: str) -> ParseError:
     """What a parser says of the first token that it cannot use; "" is the end of the text."""
     if token:
-        return SyntaxFault(line, f"Syntax error at {token[:60]!r}.", "Is a ';' missing before it?")
-    return SyntaxFault(line, "The file ends within a statement.", "Is a ';' or a bracket missing?")
+        return ParseError(line, f"Syntax error at {token[:60]!r}.", "Is a ';' missing before it?")
+    return ParseError(line, "The file ends within a statement.", "Is a ';' or a bracket missing?")
 
 
 class _Parser:

@@ -11,9 +11,10 @@ from openqasm3 import ast
 
 from qcompile.errors import CircuitError
 from qcompile.ir import Angle, Circuit, Gate, Program
+from qcompile.qasm.blocks import Blocks
 from qcompile.qasm.expressions import Scope, shown
 from qcompile.qasm.gates import ENTANGLING_GATES, lacking_phase, require_count, standard
-from qcompile.qasm.grammar import OpaqueGate
+from qcompile.qasm.grammar import OpaqueGate, UnreadSubroutine
 from qcompile.qasm.layout import Layout
 from qcompile.qasm.marks import Mark
 from qcompile.qasm.modifiers import Unitary
@@ -30,10 +31,6 @@ _MOST_INLINED, _MOST_INLINED_GATES = 10_000, 1_000
 _INCLUDES = ("stdgates.inc", "qelib1.inc", "hqslib1.inc")
 _COUNTS = {2: "two", 3: "three", 4: "four", 5: "five"}
 _WRITTEN_DEFINITIONS = {t for texts in DEFINITIONS.values() for t in texts.values()}
-
-
-class UnsupportedError(CircuitError):
-    """A statement that is legal and that this reader does not know."""
 
 
 class Interpreter:
@@ -65,6 +62,9 @@ class Interpreter:
         self._durations: dict[str, str] = {}
         self._barrier_in_gate = False
         self._room = self._steps = MOST_GATES
+        self._blocks = Blocks(
+            self._variables, self._registers, self._declared, self._run, self._step
+        )
 
     def finish(self) -> tuple[Program, Layout, tuple[Mark, ...]]:
         """The program, its layout and its marks, behind the last statement."""
@@ -82,7 +82,6 @@ class Interpreter:
 
     def run(self, statement: Any) -> None:
         """Run one statement."""
-        self.line = statement.span.start_line
         self._run(statement)
 
     def evaluate(self, expression: Any) -> Angle:
@@ -119,6 +118,7 @@ class Interpreter:
         return True
 
     def _run(self, statement: Any) -> None:
+        self.line = statement.span.start_line
         match statement:
             case ast.Include():
                 if statement.filename not in _INCLUDES:
@@ -153,6 +153,18 @@ class Interpreter:
                 self._registers.alias(name, self._resolve(statement.value))
             case ast.QuantumGateDefinition():
                 self._define(statement)
+            case ast.ForInLoop():
+                self._blocks.loop(statement)
+            case ast.Box(duration=None):
+                self._blocks.body(statement.body)
+            case ast.SubroutineDefinition() | UnreadSubroutine():
+                name = self._declare(statement.name.name)
+                unread = isinstance(statement, UnreadSubroutine)
+                self._blocks.define(name, None if unread else statement)
+            case ast.ExpressionStatement(expression=ast.FunctionCall() as call) if (
+                self._blocks.knows(call.name.name)
+            ):
+                self._blocks.call(call)
             case OpaqueGate():
                 self._opaque.add(self._declare(statement.name.name))
             case ast.QuantumGate() | ast.QuantumPhase() if joins(statement, self.entangling):
@@ -398,11 +410,11 @@ class Interpreter:
             )
 
     def _step(self) -> None:
-        """Count a statement of a gate's body: those without gates double too."""
+        """Count a statement of a body: those without gates double too."""
         self._steps -= 1
         if self._steps < 0:
             raise CircuitError(
-                f"The gate definitions take more than {MOST_GATES} statements to write out.",
+                f"Definitions and loops take more than {MOST_GATES} statements to write out.",
                 "Check those that nest.",
             )
 
@@ -417,8 +429,8 @@ def joins(statement: Any, entangling: Set[str]) -> bool:
     return isinstance(statement, ast.QuantumGate) and statement.name.name in entangling
 
 
-def _unsupported(statement: Any) -> UnsupportedError:
-    return UnsupportedError(
+def _unsupported(statement: Any) -> CircuitError:
+    return CircuitError(
         f"The statement {shown(statement)!r} is not supported.",
         "qcompile reads gates, barriers, and one measurement of each qubit at the end.",
     )

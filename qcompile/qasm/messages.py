@@ -24,7 +24,7 @@ HINTS = tuple(
         (rf"const\s+({_NAME})\s*=\s*([^;]+);", r"Write: const float \1 = \2;"),
     )
 )
-"""What statements of before OpenQASM 3.0 are now: a pattern, and the replacement of what it finds."""
+"""What statements of before OpenQASM 3.0 are now: a pattern, and what to write instead."""
 
 
 def bounded(name: str, line: int | None, message: str) -> str:

@@ -10,14 +10,25 @@ from typing import Any
 from openqasm3 import ast
 
 from qcompile.errors import CircuitError
-from qcompile.qasm.grammar import SyntaxFault, parse_2, parse_3, unexpected
+from qcompile.qasm.grammar import (
+    WORDS_2,
+    WORDS_3,
+    OpaqueGate,
+    ParseError,
+    UnreadSubroutine,
+    parse_2,
+    parse_3,
+    unexpected,
+)
 from qcompile.qasm.messages import HINTS
 from qcompile.qasm.statements import BLANK, Span
 
 LONGEST_STATEMENT = 1_000_000
 """Characters of one statement: the full parser takes about a kilobyte for each."""
 
+_ONLY_3 = WORDS_3 - WORDS_2 - {"gphase"}
 _HEADER = re.compile(r"OPENQASM\s+([0-9]+)(?:\.[0-9]+)?\s*;")
+_SUBROUTINE = re.compile(r"def\s+([^\W\d]\w*)")
 _LOCATED = re.compile(r"L(\d+):C\d+: (.*)", re.DOTALL)
 
 
@@ -33,6 +44,8 @@ class Grammar:
 
     def __init__(self, text: str):
         self._text = text
+        self._own: set[str] = set()
+        """The gates that a file of OpenQASM 2 has defined."""
         start = BLANK.match(text).end()  # type: ignore[union-attr]
         header = _HEADER.match(text, start)
         self.start = header.end() if header else start
@@ -45,46 +58,51 @@ class Grammar:
         """The node of a statement that starts in `line`; the spans of nodes hold lines of the file.
 
         Raises:
-            SyntaxFault: it is no statement; its `line` says where.
+            ParseError: it is no statement; its `line` says where.
             RecursionError: it is nested too deeply.
         """
         text = self._text[span.start : span.end]
         if len(text) > LONGEST_STATEMENT:
-            raise SyntaxFault(
+            raise ParseError(
                 line,
                 f"A statement of {len(text)} characters is too long.",
                 f"The most is {LONGEST_STATEMENT}. Is a ';' or a bracket missing?",
             )
         if span.word == "OPENQASM":
-            raise SyntaxFault(line, "OPENQASM must be the first word of a file, with one version.")
+            raise ParseError(line, "OPENQASM must be the first word of a file, with one version.")
         try:
-            return self._parse(text, line)
-        except SyntaxFault as fault:
+            return self._parse(text, span.word, line)
+        except ParseError as fault:
             for pattern, hint in HINTS:
                 if found := pattern.match(text):
-                    raise SyntaxFault(
+                    raise ParseError(
                         line, f"{found[0]!r} is not OpenQASM.", found.expand(hint)
                     ) from fault
             raise
 
-    def _parse(self, text: str, line: int) -> Any:
+    def _parse(self, text: str, word: str, line: int) -> Any:
         if self.version != "2":
-            with contextlib.suppress(SyntaxFault):
+            with contextlib.suppress(ParseError):
                 return parse_3(text, line)
             try:
                 return _parse_fully(text, line)
-            except SyntaxFault:
+            except ParseError:
                 if self.version is None:
-                    with contextlib.suppress(SyntaxFault):
+                    with contextlib.suppress(ParseError):
                         return parse_2(text, line)
                 raise
         try:
-            return parse_2(text, line)
-        except SyntaxFault:
-            with contextlib.suppress(SyntaxFault):
+            if word in _ONLY_3 and word not in self._own:
+                raise ParseError(line, f"Unknown gate {word!r}.")
+            node = parse_2(text, line)
+        except ParseError:
+            with contextlib.suppress(ParseError):
                 # OpenQASM 3 knows ^ as an exclusive or; in OpenQASM 2 it is **.
                 return _parse_fully(text.replace("^", "**"), line)
             raise
+        if isinstance(node, ast.QuantumGateDefinition | OpaqueGate):
+            self._own.add(node.name.name)
+        return node
 
 
 def _parse_fully(text: str, line: int) -> Any:
@@ -101,29 +119,34 @@ def _parse_fully(text: str, line: int) -> Any:
         raise
     except Exception as error:
         # The parser lets through whatever its conversion of an odd literal happens to raise.
-        raise SyntaxFault(line, f"The statement {_shortened(text)!r} cannot be read.") from error
+        if subroutine := _SUBROUTINE.match(text):
+            node = UnreadSubroutine(ast.Identifier(subroutine[1]))
+            node.span = ast.Span(line, 0, line, 0)
+            return node
+        raise ParseError(line, f"The statement {_shortened(text)!r} cannot be read.") from error
     if len(statements) != 1:
-        raise SyntaxFault(line, f"The statement {_shortened(text)!r} cannot be read.")
+        raise ParseError(line, f"The statement {_shortened(text)!r} cannot be read.")
     _move(statements[0], line - 1)
     return statements[0]
 
 
-def _fault(error: Exception, line: int) -> SyntaxFault:
+def _fault(error: Exception, line: int) -> ParseError:
     if match := _LOCATED.match(str(error)):
-        return SyntaxFault(line + int(match[1]) - 1, f"Syntax error: {match[2]}.")
+        return ParseError(line + int(match[1]) - 1, f"Syntax error: {match[2]}.")
     cause = error.__cause__
     token = getattr(cause.args[0], "offendingToken", None) if cause and cause.args else None
     if token is None:
-        return SyntaxFault(line, "Syntax error.", "The text is no OpenQASM 2 or 3 program.")
+        return ParseError(line, "Syntax error.", "The text is no OpenQASM 2 or 3 program.")
     return unexpected(line + token.line - 1, "" if token.text == "<EOF>" else token.text)
 
 
 def _move(node: Any, lines: int) -> None:
     """Add `lines` to the lines of a statement and of those in its body."""
     node.span.start_line += lines
-    if isinstance(node, ast.QuantumGateDefinition):
-        for statement in node.body:
-            statement.span.start_line += lines
+    for value in vars(node).values():
+        for inner in value if isinstance(value, list) else ():
+            if isinstance(inner, ast.Statement):
+                _move(inner, lines)
 
 
 def _shortened(text: str) -> str:

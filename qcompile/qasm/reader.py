@@ -11,7 +11,7 @@ from openqasm3 import ast
 from qcompile.errors import CircuitError
 from qcompile.ir import Program
 from qcompile.qasm.fast import FastPath
-from qcompile.qasm.grammar import SyntaxFault
+from qcompile.qasm.grammar import ParseError
 from qcompile.qasm.interpreter import Interpreter, joins
 from qcompile.qasm.layout import Layout
 from qcompile.qasm.marks import Mark
@@ -77,7 +77,7 @@ class Reader:
         """Run one statement, and return its node."""
         try:
             node = self._grammar.parse(span, self.line)
-        except SyntaxFault as fault:
+        except ParseError as fault:
             self.line = fault.line
             raise
         try:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -55,6 +56,21 @@ class Registers:
     def alias(self, name: str, reference: Reference) -> None:
         """Let `name` stand for `reference`."""
         self._references[name] = reference
+
+    def drop(self, names: Iterable[str]) -> None:
+        """Forget aliases that a block has made."""
+        for name in names:
+            self._references.pop(name, None)
+
+    @contextmanager
+    def renamed(self, references: Mapping[str, Reference]) -> Iterator[None]:
+        """Within, the names of `references` stand for them, whatever else they stand for."""
+        before = dict(self._references)
+        self._references.update(references)
+        yield
+        for name in references:
+            del self._references[name]
+        self._references.update(before)
 
     def layout(
         self, bit_of: Mapping[int, int | None], again: Sequence[tuple[int, int]] = ()

@@ -16,7 +16,9 @@ _ANNOTATION = re.compile(r"@[^\n]*+")
 _LINE = re.compile(r"[^\n]*+")
 _ELSE = re.compile(r"else\b")
 _SET = re.compile(r"in\s*+\Z")
-_WITH_BODY = frozenset("gate def for while if else switch box cal defcal {".split())
+_WITH_BODY = frozenset(
+    ["gate", "def", "for", "while", "if", "else", "switch", "box", "cal", "defcal", "{"]
+)
 
 
 class Span(NamedTuple):

@@ -5,6 +5,8 @@ A file that qcompile reads runs straight through, so every variable has a known 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from qcompile.errors import CircuitError
@@ -43,6 +45,30 @@ class Variables:
         self._types[name] = type
         value = None if expression is None else self._converted(expression, type)
         self.scope.variables[name] = value
+
+    def set(self, name: str, type: Type, value: Value) -> None:
+        """Let `name` be a variable of this type and value."""
+        self._types[name], self.scope.variables[name] = type, value
+
+    @contextmanager
+    def block(self) -> Iterator[None]:
+        """Names that are declared within are gone behind it."""
+        constants, variables = set(self.scope.constants), set(self.scope.variables)
+        yield
+        for name in self.scope.constants.keys() - constants:
+            del self.scope.constants[name]
+        for name in self.scope.variables.keys() - variables:
+            del self.scope.variables[name], self._types[name]
+
+    @contextmanager
+    def subroutine(self) -> Iterator[None]:
+        """Within, no variable of the file is known; constants are."""
+        variables, types = dict(self.scope.variables), dict(self._types)
+        self.scope.variables.clear()
+        yield
+        self.scope.variables.clear()
+        self.scope.variables.update(variables)
+        self._types.update(types)
 
     def assign(self, name: str, operator: str, expression: Any) -> None:
         """Perform `name operator expression`, such as `a = 0.4` or `a *= 2`.

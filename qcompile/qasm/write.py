@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Literal
 
 from qcompile.errors import CircuitError
-from qcompile.ir import FIXED_GATES, ROTATION_GATES, Gate, Program
+from qcompile.ir import Gate, Program
 from qcompile.qasm.layout import Layout, Register, Slot
 from qcompile.qasm.marks import Mark
-
-Version = Literal["3", "2"]
+from qcompile.qasm.names import Version, is_free
 
 DEFINITIONS: dict[Version, dict[str, str]] = {
     "3": {"sxdg": "gate sxdg a { s a; h a; s a; }"},
@@ -27,20 +25,6 @@ stdgates.inc has no sxdg, and the qelib1.inc of the OpenQASM 2 paper neither sx 
 strict reader refuses them without a definition; Cirq, pytket and Qiskit's legacy reader know them
 and accept the definition too. (`inv @ sx` would do in OpenQASM 3, but Cirq cannot read it.)
 """
-
-_KEYWORDS = """
-OPENQASM U CX include def cal defcal defcalgrammar gate opaque extern box let break continue if
-else end return for while in switch case default pragma input output const readonly mutable qreg
-qubit creg bool bit int uint float angle complex array void duration stretch gphase inv pow ctrl
-negctrl durationof delay reset measure barrier true false pi tau euler sizeof
-sin cos tan exp ln log sqrt arcsin arccos arctan ceiling floor mod popcount rotl rotr
-""".split()  # noqa: SIM905
-_INCLUDED = """
-u u0 u1 u2 u3 phase cx cy cz ch cp crx cry crz cu cu1 cu3 csx cphase swap ccx cswap rxx rzz
-""".split()  # noqa: SIM905
-_RESERVED = frozenset((*_KEYWORDS, *_INCLUDED, *FIXED_GATES, *ROTATION_GATES))
-
-_NAME = {"3": re.compile(r"[^\W\d]\w*\Z"), "2": re.compile(r"[a-z][A-Za-z0-9_]*\Z")}
 
 
 def write(
@@ -141,7 +125,7 @@ def _check(program: Program, version: Version, layout: Layout) -> None:
         )
     registers = [r.name for r in (*layout.qubit_registers, *layout.bit_registers)]
     for name in (*program.symbols, *registers):
-        if name in _RESERVED or not _NAME[version].match(name):
+        if not is_free(name, version):
             raise CircuitError(
                 f"{name!r} cannot be a name in OpenQASM {version}.",
                 "It is reserved there, the name of a gate, or has letters it may not have.",

@@ -179,11 +179,9 @@ def test_refusals_say_where_what_and_what_to_do(case, capsys):
 @pytest.mark.parametrize(
     "statement",
     [
-        "for uint i in [0:3] { x q; }",
         "while (true) { x q; }",
-        "def f(qubit a) { x a; }",
         "extern f(float) -> bit;",
-        "box { x q; }",
+        "box[2.5ns] { x q; }",
         "cal { }",
         "defcal x $0 { }",
         'defcalgrammar "openpulse";',
