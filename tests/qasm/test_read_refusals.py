@@ -233,8 +233,8 @@ PIECES = re.split(
     "(|)|[|]|{|}|;|,|@|=|+|-|*|/|^|:|.|$|#|\"|'|\\|\n| |\x00|\ud800|€|π|q|c|x|g|0|1|-1|1e999|0.5|"
     "99999999999|1im|2ns|inv|pow|ctrl|measure|->|gate|qubit|bit|reset|barrier|let|const|input|"
     "output|float|int|include|cx|gphase|U|sin|sqrt|**|++|array[int, 2]|complex|true|&&|$0|$00|box|"
-    "delay|durationof|sizeof|return|pragma|angle[4] v = 0.3;|uint[8] u = -1;|bool(|int[3](|~|!|<<|>=|"
-    "%|pow(0.5)@|pow(-1e9)@|ctrl@|rotl(u, 3)|v += |u = |delay[1ns] q;|1e308",
+    "delay|durationof|sizeof|return|pragma|angle[4] v = 0.3;|uint[8] u = -1;|bool(|int[3](|~|!|<<|"
+    ">=|%|pow(0.5)@|pow(-1e9)@|ctrl@|rotl(u, 3)|v += |u = |delay[1ns] q;|1e308",
 )
 
 
