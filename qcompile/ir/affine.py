@@ -8,6 +8,7 @@ import re
 Affine = tuple[float, dict[str, float]]
 """A constant, and the coefficient of each symbol."""
 
+_ROUNDING = 1e-15
 _TOKEN = re.compile(
     r"\s*+((?:[0-9]++\.?[0-9]*+|\.[0-9]++)(?:[eE][+-]?[0-9]++)?(?![\w.])|[^\W\d]\w*+|[-+*/()])"
 )
@@ -39,6 +40,12 @@ def affine(text: str) -> Affine:
     return value
 
 
+def sum_of_coefficients(first: float, second: float) -> float:
+    """`first + second`, or 0 where they cancel but for what they were rounded by."""
+    total = first + second
+    return total if abs(total) > _ROUNDING * max(abs(first), abs(second)) else 0.0
+
+
 class _Reader:
     def __init__(self, tokens: list[str]):
         self._rest = [*reversed(tokens)]
@@ -55,7 +62,7 @@ class _Reader:
             more, added = self._product()
             constant += sign * more
             for symbol, coefficient in added.items():
-                terms[symbol] = terms.get(symbol, 0.0) + sign * coefficient
+                terms[symbol] = sum_of_coefficients(terms.get(symbol, 0.0), sign * coefficient)
         return constant, terms
 
     def _product(self) -> Affine:

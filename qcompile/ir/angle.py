@@ -9,15 +9,13 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from qcompile.errors import CircuitError
-from qcompile.ir.affine import NotAffineError, affine
+from qcompile.ir.affine import NotAffineError, affine, sum_of_coefficients
 from qcompile.ir.turns import MODERATE_RAD, reduced, reduced_sum
 
 NEGLIGIBLE_RAD = 1e-13
 """An angle this close to a special value counts as that value: <Z> moves by less than 1e-12."""
 
 _PARTS_OF_PI = 48
-_ROUNDING = 1e-15
-"""A coefficient as small as this is what is left of terms that cancel."""
 _SYMBOL = re.compile(r"[^\W\d]\w*\Z")
 
 
@@ -64,8 +62,7 @@ class Angle:
             return cls(constant)
         if not all(math.isfinite(v) for v in (constant, *terms.values())):
             raise CircuitError("An angle is not finite.", f"Found {constant} with {dict(terms)}.")
-        kept = tuple(sorted((s, c) for s, c in terms.items() if abs(c) > _ROUNDING))
-        return cls(constant, kept)
+        return cls(constant, tuple(sorted((s, c) for s, c in terms.items() if c)))
 
     @property
     def is_constant(self) -> bool:
@@ -79,7 +76,7 @@ class Angle:
         other = Angle.of(other)
         terms = dict(self.terms)
         for symbol, coefficient in other.terms:
-            terms[symbol] = terms.get(symbol, 0.0) + coefficient
+            terms[symbol] = sum_of_coefficients(terms.get(symbol, 0.0), coefficient)
         return Angle._checked(self.constant + other.constant, terms)
 
     def __mul__(self, factor: float) -> Angle:

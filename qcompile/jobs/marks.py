@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import accumulate
 
 from qcompile.ir import Circuit, Gate, Program
 from qcompile.passes import lower
@@ -14,26 +15,14 @@ from qcompile.qasm.marks import Mark
 _ID = Gate("id")
 
 
-def with_ids(program: Program, native: NativeSet) -> tuple[Program, list[list[int]]]:
-    """`program` at level 0 with its `id` gates, and where each of its gates then begins.
-
-    The second is, for each circuit, the number of native gates before gate 0, 1, ... and before
-    the end.
-    """
-    gates = list(dict.fromkeys(gate for c in program.circuits for gate in c.gates))
+def native_starts(program: Program, native: NativeSet) -> list[list[int]]:
+    """The number of native gates at level 0 before gate 0, 1, ... of each circuit, and in all."""
+    gates = list(dict.fromkeys(gate for circuit in program.circuits for gate in circuit.gates))
     alone = replace(program, circuits=tuple(Circuit((gate,)) for gate in gates))
-    lowered = lower(alone, 0, native).circuits
-    native_of = {gate: c.gates for gate, c in zip(gates, lowered, strict=True)} | {_ID: (_ID,)}
-    circuits, starts = [], []
-    for circuit in program.circuits:
-        made: list[Gate] = []
-        begins = [0]
-        for gate in circuit.gates:
-            made += native_of[gate]
-            begins.append(len(made))
-        circuits.append(Circuit(tuple(made)))
-        starts.append(begins)
-    return replace(program, circuits=tuple(circuits)), starts
+    lengths = dict(zip(gates, map(len, lower(alone, 0, native).circuits), strict=True))
+    return [
+        [0, *accumulate(lengths[gate] for gate in circuit.gates)] for circuit in program.circuits
+    ]
 
 
 def on_circuits(marks: Sequence[Mark], index_of: Mapping[int, int]) -> list[Mark]:
@@ -52,7 +41,7 @@ def on_circuits(marks: Sequence[Mark], index_of: Mapping[int, int]) -> list[Mark
 
 
 def moved(marks: Sequence[Mark], starts: Sequence[Sequence[int]]) -> list[Mark]:
-    """The marks among native gates, which begin where `with_ids` says."""
+    """The marks among native gates, of which so many come before each gate."""
     return [
         replace(
             mark,

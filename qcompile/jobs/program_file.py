@@ -9,7 +9,7 @@ import numpy as np
 
 from qcompile.device import Device
 from qcompile.errors import CircuitError, DeviceError
-from qcompile.jobs.marks import counted, moved, on_circuits, with_ids
+from qcompile.jobs.marks import counted, moved, native_starts, on_circuits
 from qcompile.passes import Executable, compile, native_set
 from qcompile.qasm.layout import Layout
 from qcompile.qasm.messages import bounded
@@ -58,8 +58,7 @@ def _compiled(source: Source, device: Device, level: int, version: Version) -> C
     notes += _notes_on_places(executable, source.layout, layout, version)
     native = executable.native
     if level == 0:
-        native, starts = with_ids(program, native_set(device))
-        marks = moved(marks, starts)
+        marks = moved(marks, native_starts(program, native_set(device)))
         if version == "2" and (delays := [mark for mark in marks if mark.word == "delay"]):
             notes.append(f"OpenQASM 2 has no delay: {counted(delays)} left out.")
             marks = [mark for mark in marks if mark.word != "delay"]

@@ -18,7 +18,9 @@ _PI, _HALF_PI = math.pi, math.pi / 2
 
 @dataclass(frozen=True)
 class ToNative:
-    """After it every gate is one of `native`; gates are translated one by one.
+    """After it every gate is one of `native`, or id; gates are translated one by one.
+
+    An id is a wait, and stays where it is: every device has it, and no other pass keeps it.
 
     Identities, up to global phase, the right operator acts first: Ry(a) = Rz(pi) sx Rz(a+pi) sx
     (McKay et al., arXiv:1612.00858); Ry(pi/2) = Rz(pi/2) sx Rz(-pi/2); Ry(pi) = x Rz(pi);
@@ -47,7 +49,7 @@ class ToNative:
         )
 
     def _gate(self, gate: Gate) -> Iterator[Gate]:
-        if gate.name in self.native.split():
+        if gate.name in (*self.native.split(), "id"):
             yield gate if gate.angle is None else Gate(gate.name, gate.angle.moderate())
             return
         angles = alternating(Circuit((gate,)))
