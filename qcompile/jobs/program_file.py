@@ -58,7 +58,8 @@ def _compiled(source: Source, device: Device, level: int, version: Version) -> C
     notes += _notes_on_places(executable, source.layout, layout, version)
     native = executable.native
     if level == 0:
-        marks = moved(marks, native_starts(program, native_set(device)))
+        if marks:
+            marks = moved(marks, native_starts(program, native_set(device)))
         if version == "2" and (delays := [mark for mark in marks if mark.word == "delay"]):
             notes.append(f"OpenQASM 2 has no delay: {counted(delays)} left out.")
             marks = [mark for mark in marks if mark.word != "delay"]
