@@ -12,6 +12,7 @@ from qcompile.errors import CircuitError, DeviceError
 from qcompile.jobs.marks import counted, moved, native_starts, on_circuits
 from qcompile.passes import Executable, compile, native_set
 from qcompile.qasm.layout import Layout
+from qcompile.qasm.messages import bounded
 from qcompile.qasm.names import Version, legal_names, renamed
 from qcompile.qasm.read import Source
 from qcompile.qasm.write import write
@@ -40,6 +41,13 @@ def compile_source(source: Source, device: Device, level: int, version: Version)
         CircuitError: level 2, and nothing is measured; or two kinds of qubits.
         DeviceError: the device has too few qubits.
     """
+    try:
+        return _compiled(source, device, level, version)
+    except (CircuitError, DeviceError) as error:
+        raise type(error)(bounded(source.name, source.lines, str(error))) from error
+
+
+def _compiled(source: Source, device: Device, level: int, version: Version) -> CompiledFile:
     notes = list(source.notes)
     used = _used(source, level, notes)
     program = replace(source.program, circuits=tuple(source.program.circuits[i] for i in used))
@@ -50,7 +58,8 @@ def compile_source(source: Source, device: Device, level: int, version: Version)
     notes += _notes_on_places(executable, source.layout, layout, version)
     native = executable.native
     if level == 0:
-        marks = moved(marks, native_starts(program, native_set(device)))
+        if marks:
+            marks = moved(marks, native_starts(program, native_set(device)))
         if version == "2" and (delays := [mark for mark in marks if mark.word == "delay"]):
             notes.append(f"OpenQASM 2 has no delay: {counted(delays)} left out.")
             marks = [mark for mark in marks if mark.word != "delay"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence, Set
+from itertools import chain
 from typing import Any
 
 import openqasm3
@@ -30,7 +31,11 @@ _MOST_INLINED, _MOST_INLINED_GATES = 10_000, 1_000
 
 _INCLUDES = ("stdgates.inc", "qelib1.inc", "hqslib1.inc")
 _COUNTS = {2: "two", 3: "three", 4: "four", 5: "five"}
-_WRITTEN_DEFINITIONS = {t for texts in DEFINITIONS.values() for t in texts.values()}
+_WRITTEN = {
+    name: {texts.get(name) for texts in DEFINITIONS.values()}
+    for name in chain.from_iterable(DEFINITIONS.values())
+}
+"""How `write` defines gates of the table: a file with such a definition means the table's gate."""
 
 
 class Interpreter:
@@ -224,7 +229,9 @@ class Interpreter:
         for names in (arguments, qubits):
             if len(set(names)) != len(names):
                 raise CircuitError(f"Gate {name!r} uses one name twice in its head.")
-        if " ".join(openqasm3.dumps(statement).split()) not in _WRITTEN_DEFINITIONS:
+        if not (
+            name in _WRITTEN and " ".join(openqasm3.dumps(statement).split()) in _WRITTEN[name]
+        ):
             self._definitions[name] = statement
 
     def _entangles(self, statement: Any) -> CircuitError:

@@ -6,7 +6,7 @@ the openqasm3 package, statement by statement; it is loaded when a file needs it
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from qcompile.errors import CircuitError, ProgramFileError
@@ -22,13 +22,16 @@ class Source:
     `program` has one circuit for each qubit, in the order of their declaration (physical qubits
     in the order of their first use); its inputs are those the file declares. `layout` holds the
     file's registers, and the qubit and bit of every circuit. `notes` say what was left out; `marks`
-    are the resets, barriers and delays, which no circuit holds, in the order of the file.
+    are the resets, barriers and delays, which no circuit holds, in the order of the file. `name`
+    and `lines` are the file's, for messages.
     """
 
     program: Program
     layout: Layout
     notes: tuple[str, ...] = ()
     marks: tuple[Mark, ...] = ()
+    name: str = field(default="<string>", compare=False)
+    lines: int = field(default=1, compare=False)
 
 
 def read(text: str, name: str = "<string>") -> Source:
@@ -46,7 +49,7 @@ def read(text: str, name: str = "<string>") -> Source:
 
     reader = Reader(text)
     try:
-        return Source(*reader.run())
+        return Source(*reader.run(), name=name, lines=reader.line)
     except CircuitError as error:
         raise ProgramFileError(bounded(name, reader.line, str(error))) from error
     except RecursionError as error:
@@ -70,9 +73,10 @@ def read_file(path: str | Path) -> Source:
             f"{path}: The file cannot be read: {error.strerror or error}.",
             "Give the path of an OpenQASM 2 or 3 program.",
         ) from error
-    except ValueError as error:
+    except UnicodeDecodeError as error:
+        line = error.object.count(b"\n", 0, error.start) + 1
         raise ProgramFileError(
-            f"{path}: The file is not text: {error}.",
+            f"{path}:{line}: The file is not text: byte 0x{error.object[error.start]:02x}.",
             "OpenQASM programs are UTF-8 text.",
         ) from error
     return read(text, str(path))

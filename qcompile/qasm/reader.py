@@ -57,6 +57,7 @@ class Reader:
                 self._run_fast(fast)
             span = next(spans(text, self._position), None)
             if span is None:
+                self._come_to(self._position)
                 program, layout, marks = interpreter.finish()
                 return program, layout, (*self._notes(), *interpreter.notes()), marks
             self._position = span.end
