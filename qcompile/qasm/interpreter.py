@@ -35,7 +35,7 @@ _WRITTEN = {
     name: {texts.get(name) for texts in DEFINITIONS.values()}
     for name in chain.from_iterable(DEFINITIONS.values())
 }
-"""How `write` defines gates of the table: a file with such a definition means the table's gate."""
+"""How `write` defines gates of the table: a file that does it so means the table's gate."""
 
 
 class Interpreter:
