@@ -40,7 +40,8 @@ class GateCalibration(_Record):
 class Qubit(_Record):
     """One physical qubit. p10 = P(1 | 0) and p01 = P(0 | 1) are its readout errors.
 
-    A gate without an entry in `gates` is free of noise, as the virtual rz is.
+    A gate without an entry in `gates` is free of noise, as the virtual rz is. An id without one has
+    that of sx: on IBM's machines both take as long and have one error.
     """
 
     t1_us: Positive
@@ -90,6 +91,8 @@ def depolarising(calibration: GateCalibration, qubit: Qubit) -> float:
 def left_after(gate: str, qubit: Qubit) -> tuple[float, float, float]:
     """What the noise after `gate` leaves of r_x and r_y, of r_z, and what it adds to r_z."""
     calibration = qubit.gates.get(gate)
+    if calibration is None and gate == "id":
+        calibration = qubit.gates.get("sx")
     if calibration is None:
         return 1.0, 1.0, 0.0
     along, across = relaxation(qubit, calibration.length_ns)

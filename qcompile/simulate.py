@@ -14,7 +14,7 @@ import numpy as np
 
 from qcompile.errors import CircuitError
 from qcompile.ir import NEGLIGIBLE_RAD, Angle, Circuit, Definition, Program
-from qcompile.ir.table import AngleTable, Array
+from qcompile.ir.table import AngleTable, Array, are_large
 
 _HALF_PI = np.pi / 2
 
@@ -52,6 +52,7 @@ class Simulator:
             axis = "z" if position % 2 == 0 else "y"
             self._steps.append(_Step(axis, table, form, xp, dtype))
         self._seen = _seen(self._steps)
+        self._largest = _largest(self._steps)
         self._last_z = next((step for step in reversed(self._seen) if step.axis == "z"), None)
 
     def _inputs(self, x: Array, theta: Array) -> Array:
@@ -59,14 +60,18 @@ class Simulator:
             return x
         return np.concatenate([x, self._definitions(x, theta)], axis=-1)
 
+    def _are_large(self, x: Array, theta: Array) -> bool:
+        return self._xp is np and are_large(x, theta, self._largest)
+
     def expectation(self, x: Array, theta: Array) -> Array:
         """<Z> of every circuit for every observation, (B, circuits), in [-1, 1]."""
         batch, x = len(x), self._inputs(x, theta)
+        large = self._are_large(x, theta)
         turns: dict[int, tuple[Array, Array]] = {}
         # The Bloch vector, from |0>: None stands for 0 and, in r_z, for 1.
         r_x = r_y = r_z = None
         for step in self._seen:
-            cos, sin = step.turn(x, theta, turns)
+            cos, sin = step.turn(x, theta, turns, large)
             if step.axis == "z":
                 if step is self._last_z:  # what turns into y is seen no more
                     r_x = r_x * cos if r_y is None else r_x * cos - r_y * sin
@@ -92,25 +97,34 @@ class Simulator:
         numpy only. polar lies in [0, pi].
         """
         x = self._inputs(x, theta)
+        large = self._are_large(x, theta)
         # The first column (alpha, beta) of an SU(2) matrix says it all.
         alpha = np.ones((len(x), self._size), dtype=complex)
         beta = np.zeros_like(alpha)
         for step in self._steps:
-            half = step.table(x, theta) / 2
+            half = step.table(x, theta, large=large) / 2
             if step.axis == "z":
                 phase = np.exp(1j * half)
                 alpha, beta = alpha * phase.conj(), beta * phase
             else:
                 cos, sin = np.cos(half), np.sin(half)
                 alpha, beta = cos * alpha - sin * beta, sin * alpha + cos * beta
-        size_alpha, size_beta = np.abs(alpha), np.abs(beta)
-        # Where one of them vanishes its phase is free: 0 keeps one z rotation out of the circuit.
-        total = np.where(size_alpha > NEGLIGIBLE_RAD, -2 * np.angle(alpha), 0.0)
-        difference = np.where(size_beta > NEGLIGIBLE_RAD, 2 * np.angle(beta), 0.0)
-        total = np.where(size_alpha > NEGLIGIBLE_RAD, total, difference)
-        difference = np.where(size_beta > NEGLIGIBLE_RAD, difference, total)
-        polar = 2 * np.arctan2(size_beta, size_alpha)
-        return (total - difference) / 2, polar, (total + difference) / 2
+        return euler_angles(alpha, beta)
+
+
+def euler_angles(alpha: Array, beta: Array) -> tuple[Array, Array, Array]:
+    """first, polar, last of SU(2) matrices whose first columns are (alpha, beta).
+
+    The matrix is Rz(last) Ry(polar) Rz(first) up to global phase, and polar lies in [0, pi].
+    """
+    size_alpha, size_beta = np.abs(alpha), np.abs(beta)
+    # Where one of them vanishes its phase is free: 0 keeps one z rotation out of the circuit.
+    total = np.where(size_alpha > NEGLIGIBLE_RAD, -2 * np.angle(alpha), 0.0)
+    difference = np.where(size_beta > NEGLIGIBLE_RAD, 2 * np.angle(beta), 0.0)
+    total = np.where(size_alpha > NEGLIGIBLE_RAD, total, difference)
+    difference = np.where(size_beta > NEGLIGIBLE_RAD, difference, total)
+    polar = 2 * np.arctan2(size_beta, size_alpha)
+    return (total - difference) / 2, polar, (total + difference) / 2
 
 
 class Definitions:
@@ -162,13 +176,13 @@ class _Step:
         self._quarter = bool((np.abs(constant - _HALF_PI) < NEGLIGIBLE_RAD).all())
 
     def turn(
-        self, x: Array, theta: Array, turns: dict[int, tuple[Array, Array]]
+        self, x: Array, theta: Array, turns: dict[int, tuple[Array, Array]], large: bool
     ) -> tuple[Array, Array]:
         """Cosine and sine of the angle; `turns` keeps those of the form, shared between steps."""
         if self.table.is_constant:
             return self._cos, self._sin
         if self._form not in turns:
-            angle = self.table.linear(x, theta)
+            angle = self.table.linear(x, theta, large=large)
             turns[self._form] = self._xp.cos(angle), self._xp.sin(angle)
         cos, sin = turns[self._form]
         if self._unshifted:
@@ -176,6 +190,11 @@ class _Step:
         if self._quarter:
             return -sin, cos
         return cos * self._cos - sin * self._sin, sin * self._cos + cos * self._sin
+
+
+def _largest(steps: Sequence[_Step]) -> tuple[float, float]:
+    pairs = [step.table.largest for step in steps]
+    return max((x for x, _ in pairs), default=0.0), max((theta for _, theta in pairs), default=0.0)
 
 
 def _seen(steps: Sequence[_Step]) -> list[_Step]:
@@ -198,9 +217,9 @@ def alternating(circuit: Circuit) -> list[Angle]:
         for axis, angle in gate.rotations:
             parity = 0 if axis == "z" else 1
             if angles and (len(angles) - 1) % 2 == parity:
-                angles[-1] = angles[-1] + angle
+                angles[-1] = angles[-1].moderate() + angle.moderate()
                 continue
             while len(angles) % 2 != parity:
                 angles.append(Angle())
-            angles.append(angle)
+            angles.append(angle.moderate())
     return angles

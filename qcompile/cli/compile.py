@@ -33,7 +33,7 @@ def command(
     """Compile an OpenQASM 2 or 3 program without entangling gates.
 
     On a device OpenQASM 3 names its physical qubits, those with the least error first; a program
-    that names physical qubits keeps them.
+    that names physical qubits keeps them. Qubits without gates and measurement need no place.
     """
     from qcompile.execution import open_device
     from qcompile.jobs.program_file import compile_source
@@ -47,7 +47,8 @@ def command(
         write_file(output, compiled.text.encode())
     if as_json:
         text = compiled.text if output is None else None
-        echo_json(executable_values(compiled.executable) | {"text": text})
+        values = executable_values(compiled.executable, numbers=compiled.circuits)
+        echo_json(values | {"text": text})
     elif output is None:
         click.echo(compiled.text, nl=False)
     else:

@@ -51,13 +51,14 @@ def command(
         from qcompile.qasm.read import read_file
 
         policy, importance = None, None
-        executable = compile_source(read_file(subject), device, level, "3").executable
+        compiled = compile_source(read_file(subject), device, level, "3")
+        executable, numbers = compiled.executable, compiled.circuits
     else:
-        policy = load_policy(subject)
+        policy, numbers = load_policy(subject), None
         importance = policy.importance
         executable = compile(policy.program, device, level, importance)
     program = executable.source
-    values = executable_values(executable, importance)
+    values = executable_values(executable, importance, numbers)
     if opened.calibration is not None:
         for row in values["left_out"]:
             if row["qubit"] not in opened.calibration.qubits:

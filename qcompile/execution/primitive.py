@@ -188,11 +188,11 @@ def _simulator(backend: Any, device: Device) -> Any:
         properties = copy(properties)
         properties.gates = [gate for gate in properties.gates if len(gate.qubits) == 1]
         source = {"properties": properties}
-    noise = NoiseModel(basis_gates=list(device.basis_gates))
+    noise = NoiseModel(basis_gates=[*device.basis_gates, "id"])
     for qubits, error in basic_device_readout_errors(**source):
         noise.add_readout_error(error, qubits)
     for gate, qubits, error in basic_device_gate_errors(**source):
-        if gate in device.qubits[qubits[0]].gates:
+        if gate == "id" or gate in device.qubits[qubits[0]].gates:
             noise.add_quantum_error(error, gate, qubits)
     # Shots in one thread: counts do not depend on the number of cores.
     return AerSimulator(noise_model=noise, max_parallel_shots=1, max_parallel_experiments=0)

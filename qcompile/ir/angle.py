@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-import ast
-import keyword
 import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from fractions import Fraction
 
 from qcompile.errors import CircuitError
+from qcompile.ir.affine import NotAffineError, affine, sum_of_coefficients
+from qcompile.ir.turns import MODERATE_RAD, reduced, reduced_sum
 
 NEGLIGIBLE_RAD = 1e-13
 """An angle this close to a special value counts as that value: <Z> moves by less than 1e-12."""
 
 _PARTS_OF_PI = 48
-_ROUNDING = 1e-15
-"""A coefficient as small as this is what is left of terms that cancel."""
-_SYMBOL = re.compile(r"[A-Za-z_]\w*\Z")
+_SYMBOL = re.compile(r"[^\W\d]\w*\Z")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Angle:
     """constant + sum of coefficient * symbol, in radians.
 
@@ -59,10 +58,11 @@ class Angle:
 
     @classmethod
     def _checked(cls, constant: float, terms: Mapping[str, float]) -> Angle:
+        if not terms and math.isfinite(constant):
+            return cls(constant)
         if not all(math.isfinite(v) for v in (constant, *terms.values())):
             raise CircuitError("An angle is not finite.", f"Found {constant} with {dict(terms)}.")
-        kept = tuple(sorted((s, c) for s, c in terms.items() if abs(c) > _ROUNDING))
-        return cls(constant, kept)
+        return cls(constant, tuple(sorted((s, c) for s, c in terms.items() if c)))
 
     @property
     def is_constant(self) -> bool:
@@ -76,7 +76,7 @@ class Angle:
         other = Angle.of(other)
         terms = dict(self.terms)
         for symbol, coefficient in other.terms:
-            terms[symbol] = terms.get(symbol, 0.0) + coefficient
+            terms[symbol] = sum_of_coefficients(terms.get(symbol, 0.0), coefficient)
         return Angle._checked(self.constant + other.constant, terms)
 
     def __mul__(self, factor: float) -> Angle:
@@ -90,7 +90,7 @@ class Angle:
 
     def wrapped(self) -> Angle:
         """The same rotation with its constant in (-pi, pi] (equal up to global phase)."""
-        constant = math.remainder(self.constant, 2 * math.pi)
+        constant = _within_a_turn(self.constant)
         if constant <= -math.pi + NEGLIGIBLE_RAD:
             constant += 2 * math.pi
         if constant > math.pi:
@@ -99,15 +99,32 @@ class Angle:
 
     def equals(self, constant: float) -> bool:
         """Whether this is `constant` up to whole turns and NEGLIGIBLE_RAD, for all symbols."""
-        distance = math.remainder(self.constant - constant, 2 * math.pi)
+        distance = math.remainder(self.moderate().constant - constant, 2 * math.pi)
         return self.is_constant and abs(distance) <= NEGLIGIBLE_RAD
 
+    def moderate(self) -> Angle:
+        """The same rotation with a constant that can be added to others without loss.
+
+        A constant above MODERATE_RAD is wrapped, exactly; one below stays as it is.
+        """
+        return self if abs(self.constant) <= MODERATE_RAD else self.wrapped()
+
     def substitute(self, values: Mapping[str, float]) -> Angle:
-        """The angle with the symbols named in `values` replaced by their numbers."""
-        bound = sum(c * values[s] for s, c in self.terms if s in values)
-        return Angle._checked(
-            self.constant + bound, {s: c for s, c in self.terms if s not in values}
-        )
+        """The angle with the symbols named in `values` replaced by their numbers.
+
+        Where they make it larger than MODERATE_RAD its constant is kept modulo 2 pi, exactly.
+        """
+        products = [c * values[s] for s, c in self.terms if s in values]
+        constant = self.constant + sum(products)
+        if products and not sum(map(abs, products), abs(self.constant)) <= MODERATE_RAD:
+            try:
+                terms = [
+                    Fraction(c) * Fraction(float(values[s])) for s, c in self.terms if s in values
+                ]
+                constant = reduced_sum([Fraction(self.constant), *terms])
+            except (OverflowError, ValueError) as error:
+                raise CircuitError(f"{self} is not finite at these values.") from error
+        return Angle._checked(constant, {s: c for s, c in self.terms if s not in values})
 
     def rename(self, names: Mapping[str, str]) -> Angle:
         """The angle with the symbols named in `names` called what it says."""
@@ -120,12 +137,18 @@ class Angle:
         return "+".join(parts).replace("+-", "-")
 
 
+def _within_a_turn(angle: float) -> float:
+    """`angle` modulo 2 pi, in [-pi, pi]."""
+    if abs(angle) <= MODERATE_RAD:
+        return math.remainder(angle, 2 * math.pi)
+    return float(reduced(angle))
+
+
 def check_symbol(name: str) -> None:
     """Raise CircuitError where `name` cannot name a symbol."""
-    if not _SYMBOL.match(name) or name == "pi" or keyword.iskeyword(name):
+    if not _SYMBOL.match(name) or name == "pi":
         raise CircuitError(
-            f"{name!r} is no symbol.",
-            "A symbol is letters, digits and _; 'pi' and Python's keywords are taken.",
+            f"{name!r} is not a symbol.", "A symbol is letters, digits and _; 'pi' is taken."
         )
 
 
@@ -137,7 +160,10 @@ def _term(coefficient: float, symbol: str) -> str:
 
 def _number(value: float) -> str:
     """`value` as a short text that parses back to the same float: a fraction of pi if it is one."""
-    parts = round(value * _PARTS_OF_PI / math.pi)
+    scaled = value * _PARTS_OF_PI / math.pi
+    if math.isinf(scaled):
+        return repr(float(value))
+    parts = round(scaled)
     common = math.gcd(parts, _PARTS_OF_PI)
     top, bottom = parts // common, _PARTS_OF_PI // common
     if top and top * math.pi / bottom == value:
@@ -148,42 +174,9 @@ def _number(value: float) -> str:
 
 def _parse(text: str) -> Angle:
     try:
-        return _affine(ast.parse(text.strip(), mode="eval").body, text)
-    except (SyntaxError, ValueError, RecursionError, MemoryError, ZeroDivisionError) as error:
-        if isinstance(error, CircuitError):
-            raise
+        return Angle._checked(*affine(text))
+    except (NotAffineError, RecursionError, ZeroDivisionError) as error:
         raise _not_affine(text) from error
-
-
-def _affine(node: ast.expr, text: str) -> Angle:
-    match node:
-        case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
-            return Angle.of(value)
-        case ast.Name(id="pi"):
-            return Angle(math.pi)
-        case ast.Name(id=name):
-            return Angle.symbol(name)
-        case ast.UnaryOp(op=ast.USub(), operand=operand):
-            return -_affine(operand, text)
-        case ast.UnaryOp(op=ast.UAdd(), operand=operand):
-            return _affine(operand, text)
-        case ast.BinOp(left=left_node, op=operator, right=right_node):
-            left, right = _affine(left_node, text), _affine(right_node, text)
-            match operator:
-                case ast.Add():
-                    return left + right
-                case ast.Sub():
-                    return left - right
-                case ast.Mult() if right.is_constant:
-                    return left * right.constant
-                case ast.Mult() if left.is_constant:
-                    return right * left.constant
-                case ast.Div() if right.is_constant:
-                    return Angle._checked(
-                        left.constant / right.constant,
-                        {s: c / right.constant for s, c in left.terms},
-                    )
-    raise _not_affine(text)
 
 
 def _not_affine(text: str) -> CircuitError:

@@ -50,7 +50,8 @@ class Circuit:
     @property
     def symbols(self) -> tuple[str, ...]:
         """Every symbol that occurs, in order of first use."""
-        return tuple(dict.fromkeys(s for g in self.gates if g.angle for s in g.angle.symbols))
+        late = (g.angle.terms for g in self.gates if g.angle is not None and g.angle.terms)
+        return tuple(dict.fromkeys(symbol for terms in late for symbol, _ in terms))
 
     def substitute(self, values: Mapping[str, float]) -> Circuit:
         """The circuit with the symbols named in `values` replaced by their numbers."""

@@ -58,7 +58,7 @@ ROTATION_GATES: dict[str, Callable[[Angle], tuple[Rotation, ...]]] = {
 """Gates with one angle: name to a function from the angle to rotations."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Gate:
     """One gate of a circuit: a name of the gate table, and its angle if it has one.
 

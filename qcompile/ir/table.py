@@ -2,55 +2,87 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 
+from qcompile.errors import CircuitError
 from qcompile.ir.angle import Angle
+from qcompile.ir.turns import MODERATE_RAD, reduced_product
 
 Array = Any
 """A numpy array or a torch tensor; one code serves both."""
+
+_MOST_DENSE = 1_000_000
+"""Entries of a dense matrix of linear forms."""
 
 
 class _Linear:
     """Linear forms in a vector of symbols: values (..., symbols) to (..., forms).
 
-    Forms of at most one symbol each, the usual case, are a gather instead of a matrix product.
+    Forms of at most one symbol each, the usual case, are a gather instead of a matrix product; so
+    are many forms of several symbols, whose matrix would be huge and nearly empty.
     """
 
     def __init__(self, angles: Sequence[Angle], symbols: Sequence[str], xp: ModuleType, dtype: Any):
         position = {symbol: i for i, symbol in enumerate(symbols)}
-        matrix = np.zeros((len(symbols), len(angles)))
-        for column, angle in enumerate(angles):
-            for symbol, coefficient in angle.terms:
-                if symbol in position:
-                    matrix[position[symbol], column] = coefficient
-        self.is_zero = not matrix.any()
-        self._index = self._scale = self._matrix = None
-        if np.count_nonzero(matrix, axis=0).max(initial=0) > 1:
+        forms = [[(position[s], c) for s, c in a.terms if s in position] for a in angles]
+        most = max(map(len, forms), default=0)
+        index = np.zeros((most, len(forms)), dtype=np.intp)
+        scale = np.zeros((most, len(forms)))
+        for column, form in enumerate(forms):
+            for term, (symbol, coefficient) in enumerate(form):
+                index[term, column], scale[term, column] = symbol, coefficient
+        self.is_zero = most == 0
+        self.largest = float(np.abs(scale).sum(axis=0).max(initial=0.0))
+        """No form is larger than this times the largest value."""
+        self._terms = index, scale
+        self._matrix = self._gathers = None
+        if most > 1 and len(symbols) * len(forms) <= _MOST_DENSE:
+            matrix = np.zeros((len(symbols), len(forms)))
+            for symbols_of_term, scale_of_term in zip(index, scale, strict=True):
+                matrix[symbols_of_term, np.arange(len(forms))] += scale_of_term
             self._matrix = xp.asarray(matrix, dtype=dtype)
-        elif not self.is_zero:
-            index = np.abs(matrix).argmax(axis=0)
-            scale = np.take_along_axis(matrix, index[None], axis=0)[0]
-            if len(index) != len(symbols) or (index != np.arange(len(index))).any():
-                self._index = xp.asarray(index)
-            if (scale != 1).any():
-                self._scale = xp.asarray(scale, dtype=dtype)
+        else:
+            self._gathers = [
+                (_unless_identity(i, len(symbols), xp), _unless_ones(c, xp, dtype))
+                for i, c in zip(index, scale, strict=True)
+            ]
 
     def __call__(self, values: Array) -> Array:
         if self._matrix is not None:
             return values @ self._matrix
-        if self._index is not None:
-            values = values[..., self._index]
-        return values if self._scale is None else values * self._scale
+        total: Array = None
+        for index, scale in self._gathers or ():
+            term = values if index is None else values[..., index]
+            term = term if scale is None else term * scale
+            total = term if total is None else total + term
+        return total
+
+    def reduced(self, values: Array) -> Array:
+        """The forms modulo 2 pi, exactly (numpy alone)."""
+        index, scale = self._terms
+        terms = [reduced_product(c, values[..., i]) for i, c in zip(index, scale, strict=True)]
+        return np.sum(terms, axis=0)
+
+
+def _unless_identity(index: Array, symbols: int, xp: ModuleType) -> Array:
+    return None if np.array_equal(index, np.arange(symbols)) else xp.asarray(index)
+
+
+def _unless_ones(scale: Array, xp: ModuleType, dtype: Any) -> Array:
+    return None if (scale == 1).all() else xp.asarray(scale, dtype=dtype)
 
 
 class AngleTable:
     """Affine angles over inputs and parameters, one column each.
 
-    `constant` (columns,) is a numpy array; `linear(x, theta)` is the rest.
+    `constant` (columns,) is a numpy array; `linear(x, theta)` is the rest. Where values are so
+    large that doubles would round the angles, `are_large` says so, and `large=True` gives them
+    modulo 2 pi, exactly (numpy alone).
     """
 
     def __init__(
@@ -61,6 +93,7 @@ class AngleTable:
         xp: ModuleType = np,
         dtype: Any = np.float64,
     ):
+        angles = [angle.moderate() for angle in angles]
         self.constant = np.array([angle.constant for angle in angles], dtype=float)
         self._inputs = _Linear(angles, inputs, xp, dtype)
         self._parameters = _Linear(angles, parameters, xp, dtype)
@@ -70,21 +103,54 @@ class AngleTable:
     def is_constant(self) -> bool:
         return self._inputs.is_zero and self._parameters.is_zero
 
-    def linear(self, x: Array, theta: Array) -> Array:
+    @property
+    def largest(self) -> tuple[float, float]:
+        """No form exceeds the first times the largest |x| plus the second times that of theta."""
+        return self._inputs.largest, self._parameters.largest
+
+    def linear(self, x: Array, theta: Array, *, large: bool = False) -> Array:
         """The angles less `constant`, for x (B, inputs) and theta (parameters,).
 
         The shape is (B, columns), or (columns,) where no angle depends on an input. Call it only
         where `is_constant` is false.
+
+        Raises:
+            CircuitError: `large`, and an angle is not finite.
         """
+        if large:
+            return self._reduced(x, theta)
         if self._parameters.is_zero:
             return self._inputs(x)
         if self._inputs.is_zero:
             return self._parameters(theta)
         return self._inputs(x) + self._parameters(theta)
 
-    def __call__(self, x: Array, theta: Array) -> Array:
+    def _reduced(self, x: Array, theta: Array) -> Array:
+        parts = ((self._inputs, x), (self._parameters, theta))
+        total = sum(form.reduced(values) for form, values in parts if not form.is_zero)
+        if not np.isfinite(total).all():
+            raise CircuitError(
+                "An angle is not finite.", "An input, a parameter or its factor is too large."
+            )
+        return total
+
+    def __call__(self, x: Array, theta: Array, *, large: bool = False) -> Array:
         """The angles in radians; shapes as in `linear`."""
         if self.is_constant:
             return self.constant
-        value = self.linear(x, theta)
+        value = self.linear(x, theta, large=large)
         return value if self._offset is None else value + self._offset
+
+
+def are_large(x: Array, theta: Array, largest: tuple[float, float]) -> bool:
+    """Whether an angle may exceed MODERATE_RAD, or is not finite (numpy alone).
+
+    `largest` is that of the table, or the larger of several.
+    """
+    (of_x, of_theta), limit = largest, MODERATE_RAD
+    # No value is larger than the norm, which costs less than the maximum.
+    if of_x * math.sqrt(np.vdot(x, x)) + of_theta * math.sqrt(np.vdot(theta, theta)) <= limit:
+        return False
+    most_x, most_theta = (float(np.abs(v).max(initial=0.0)) for v in (x, theta))
+    bound = of_x * most_x + of_theta * most_theta
+    return not bound <= limit

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from qcompile.device import Device
 from qcompile.errors import CircuitError
 from qcompile.ir import Angle, Circuit, Gate, Program
-from qcompile.ir.table import AngleTable
+from qcompile.ir.table import AngleTable, are_large
 from qcompile.simulate import Definitions
 
 FloatArray = NDArray[np.float64]
@@ -50,7 +50,8 @@ class Executable:
         """The native angles for x (B, inputs) and theta (parameters,), in radians.
 
         The shape is (B, circuits) at level 2, where a circuit has one rotation at most, and
-        (B, circuits, slots) at levels 0 and 1. A slot that a circuit lacks holds 0.
+        (B, circuits, slots) at levels 0 and 1. A slot that a circuit lacks holds 0. Where angles
+        are so large that adding them would round, they are given modulo 2 pi, exactly.
 
         Raises:
             CircuitError: x or theta has another shape.
@@ -66,7 +67,7 @@ class Executable:
         if self._definitions is not None:
             values = self._definitions(x, theta)
             x = np.concatenate([x, values], axis=1) if self._mixed else values
-        angles = self._table(x, theta)
+        angles = self._table(x, theta, large=are_large(x, theta, self._table.largest))
         shape = (len(x), len(self.native), max(self.slots, 1))
         if angles.ndim == 1:
             angles = np.broadcast_to(angles, (len(x), angles.size))
@@ -177,12 +178,20 @@ class Executable:
             if gate.angle is not None and (self.bend is not None or not gate.angle.is_constant)
         )
 
-    def template(self) -> Program:
+    def template(
+        self, numbers: Sequence[int] | None = None, taken: Collection[str] = ()
+    ) -> Program:
         """The native circuits with an input for each of the `open_slots`.
 
-        Slot k of circuit i is the input a{i}_{k}; what `bind_slots` gives is its value.
+        Slot k of circuit i is the input a{i}_{k}; what `bind_slots` gives is its value. `numbers`
+        are what the names call the circuits instead of 0, 1, ...; with names that are `taken` it is
+        a_{i}_{k}, with as many underscores as it takes.
         """
-        names = {place: f"a{place[0]}_{place[1]}" for place in self.open_slots}
+        numbers = range(len(self.native)) if numbers is None else numbers
+        prefix = "a"
+        while any(name.startswith(prefix) and name[len(prefix) :][:1].isdigit() for name in taken):
+            prefix += "_"
+        names = {(i, slot): f"{prefix}{numbers[i]}_{slot}" for i, slot in self.open_slots}
         circuits = []
         for index, circuit in enumerate(self.native.circuits):
             gates, slot = [], 0

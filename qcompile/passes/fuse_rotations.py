@@ -1,26 +1,24 @@
-"""Fuse a run of rotations into three, whether their angles are known yet or not."""
+"""Fuse a run of rotations whose angles are not known yet into three."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-import numpy as np
-
-from qcompile.ir import Angle, Circuit, Definition, Gate, Program
+from qcompile.ir import Angle, Definition, Program
 from qcompile.passes.base import Promise
-from qcompile.simulate import Simulator
+from qcompile.passes.fuse_known import euler_circuit
 
 _EULER_RUNS = {("rz", "ry", "rz"), ("rz", "ry"), ("ry", "rz"), ("rz",), ("ry",), ()}
 
 
 @dataclass(frozen=True)
 class FuseRotations:
-    """After it every circuit is at most rz(first) ry(polar) rz(last), the Euler angles of its run.
+    """After it a circuit with symbols is at most rz(first) ry(polar) rz(last): its Euler angles.
 
-    Requires circuits of rz and ry (`to_rotations`). Known angles are fused to numbers. A run that
-    holds symbols and is longer than three becomes three new symbols, defined by the run itself:
-    the structure is fused now, the numbers when the program is bound, for a whole batch at once.
+    Requires circuits of rz and ry (`to_rotations`). A run that is longer than three becomes three
+    new symbols, defined by the run itself: the structure is fused now, the numbers when the program
+    is bound, for a whole batch at once. Circuits without symbols are left to `fuse_known`.
     """
 
     name: ClassVar[str] = "fuse_rotations"
@@ -28,11 +26,6 @@ class FuseRotations:
 
     def apply(self, program: Program) -> Program:
         fused = list(program.circuits)
-        known = [i for i, circuit in enumerate(fused) if not circuit.symbols]
-        if known:
-            numbers = _euler_numbers([fused[i] for i in known])
-            for index, angles in zip(known, numbers, strict=True):
-                fused[index] = _euler_circuit(*map(Angle, angles))
         definitions = list(program.definitions)
         prefix = _free_prefix(program)
         for index, circuit in enumerate(fused):
@@ -42,19 +35,8 @@ class FuseRotations:
                     for part in ("first", "polar", "last")
                 ]
                 definitions += made
-                fused[index] = _euler_circuit(*(Angle.symbol(d.name) for d in made))
+                fused[index] = euler_circuit(*(Angle.symbol(d.name) for d in made))
         return replace(program, circuits=tuple(fused), definitions=tuple(definitions))
-
-
-def _euler_numbers(circuits: list[Circuit]) -> list[tuple[float, float, float]]:
-    nothing = np.zeros((1, 0)), np.zeros(0)
-    first, polar, last = Simulator(Program(tuple(circuits))).euler(*nothing)
-    return [tuple(map(float, row)) for row in np.stack([first[0], polar[0], last[0]]).T]  # type: ignore[misc]
-
-
-def _euler_circuit(first: Angle, polar: Angle, last: Angle) -> Circuit:
-    gates = (Gate("rz", first), Gate("ry", polar), Gate("rz", last))
-    return Circuit(tuple(g for g in gates if not g.angle.equals(0.0)))  # type: ignore[union-attr]
 
 
 def _free_prefix(program: Program) -> str:

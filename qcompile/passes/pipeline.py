@@ -8,6 +8,7 @@ from qcompile.ir import Program
 from qcompile.passes.base import Pass
 from qcompile.passes.drop_unobservable import DropUnobservable
 from qcompile.passes.executable import Executable
+from qcompile.passes.fuse_known import FuseKnown
 from qcompile.passes.fuse_rotations import FuseRotations
 from qcompile.passes.merge_rotations import MergeRotations
 from qcompile.passes.place import FloatArray, place
@@ -21,6 +22,7 @@ LEVELS = {
 }
 
 PASSES: tuple[type[Pass], ...] = (
+    FuseKnown,
     ToRotations,
     MergeRotations,
     FuseRotations,
@@ -47,7 +49,8 @@ def pipeline(level: int, native: NativeSet) -> tuple[Pass, ...]:
         )
     if level == 0:
         return (ToNative(native),)
-    fuse = (ToRotations(), MergeRotations(), FuseRotations(), ToNative(native), MergeRotations())
+    known = (FuseKnown(), ToRotations(), MergeRotations())
+    fuse = (*known, FuseRotations(), ToNative(native), MergeRotations())
     return fuse if level == 1 else (*fuse, DropUnobservable())
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
-from qcompile.ir import Angle, Circuit, Gate, Program
+from qcompile.ir import FIXED_GATES, Angle, Circuit, Gate, Program
 from qcompile.passes.base import Promise
 from qcompile.simulate import alternating
 
@@ -18,7 +18,9 @@ _PI, _HALF_PI = math.pi, math.pi / 2
 
 @dataclass(frozen=True)
 class ToNative:
-    """After it every gate is one of `native`; gates are translated one by one.
+    """After it every gate is one of `native`, or id; gates are translated one by one.
+
+    An id is a wait, and stays where it is: every device has it, and no other pass keeps it.
 
     Identities, up to global phase, the right operator acts first: Ry(a) = Rz(pi) sx Rz(a+pi) sx
     (McKay et al., arXiv:1612.00858); Ry(pi/2) = Rz(pi/2) sx Rz(-pi/2); Ry(pi) = x Rz(pi);
@@ -31,15 +33,24 @@ class ToNative:
     keeps: ClassVar[Promise] = "unitary"
 
     def apply(self, program: Program) -> Program:
-        circuits = (self._circuit(circuit) for circuit in program.circuits)
-        return replace(program, circuits=tuple(circuits))
-
-    def _circuit(self, circuit: Circuit) -> Circuit:
-        return Circuit(tuple(part for gate in circuit.gates for part in self._gate(gate)))
+        fixed = {name: tuple(self._gate(Gate(name))) for name in FIXED_GATES}
+        return replace(
+            program,
+            circuits=tuple(
+                Circuit(
+                    tuple(
+                        part
+                        for gate in circuit.gates
+                        for part in (fixed[gate.name] if gate.angle is None else self._gate(gate))
+                    )
+                )
+                for circuit in program.circuits
+            ),
+        )
 
     def _gate(self, gate: Gate) -> Iterator[Gate]:
-        if gate.name in self.native.split():
-            yield gate
+        if gate.name in (*self.native.split(), "id"):
+            yield gate if gate.angle is None else Gate(gate.name, gate.angle.moderate())
             return
         angles = alternating(Circuit((gate,)))
         first, polar, last = [*angles, *[Angle()] * (3 - len(angles))]

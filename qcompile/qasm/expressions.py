@@ -1,11 +1,11 @@
-"""Expressions of a program file: affine angles and whole numbers."""
+"""Expressions of a program file: typed values, affine angles, whole numbers."""
 
 from __future__ import annotations
 
 import math
 from collections import ChainMap
-from collections.abc import Callable, MutableMapping, Set
-from dataclasses import dataclass
+from collections.abc import Mapping, MutableMapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import openqasm3
@@ -14,27 +14,13 @@ from openqasm3 import ast
 from qcompile.catalogue import nearest
 from qcompile.errors import CircuitError
 from qcompile.ir import Angle
+from qcompile.qasm import operators
+from qcompile.qasm.values import BOOL, FLOAT, INT, MOST_BITS, Type, Value
 
 CONSTANTS = {
-    name: Angle(value)
+    name: Value.real(value)
     for names, value in (("pi π", math.pi), ("tau τ", math.tau), ("euler ℇ", math.e))
     for name in names.split()
-}
-
-_FUNCTIONS: dict[str, Callable[[float], float]] = {
-    "sin": math.sin,
-    "cos": math.cos,
-    "tan": math.tan,
-    "exp": math.exp,
-    "ln": math.log,
-    "log": math.log,
-    "sqrt": math.sqrt,
-    "arcsin": math.asin,
-    "arccos": math.acos,
-    "arctan": math.atan,
-    "asin": math.asin,
-    "acos": math.acos,
-    "atan": math.atan,
 }
 
 _SHOWN_CHARACTERS = 60
@@ -42,7 +28,10 @@ _SHOWN_CHARACTERS = 60
 
 def shown(node: Any) -> str:
     """A node as one short line of source, for messages."""
-    lines = openqasm3.dumps(node).strip().splitlines() or [""]
+    try:
+        lines = openqasm3.dumps(node).strip().splitlines() or [""]
+    except RecursionError:
+        return "..."
     text = (
         lines[min(len(getattr(node, "annotations", ())), len(lines) - 1)]
         .rstrip("; ")
@@ -55,31 +44,29 @@ def shown(node: Any) -> str:
 class Scope:
     """The names an expression may use.
 
-    `whole` holds those that stand for integers; it is None in OpenQASM 2, whose numbers are real.
+    Gate bodies see `constants` (inputs are among them) and not `variables`. With `real` every
+    number is a real one, as in OpenQASM 2.
     """
 
-    values: MutableMapping[str, Angle]
-    whole: Set[str] | None
+    constants: MutableMapping[str, Value]
+    variables: MutableMapping[str, Value | None] = field(default_factory=dict)
+    real: bool = False
 
-    def inner(self, values: MutableMapping[str, Angle]) -> Scope:
+    def inner(self, values: Mapping[str, Angle]) -> Scope:
         """The scope of a gate's body, where `values` hide names of the file."""
-        whole = self.whole and self.whole - values.keys()
-        return Scope(ChainMap(values, self.values), whole)
+        arguments = {name: Value(FLOAT, angle) for name, angle in values.items()}
+        return Scope(ChainMap(arguments, self.constants), {}, self.real)
 
     def evaluate(self, node: Any) -> Angle:
         """The affine angle an expression stands for.
 
         Raises:
-            CircuitError: a name is unknown, or the value is not affine or not finite.
+            CircuitError: a name is unknown, or the value is not affine, not finite, or no number.
         """
-        try:
-            return self._affine(node)
-        except ZeroDivisionError as error:
-            raise CircuitError(f"{shown(node)!r} divides by zero.") from error
-        except (OverflowError, ValueError) as error:
-            if isinstance(error, CircuitError):
-                raise
-            raise CircuitError(f"{shown(node)!r} is no finite real number.") from error
+        value = self.value(node)
+        if value.type.kind in ("bool", "bit"):
+            raise CircuitError(f"{shown(node)!r} is a {value.type}, not an angle.")
+        return value.radians
 
     def whole_number(self, node: Any) -> int:
         """The integer a constant expression stands for.
@@ -87,77 +74,120 @@ class Scope:
         Raises:
             CircuitError: it is no constant integer.
         """
-        angle = self.evaluate(node)
-        if not (angle.is_constant and angle.constant.is_integer()):
+        number = self.evaluate_whole(node)
+        if number is None:
             raise CircuitError(f"{shown(node)!r} is no constant whole number.")
-        return int(angle.constant)
+        return number
 
-    def _affine(self, node: Any) -> Angle:
-        match node:
-            case ast.IntegerLiteral() | ast.FloatLiteral():
-                return Angle.of(float(node.value))
-            case ast.Identifier():
-                if node.name not in self.values:
-                    names = [name for name in self.values if name.isascii()]
-                    raise CircuitError(f"Unknown name {node.name!r}.", nearest(node.name, names))
-                return self.values[node.name]
-            case ast.UnaryExpression() if node.op.name == "-":
-                return -self._affine(node.expression)
-            case ast.FunctionCall() if node.name.name in _FUNCTIONS and len(node.arguments) == 1:
-                argument = self._affine(node.arguments[0])
-                if argument.is_constant:
-                    return Angle.of(_FUNCTIONS[node.name.name](argument.constant))
-            case ast.BinaryExpression():
-                return self._binary(node)
-        raise _not_affine(node)
+    def evaluate_whole(self, node: Any) -> int | None:
+        """`whole_number`, or None where the value is none."""
+        value = self.value(node, to_whole=True)
+        if isinstance(value.number, Angle):
+            constant = value.number.constant
+            whole = value.number.is_constant and constant.is_integer()
+            return int(constant) if whole else None
+        return value.number if value.type.is_whole else None
 
-    def _binary(self, node: Any) -> Angle:
-        left, right = self._affine(node.lhs), self._affine(node.rhs)
-        match node.op.name:
-            case "+":
-                return left + right
-            case "-":
-                return left - right
-            case "*" if right.is_constant:
-                return left * right.constant
-            case "*" if left.is_constant:
-                return right * left.constant
-            case "/" if right.is_constant:
-                self._refuse_rounding(node, left.constant / right.constant)
-                return sum(
-                    (Angle.symbol(symbol) * (c / right.constant) for symbol, c in left.terms),
-                    Angle.of(left.constant / right.constant),
-                )
-            case "**" if left.is_constant and right.is_constant:
-                return Angle.of(math.pow(left.constant, right.constant))
-            case "^":
+    def value(self, node: Any, *, to_whole: bool = False) -> Value:
+        """The value of an expression; `to_whole` says that it becomes a whole number.
+
+        Raises:
+            CircuitError: a name is unknown, or there is no such value.
+        """
+        try:
+            # The operands of a long sum are left operands of left operands: no recursion there.
+            parents = []
+            while isinstance(node, ast.BinaryExpression):
+                parents.append(node)
+                node = node.lhs
+            value = self._leaf(node, to_whole)
+            for node in reversed(parents):
+                right = self.value(node.rhs, to_whole=to_whole)
+                value = operators.binary(node.op.name, value, right, to_whole=to_whole)
+            return value
+        except operators.NotAffineError as error:
+            raise _not_affine(node) from error
+        except operators.AmbiguousError as error:
+            what, hint = error.args
+            raise CircuitError(f"{shown(node)!r} {what}.", hint) from error
+        except ZeroDivisionError as error:
+            raise CircuitError(f"{shown(node)!r} divides by zero.") from error
+        except (OverflowError, ValueError) as error:
+            if isinstance(error, CircuitError):
+                raise
+            raise CircuitError(f"{shown(node)!r} is no finite real number.") from error
+
+    def named(self, name: str) -> Value:
+        """The value that a name stands for.
+
+        Raises:
+            CircuitError: the name is unknown, or has no value yet.
+        """
+        if name in self.variables:
+            found = self.variables[name]
+            if found is None:
                 raise CircuitError(
-                    f"{shown(node)!r} is an exclusive or in OpenQASM 3.", "Write ** for a power."
+                    f"{name!r} has no value yet.", "Assign one before its first use."
                 )
-        raise _not_affine(node)
+            return found
+        if name not in self.constants:
+            names = [name for name in (*self.constants, *self.variables) if name.isascii()]
+            raise CircuitError(f"Unknown name {name!r}.", nearest(name, names))
+        return self.constants[name]
 
-    def _refuse_rounding(self, node: Any, quotient: float) -> None:
-        """Raise CircuitError where readers differ: 1/2 is 0 to the standard, 0.5 to many."""
-        if not quotient.is_integer() and self._is_whole(node):
+    def type_of(self, node: Any) -> Type | None:
+        """The type that a declaration or a cast names; None for one that is not a number's.
+
+        Raises:
+            CircuitError: its size is out of range.
+        """
+        match node:
+            case ast.BoolType() | ast.BitType(size=None):
+                return BOOL
+            case ast.BitType() | ast.IntType() | ast.UintType() | ast.FloatType() | ast.AngleType():
+                kind = type(node).__name__.removesuffix("Type").lower()
+            case _:
+                return None
+        width = None if node.size is None else self.whole_number(node.size)
+        if width is not None and not 1 <= width <= MOST_BITS:
             raise CircuitError(
-                f"{shown(node)!r} divides whole numbers, which OpenQASM 3 rounds towards zero.",
-                "Write one of them with a point, such as 1.0/2.",
+                f"{kind}[{width}] is not a type here.", f"Sizes are 1 to {MOST_BITS} bits."
             )
+        if kind == "float" and width is not None and width < 64 and width not in (16, 32):
+            raise CircuitError(f"float[{width}] is not a type here.", "Use float[32] or float[64].")
+        return Type(kind, width)  # type: ignore[arg-type]
 
-    def _is_whole(self, node: Any) -> bool:
+    def _leaf(self, node: Any, to_whole: bool) -> Value:
         match node:
             case ast.IntegerLiteral():
-                return self.whole is not None
+                return Value.real(float(node.value)) if self.real else Value(INT, node.value)
+            case ast.FloatLiteral():
+                return Value.real(node.value)
+            case ast.BooleanLiteral():
+                return Value(BOOL, int(node.value))
+            case ast.BitstringLiteral() if node.width <= MOST_BITS:
+                return Value(Type("bit", node.width), node.value)
             case ast.Identifier():
-                return self.whole is not None and node.name in self.whole
+                return self.named(node.name)
             case ast.UnaryExpression():
-                return self._is_whole(node.expression)
-            case ast.BinaryExpression():
-                return self._is_whole(node.lhs) and self._is_whole(node.rhs)
-        return False
+                value = self.value(node.expression, to_whole=to_whole)
+                return operators.unary(node.op.name, value, to_whole=to_whole)
+            case ast.FunctionCall():
+                arguments = [self.value(argument) for argument in node.arguments]
+                return operators.call(node.name.name, arguments)
+            case ast.Cast():
+                target = self.type_of(node.type)
+                if target is not None:
+                    value = self.value(node.argument, to_whole=target.is_whole)
+                    return value.to(target, cast=True)
+        raise operators.NotAffineError
 
 
 def _not_affine(node: Any) -> CircuitError:
+    if isinstance(node, ast.BinaryExpression) and node.op.name == "^":
+        return CircuitError(
+            f"{shown(node)!r} is an exclusive or in OpenQASM 3.", "Write ** for a power."
+        )
     return CircuitError(
         f"{shown(node)!r} is no affine angle.",
         "An angle is a number, or a sum of number*input and numbers, like 0.5*x1+theta2-pi/2.",

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Mapping, Sequence, Set
+from itertools import chain
 from typing import Any
 
 import openqasm3
@@ -11,65 +12,124 @@ from openqasm3 import ast
 
 from qcompile.errors import CircuitError
 from qcompile.ir import Angle, Circuit, Gate, Program
-from qcompile.qasm.expressions import CONSTANTS, Scope, shown
-from qcompile.qasm.gates import ENTANGLING_GATES, inverse, require_count, standard
+from qcompile.qasm.blocks import Blocks
+from qcompile.qasm.expressions import Scope, shown
+from qcompile.qasm.gates import ENTANGLING_GATES, lacking_phase, require_count, standard
+from qcompile.qasm.grammar import OpaqueGate, UnreadSubroutine
 from qcompile.qasm.layout import Layout
+from qcompile.qasm.marks import Mark
+from qcompile.qasm.modifiers import Unitary
 from qcompile.qasm.registers import Kind, Reference, Registers
+from qcompile.qasm.variables import Variables
 from qcompile.qasm.write import DEFINITIONS
 
 MOST_GATES = 1_000_000
-"""Nested gate definitions double with every line; this many gates are refused, not written out."""
+"""Gates of all circuits. Nested definitions double with every line; more are not written out."""
 
-_INCLUDES = ("stdgates.inc", "qelib1.inc")
+_MOST_INLINED, _MOST_INLINED_GATES = 10_000, 1_000
+"""Calls of the file's own gates that are kept written out, and the gates of each."""
+
+_INCLUDES = ("stdgates.inc", "qelib1.inc", "hqslib1.inc")
 _COUNTS = {2: "two", 3: "three", 4: "four", 5: "five"}
-_WRITTEN_DEFINITIONS = {t for texts in DEFINITIONS.values() for t in texts.values()}
+_WRITTEN = {
+    name: {texts.get(name) for texts in DEFINITIONS.values()}
+    for name in chain.from_iterable(DEFINITIONS.values())
+}
+"""How `write` defines gates of the table: a file that does it so means the table's gate."""
 
 
 class Interpreter:
-    """Runs a parsed program once; `line` is the line it is at.
+    """Runs the statements of a file, one by one; `line` is the line it is at.
 
-    Whatever cannot be compiled is a CircuitError without the line.
+    `version` is that of the file, "2" or "3". `joining_later` counts the statements still to come
+    that join qubits, for a message. Whatever cannot be compiled is a CircuitError without the line.
     """
 
-    def __init__(self, tree: Any):
+    def __init__(self, version: str | None, joining_later: Callable[[], int] = lambda: 0):
         self.line = 1
-        self._tree = tree
-        self._values: dict[str, Angle] = dict(CONSTANTS)
-        self._inputs: list[str] = []
+        self.entangling = set(ENTANGLING_GATES)
+        """The names of all gates, standard or the file's own, that join qubits."""
+        self._joining_later = joining_later
+        self._is_2 = version == "2"
+        self._variables = Variables(real=self._is_2)
+        self._scope = self._variables.scope
         self._registers = Registers()
         self._definitions: dict[str, Any] = {}
+        self._opaque: set[str] = set()
+        self._inlined: dict[tuple[Any, ...], Unitary] = {}
         self._active: list[str] = []
         self._declared: set[str] = set()
-        self._whole: set[str] = set()
         self._gates: defaultdict[int, list[Gate]] = defaultdict(list)
         self._bit_of: dict[int, int | None] = {}
-        self._written_bits: set[int] = set()
-        self._room = MOST_GATES
+        self._written_by: dict[int, int] = {}
+        self._again: dict[tuple[int, int], None] = {}
+        self._marks: list[Mark] = []
+        self._durations: dict[str, str] = {}
+        self._barrier_in_gate = False
+        self._room = self._steps = MOST_GATES
+        self._blocks = Blocks(
+            self._variables, self._registers, self._declared, self._run, self._step
+        )
 
-    def run(self) -> tuple[Program, Layout]:
-        """The program and its layout."""
-        version = self._tree.version
-        if version is not None and version.split(".")[0] not in ("2", "3"):
-            raise CircuitError(f"OpenQASM {version} is not known.", "Known versions: 2.0 and 3.0.")
-        is_2 = version is not None and version.startswith("2")
-        self._scope = Scope(self._values, None if is_2 else self._whole)
-        self._entangling = self._find_entangling()
-        for statement in self._tree.statements:
-            self.line = statement.span.start_line
-            self._run(statement)
-        layout = self._registers.layout(self._bit_of)
+    def finish(self) -> tuple[Program, Layout, tuple[Mark, ...]]:
+        """The program, its layout and its marks, behind the last statement."""
+        layout = self._registers.layout(self._bit_of, list(self._again))
         if not layout.qubits:
             raise CircuitError("The program has no qubits.", "Declare some, such as: qubit[2] q;")
-        circuits = tuple(Circuit(tuple(self._gates[i])) for i in range(len(layout)))
-        return Program(circuits, tuple(self._inputs)), layout
+        circuits = tuple(Circuit(tuple(self._gates.pop(i, ()))) for i in range(len(layout)))
+        return Program(circuits, tuple(self._variables.inputs)), layout, tuple(self._marks)
+
+    def notes(self) -> tuple[str, ...]:
+        """What of the file is in no circuit and no mark."""
+        if not self._barrier_in_gate:
+            return ()
+        return ("barriers within gate definitions are left out.",)
+
+    def run(self, statement: Any) -> None:
+        """Run one statement."""
+        self._run(statement)
+
+    def evaluate(self, expression: Any) -> Angle:
+        """The angle that an expression stands for."""
+        return self._scope.evaluate(expression)
+
+    def call(self, name: str, angles: Sequence[Angle], width: int) -> Unitary:
+        """What gate `name` does to its `width` qubits."""
+        if name in self._opaque:
+            raise CircuitError(
+                f"Gate {name!r} is opaque: the file does not say what it does.",
+                f"Define it: gate {name} ... {{ ... }}",
+            )
+        if name in self._definitions:
+            return self._inline(name, angles, width)
+        gates = standard(name, angles, list(self._definitions))
+        require_count(name, 1, width, "qubit")
+        return Unitary([gates], lacking_phase(name, angles), is_standard=True)
+
+    def qubits(self, operand: Any) -> Sequence[int]:
+        """The positions of the qubits that an operand names, now and ever after."""
+        return self._resolve(operand, "qubit").positions
+
+    def append(self, gates: Sequence[Gate], qubits: Sequence[int]) -> bool:
+        """Put `gates` on each of `qubits`, unless one of them is measured already."""
+        for qubit in qubits:
+            if qubit in self._bit_of:
+                return False
+        needed = len(gates) * len(qubits)
+        self._require_room(needed)
+        self._room -= needed
+        for qubit in qubits:
+            self._gates[qubit] += gates
+        return True
 
     def _run(self, statement: Any) -> None:
+        self.line = statement.span.start_line
         match statement:
             case ast.Include():
                 if statement.filename not in _INCLUDES:
                     raise CircuitError(
                         f"The include {statement.filename!r} is not known.",
-                        f"Known: {' and '.join(_INCLUDES)}. Copy what it defines into this file.",
+                        f"Known: {', '.join(_INCLUDES)}. Copy what it defines into this file.",
                     )
             case ast.QubitDeclaration():
                 self._declare_register("qubit", statement.qubit, statement.size)
@@ -78,33 +138,52 @@ class Interpreter:
                 if isinstance(statement.init_expression, ast.QuantumMeasurement):
                     self._measure(statement.init_expression, statement.identifier)
                 elif statement.init_expression is not None:
-                    raise _unsupported(statement)
+                    self._require_zeros(statement)
+            case ast.ClassicalDeclaration() if type := self._scope.type_of(statement.type):
+                name = self._declare(statement.identifier.name)
+                self._variables.declare(name, type, statement.init_expression)
+            case ast.ClassicalAssignment(lvalue=ast.Identifier()):
+                self._variables.assign(statement.lvalue.name, statement.op.name, statement.rvalue)
             case ast.IODeclaration(type=ast.BitType()) if statement.io_identifier.name == "output":
                 self._declare_register("bit", statement.identifier, statement.type.size)
             case ast.IODeclaration(type=ast.FloatType() | ast.AngleType()) if (
                 statement.io_identifier.name == "input"
             ):
+                self._variables.input(self._declare(statement.identifier.name))
+            case ast.ConstantDeclaration() if type := self._scope.type_of(statement.type):
                 name = self._declare(statement.identifier.name)
-                self._values[name] = Angle.symbol(name)
-                self._inputs.append(name)
-            case ast.ConstantDeclaration(
-                type=ast.IntType() | ast.UintType() | ast.FloatType() | ast.AngleType()
-            ):
-                self._declare_constant(statement)
+                self._variables.constant(name, type, statement.init_expression)
             case ast.AliasStatement():
                 name = self._declare(statement.target.name)
                 self._registers.alias(name, self._resolve(statement.value))
             case ast.QuantumGateDefinition():
                 self._define(statement)
-            case ast.QuantumGate() | ast.QuantumPhase() if _joins(statement, self._entangling):
+            case ast.ForInLoop():
+                self._blocks.loop(statement)
+            case ast.Box(duration=None):
+                self._blocks.body(statement.body)
+            case ast.SubroutineDefinition() | UnreadSubroutine():
+                name = self._declare(statement.name.name)
+                unread = isinstance(statement, UnreadSubroutine)
+                self._blocks.define(name, None if unread else statement)
+            case ast.ExpressionStatement(expression=ast.FunctionCall() as call) if (
+                self._blocks.knows(call.name.name)
+            ):
+                self._blocks.call(call)
+            case OpaqueGate():
+                self._opaque.add(self._declare(statement.name.name))
+            case ast.QuantumGate() | ast.QuantumPhase() if joins(statement, self.entangling):
                 raise self._entangles(statement)
-            case ast.QuantumGate():
+            case ast.QuantumGate() | ast.QuantumPhase():
                 self._apply(statement)
-            case ast.QuantumPhase() if not statement.qubits:
-                self._scope.evaluate(statement.argument)
             case ast.QuantumBarrier():
-                for operand in statement.qubits:
-                    self._resolve(operand, "qubit")
+                self._mark("barrier", statement.qubits)
+            case ast.DelayInstruction() if text := self._duration(statement.duration):
+                self._mark(f"delay[{text}]", statement.qubits)
+            case ast.ConstantDeclaration() | ast.ClassicalDeclaration() if isinstance(
+                statement.type, ast.DurationType
+            ) and (text := self._duration(statement.init_expression)):
+                self._durations[self._declare(statement.identifier.name)] = text
             case ast.QuantumReset():
                 self._reset(statement)
             case ast.QuantumMeasurementStatement():
@@ -120,47 +199,46 @@ class Interpreter:
 
     def _declare_register(self, kind: Kind, identifier: Any, size: Any) -> None:
         name = self._declare(identifier.name)
-        self._registers.declare(kind, name, size and self._scope.whole_number(size))
+        least = 0 if self._is_2 and kind == "bit" else 1
+        self._registers.declare(kind, name, size and self._scope.whole_number(size), least)
 
-    def _declare_constant(self, statement: Any) -> None:
-        value = self._scope.evaluate(statement.init_expression)
-        if not value.is_constant:
-            raise CircuitError(f"{shown(statement.init_expression)!r} is no constant.")
-        name = self._declare(statement.identifier.name)
-        if isinstance(statement.type, ast.IntType | ast.UintType):
-            self._scope.whole_number(statement.init_expression)
-            self._whole.add(name)
-        self._values[name] = value
+    def _require_zeros(self, statement: Any) -> None:
+        """Raise CircuitError unless bits are set to 0, which is what they are before measured."""
+        value = self._scope.value(statement.init_expression)
+        if value.number not in (0, Angle()):
+            raise CircuitError(
+                f"{shown(statement)} sets bits to 1.",
+                "Bits that are not measured stay 0 here.",
+            )
 
     def _resolve(self, operand: Any, kind: Kind | None = None) -> Reference:
         return self._registers.resolve(operand, self._scope, kind)
 
-    def _find_entangling(self) -> set[str]:
-        """The names of all gates, standard or the file's own, that join qubits."""
-        names = set(ENTANGLING_GATES)
-        for statement in self._tree.statements:
-            if isinstance(statement, ast.QuantumGateDefinition):
-                if any(_joins(inner, names) for inner in statement.body):
-                    names.add(statement.name.name)
-                else:
-                    names.discard(statement.name.name)
-        return names
+    def note_entangling(self, definition: Any) -> None:
+        """Know whether the gate that is defined joins qubits."""
+        if any(joins(inner, self.entangling) for inner in definition.body):
+            self.entangling.add(definition.name.name)
+        else:
+            self.entangling.discard(definition.name.name)
 
     def _define(self, statement: Any) -> None:
         name = self._declare(statement.name.name)
+        self.note_entangling(statement)
         arguments = [a.name for a in statement.arguments]
         qubits = [q.name for q in statement.qubits]
         for names in (arguments, qubits):
             if len(set(names)) != len(names):
                 raise CircuitError(f"Gate {name!r} uses one name twice in its head.")
-        if " ".join(openqasm3.dumps(statement).split()) not in _WRITTEN_DEFINITIONS:
+        if not (
+            name in _WRITTEN and " ".join(openqasm3.dumps(statement).split()) in _WRITTEN[name]
+        ):
             self._definitions[name] = statement
 
     def _entangles(self, statement: Any) -> CircuitError:
         swaps = isinstance(statement, ast.QuantumGate) and statement.name.name == "swap"
         verb = "exchanges" if swaps and not statement.modifiers else "entangles"
         width = max(2, len(statement.qubits))
-        count = sum(_joins(s, self._entangling) for s in self._tree.statements)
+        count = 1 + self._joining_later()
         return CircuitError(
             f"{shown(statement)} {verb} {_COUNTS.get(width, width)} qubits.",
             f"qcompile compiles circuits without entangling gates; this one has {count}.",
@@ -168,7 +246,7 @@ class Interpreter:
         )
 
     def _apply(self, statement: Any) -> None:
-        parts = self._expand(statement, self._scope)
+        parts = self._expand(statement, self._scope).parts
         operands = [self._resolve(qubit, "qubit") for qubit in statement.qubits]
         sizes = {len(operand.positions) for operand in operands if not operand.single}
         if len(sizes) > 1:
@@ -181,50 +259,60 @@ class Interpreter:
             if len(set(targets)) != len(targets):
                 raise CircuitError(f"{shown(statement)} uses a qubit twice.")
             for target, gates in zip(targets, parts, strict=True):
-                self._require_unmeasured(target, statement)
-                self._spend(len(gates))
-                self._gates[target] += gates
+                if not self.append(gates, (target,)):
+                    raise self._measured_before(target, statement)
 
-    def _expand(self, statement: Any, scope: Scope) -> list[list[Gate]]:
-        """The gates that a gate statement puts on each of its operands."""
-        self._spend(1)
-        if statement.duration is not None:
-            raise CircuitError(f"{shown(statement)} has a duration.", "Gates take none here.")
-        angles = [scope.evaluate(argument) for argument in statement.arguments]
-        name = statement.name.name
-        if name in self._definitions:
-            parts = self._inline(name, angles, len(statement.qubits))
+    def _expand(self, statement: Any, scope: Scope) -> Unitary:
+        """What a gate statement does to its operands."""
+        if isinstance(statement, ast.QuantumPhase):
+            phase = scope.evaluate(statement.argument)
+            unitary = Unitary([[] for _ in statement.qubits], phase)
         else:
-            gates = list(standard(name, angles, list(self._definitions)))
-            require_count(name, 1, len(statement.qubits), "qubit")
-            parts = [gates]
+            if statement.duration is not None:
+                raise CircuitError(f"{shown(statement)} has a duration.", "Gates take none here.")
+            angles = [scope.evaluate(argument) for argument in statement.arguments]
+            unitary = self.call(statement.name.name, angles, len(statement.qubits))
         for modifier in reversed(statement.modifiers):
-            parts = [self._modify(gates, modifier, scope) for gates in parts]
-        return parts
+            unitary = self._modify(unitary, modifier, statement, scope)
+        return unitary
 
-    def _inline(self, name: str, angles: list[Angle], width: int) -> list[list[Gate]]:
+    def _inline(self, name: str, angles: Sequence[Angle], width: int) -> Unitary:
         definition, line = self._definitions[name], self.line
         require_count(name, len(definition.arguments), len(angles), "angle")
         require_count(name, len(definition.qubits), width, "qubit")
+        call = (name, *angles)
+        if call in self._inlined:
+            return self._inlined[call]
         if name in self._active:
             raise CircuitError(f"Gate {name!r} is defined by itself.")
         self._active.append(name)
         arguments = (argument.name for argument in definition.arguments)
         scope = self._scope.inner(dict(zip(arguments, angles, strict=True)))
         parts: dict[str, list[Gate]] = {qubit.name: [] for qubit in definition.qubits}
-        for statement in definition.body:
-            self.line = statement.span.start_line
-            for operand, gates in self._inner(statement, parts, scope):
-                self._spend(len(gates))
-                parts[operand] += gates
-        self._active.pop()
+        phase = Angle()
+        try:
+            for statement in definition.body:
+                self.line = statement.span.start_line
+                self._step()
+                operands = self._inner_operands(statement, parts)
+                if isinstance(statement, ast.QuantumBarrier):
+                    self._barrier_in_gate = True
+                    continue
+                inner = self._expand(statement, scope)
+                phase += inner.phase
+                for operand, gates in zip(operands, inner.parts, strict=True):
+                    parts[operand] += gates
+                    self._require_room(len(parts[operand]))
+        finally:
+            self._active.pop()
         self.line = line
-        return list(parts.values())
+        made = Unitary(list(parts.values()), phase)
+        if len(self._inlined) < _MOST_INLINED and made.size <= _MOST_INLINED_GATES:
+            self._inlined[call] = made
+        return made
 
-    def _inner(
-        self, statement: Any, parts: Mapping[str, object], scope: Scope
-    ) -> Iterator[tuple[str, list[Gate]]]:
-        """What one statement of a gate's body adds to the qubits of the gate."""
+    def _inner_operands(self, statement: Any, parts: Mapping[str, object]) -> list[str]:
+        """The qubits of the gate that a statement of its body acts on."""
         if not isinstance(statement, ast.QuantumGate | ast.QuantumPhase | ast.QuantumBarrier):
             raise _unsupported(statement)
         operands = [q.name if isinstance(q, ast.Identifier) else "" for q in statement.qubits]
@@ -236,23 +324,48 @@ class Interpreter:
                 )
         if len(set(operands)) != len(operands):
             raise CircuitError(f"{shown(statement)} uses a qubit twice.")
-        if isinstance(statement, ast.QuantumGate):
-            yield from zip(operands, self._expand(statement, scope), strict=True)
-        elif isinstance(statement, ast.QuantumPhase):
-            if operands:
-                raise _unsupported(statement)
-            scope.evaluate(statement.argument)
+        return operands
 
-    def _modify(self, gates: list[Gate], modifier: Any, scope: Scope) -> list[Gate]:
-        match modifier.modifier.name:
-            case "inv":
-                return inverse(gates)
-            case "pow":
-                power = scope.whole_number(modifier.argument)
-                gates = gates if power >= 0 else inverse(gates)
-                self._spend(len(gates) * abs(power))
-                return gates * abs(power) if gates else []
-        raise CircuitError("ctrl and negctrl need two qubits.")
+    def _modify(self, unitary: Unitary, modifier: Any, statement: Any, scope: Scope) -> Unitary:
+        name = modifier.modifier.name
+        if name == "inv":
+            return unitary.inverse()
+        if name == "pow":
+            power = scope.evaluate(modifier.argument)
+            if not power.is_constant:
+                raise CircuitError(f"{shown(modifier.argument)!r} is no constant.")
+            multiple = unitary.multiple(power.constant)
+            if multiple is None and power.constant.is_integer():
+                self._require_room(unitary.size * int(abs(power.constant)))
+            return multiple or unitary.power(power.constant)
+        controls = 1 if modifier.argument is None else scope.whole_number(modifier.argument)
+        if (
+            controls != 1
+            or len(statement.qubits) != 1
+            or not isinstance(statement, ast.QuantumPhase)
+            or unitary.size
+        ):
+            raise CircuitError(
+                f"{shown(statement)}: {name} @ needs a qubit more than the gate.",
+                "Only that of gphase is a gate on one qubit.",
+            )
+        return unitary.controlled(on_one=name == "ctrl")
+
+    def _mark(self, text: str, operands: Sequence[Any]) -> None:
+        """Note a statement on these operands, or on every qubit."""
+        named = [q for operand in operands for q in self._resolve(operand, "qubit").positions]
+        qubits = tuple(dict.fromkeys(named if operands else self._registers.every_qubit))
+        gates = (None if qubit in self._bit_of else len(self._gates[qubit]) for qubit in qubits)
+        self._marks.append(Mark(text, qubits, tuple(gates)))
+
+    def _duration(self, expression: Any) -> str | None:
+        """A duration as text: a number with its unit, or what was declared as one."""
+        match expression:
+            case ast.DurationLiteral():
+                return f"{expression.value:.15g}{expression.unit.name}"
+            case ast.Identifier():
+                return self._durations.get(expression.name)
+        return None
 
     def _reset(self, statement: Any) -> None:
         for qubit in self._resolve(statement.qubits, "qubit").positions:
@@ -261,6 +374,7 @@ class Interpreter:
                     f"{shown(statement)} comes after a gate or a measurement of its qubit.",
                     "qcompile compiles circuits that start in |0>; a reset can only come first.",
                 )
+            self._marks.append(Mark("reset", (qubit,), (0,)))
 
     def _measure(self, measurement: Any, target: Any) -> None:
         qubits = self._resolve(measurement.qubit, "qubit")
@@ -271,40 +385,48 @@ class Interpreter:
                 "A measurement needs one bit for each qubit.",
             )
         for index, qubit in enumerate(qubits.positions):
-            if qubit in self._bit_of:
-                raise CircuitError(
-                    f"{self._registers.name('qubit', qubit)} is measured twice.",
-                    "qcompile measures every qubit once, at the end.",
-                )
-            bit = None if bits is None else bits.positions[index]
-            self._bit_of[qubit] = bit
-            if bit is None:
-                continue
-            if bit in self._written_bits:
-                raise CircuitError(
-                    f"{self._registers.name('bit', bit)} is written twice.",
-                    "Measure every qubit into a bit of its own.",
-                )
-            self._written_bits.add(bit)
+            self._measure_one(qubit, None if bits is None else bits.positions[index])
 
-    def _require_unmeasured(self, qubit: int, statement: Any) -> None:
-        if qubit in self._bit_of:
-            name = self._registers.name("qubit", qubit)
+    def _measure_one(self, qubit: int, bit: int | None) -> None:
+        """Measure a qubit; one that is measured already has the same value still."""
+        before = self._bit_of.setdefault(qubit, bit)
+        if bit is None:
+            return
+        if self._written_by.setdefault(bit, qubit) != qubit:
             raise CircuitError(
-                f"{shown(statement)} follows the measurement of {name}.",
-                "qcompile measures every qubit once, at the end.",
+                f"{self._registers.name('bit', bit)} is written twice.",
+                "Measure every qubit into a bit of its own.",
             )
+        if before is None:
+            self._bit_of[qubit] = bit
+        elif bit != before:
+            self._again[qubit, bit] = None
 
-    def _spend(self, gates: int) -> None:
-        self._room -= gates
-        if self._room < 0:
+    def _measured_before(self, qubit: int, statement: Any) -> CircuitError:
+        name = self._registers.name("qubit", qubit)
+        return CircuitError(
+            f"{shown(statement)} follows the measurement of {name}.",
+            "qcompile measures every qubit once, at the end.",
+        )
+
+    def _require_room(self, gates: int) -> None:
+        if gates > self._room:
             raise CircuitError(
                 f"The program has more than {MOST_GATES} gates when it is written out.",
                 "Check its nested gate definitions and powers.",
             )
 
+    def _step(self) -> None:
+        """Count a statement of a body: those without gates double too."""
+        self._steps -= 1
+        if self._steps < 0:
+            raise CircuitError(
+                f"Definitions and loops take more than {MOST_GATES} statements to write out.",
+                "Check those that nest.",
+            )
 
-def _joins(statement: Any, entangling: set[str]) -> bool:
+
+def joins(statement: Any, entangling: Set[str]) -> bool:
     """Whether a statement is a gate on several qubits at once."""
     if not isinstance(statement, ast.QuantumGate | ast.QuantumPhase):
         return False

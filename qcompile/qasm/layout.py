@@ -28,7 +28,8 @@ class Layout:
     """The registers of a program file, and what each circuit has of them.
 
     `qubits[i]` is the slot of circuit i, or the number n of its physical qubit $n. `bits[i]` is
-    the slot its measurement goes to, or None if it is not measured.
+    the slot its measurement goes to, or None if it is not measured. `again` holds circuits that are
+    measured again at once, which gives the same value, and the slots for that.
 
     Raises:
         CircuitError: a register is declared twice, or a slot does not exist or is used twice.
@@ -38,19 +39,23 @@ class Layout:
     bit_registers: tuple[Register, ...]
     qubits: tuple[Slot | int, ...]
     bits: tuple[Slot | None, ...]
+    again: tuple[tuple[int, Slot], ...] = ()
 
     def __post_init__(self) -> None:
         registers = (*self.qubit_registers, *self.bit_registers)
         _require_distinct([r.name for r in registers], "Register")
         _require_distinct(self.qubits, "Qubit")
-        _require_distinct([b for b in self.bits if b is not None], "Bit")
+        written = [*(b for b in self.bits if b is not None), *(slot for _, slot in self.again)]
+        _require_distinct(written, "Bit")
         if len(self.qubits) != len(self.bits):
             raise CircuitError(
                 f"A layout has {len(self.qubits)} qubits and {len(self.bits)} bits.",
                 "It needs one of each for every circuit; the bit of one not measured is None.",
             )
         _require_slots(self.qubits, self.qubit_registers, "qubit")
-        _require_slots(self.bits, self.bit_registers, "bit")
+        _require_slots(written, self.bit_registers, "bit")
+        if not all(0 <= circuit < len(self.bits) for circuit, _ in self.again):
+            raise CircuitError("A layout measures a circuit again that it does not have.")
 
     @classmethod
     def default(cls, circuits: int) -> Layout:

@@ -1,23 +1,18 @@
 """OpenQASM 3 and 2 files read as programs.
 
-The openqasm3 package parses both; it is loaded when a file is read.
+Common statements take the fast path, others the grammar of this package, and what neither knows
+the openqasm3 package, statement by statement; it is loaded when a file needs it.
 """
 
 from __future__ import annotations
 
-import contextlib
-import io
-import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from qcompile.errors import CircuitError, ProgramFileError
 from qcompile.ir import Program
 from qcompile.qasm.layout import Layout
-
-_LOCATED = re.compile(r"L(\d+):C\d+: (.*)", re.DOTALL)
-_COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
+from qcompile.qasm.marks import Mark
 
 
 @dataclass(frozen=True)
@@ -26,48 +21,43 @@ class Source:
 
     `program` has one circuit for each qubit, in the order of their declaration (physical qubits
     in the order of their first use); its inputs are those the file declares. `layout` holds the
-    file's registers, and the qubit and bit of every circuit.
+    file's registers, and the qubit and bit of every circuit. `notes` say what was left out; `marks`
+    are the resets, barriers and delays, which no circuit holds, in the order of the file. `name`
+    and `lines` are the file's, for messages.
     """
 
     program: Program
     layout: Layout
+    notes: tuple[str, ...] = ()
+    marks: tuple[Mark, ...] = ()
+    name: str = field(default="<string>", compare=False)
+    lines: int = field(default=1, compare=False)
 
 
 def read(text: str, name: str = "<string>") -> Source:
     """The program that OpenQASM 3 or 2 text stands for, up to a global phase.
 
-    Gates of the file's own are inlined, broadcasts written out, barriers dropped.
+    Gates of the file's own are inlined and broadcasts written out. A file says by
+    `OPENQASM 2.0;` that it is one of OpenQASM 2.
 
     Raises:
         ProgramFileError: the text is no program that qcompile can compile; the message starts
             with `name` and the line.
     """
-    from qcompile.qasm.interpreter import Interpreter
+    from qcompile.qasm.messages import bounded
+    from qcompile.qasm.reader import Reader
 
-    line = 1
+    reader = Reader(text)
     try:
-        if not _COMMENT.sub("", text).strip():
-            raise CircuitError(
-                "The file is empty.", "A program declares qubits and applies gates to them."
-            )
-        tree = _parse(text)
-        if (tree.version or "").startswith("2") and "^" in text:
-            # The parser knows OpenQASM 3, where ^ is an exclusive or; in OpenQASM 2 it is **.
-            tree = _parse(text.replace("^", "**"))
-        interpreter = Interpreter(tree)
-        try:
-            return Source(*interpreter.run())
-        finally:
-            line = interpreter.line
-    except _SyntaxError as error:
-        raise ProgramFileError(f"{name}:{error.line}: {error}") from error
+        return Source(*reader.run(), name=name, lines=reader.line)
     except CircuitError as error:
-        raise ProgramFileError(f"{name}:{line}: {error}") from error
+        raise ProgramFileError(bounded(name, reader.line, str(error))) from error
     except RecursionError as error:
-        raise ProgramFileError(
-            f"{name}:{line}: The program is nested too deeply.",
-            "Write long sums and brackets as several const declarations.",
-        ) from error
+        message = (
+            "The program is nested too deeply.\n"
+            "  Write sums within brackets as several const declarations."
+        )
+        raise ProgramFileError(bounded(name, reader.line, message)) from error
 
 
 def read_file(path: str | Path) -> Source:
@@ -83,49 +73,10 @@ def read_file(path: str | Path) -> Source:
             f"{path}: The file cannot be read: {error.strerror or error}.",
             "Give the path of an OpenQASM 2 or 3 program.",
         ) from error
-    except ValueError as error:
+    except UnicodeDecodeError as error:
+        line = error.object.count(b"\n", 0, error.start) + 1
         raise ProgramFileError(
-            f"{path}: The file is not text: {error}.",
+            f"{path}:{line}: The file is not text: byte 0x{error.object[error.start]:02x}.",
             "OpenQASM programs are UTF-8 text.",
         ) from error
     return read(text, str(path))
-
-
-class _SyntaxError(CircuitError):
-    """The text is not OpenQASM, from `line` on."""
-
-    def __init__(self, line: int, what: str, *hints: str):
-        super().__init__(what, *hints)
-        self.line = line
-
-
-def _parse(text: str) -> Any:
-    from openqasm3.parser import QASM3ParsingError, parse
-
-    try:
-        # ANTLR prints what it finds to standard error besides raising it.
-        with contextlib.redirect_stderr(io.StringIO()):
-            return parse(text)
-    except QASM3ParsingError as error:
-        raise _syntax_error(error) from error
-    except RecursionError:
-        raise
-    except Exception as error:
-        # The parser lets through whatever its conversion of an odd literal happens to raise.
-        raise _SyntaxError(1, f"The parser fails on this text: {error}.") from error
-
-
-def _syntax_error(error: Exception) -> _SyntaxError:
-    if match := _LOCATED.match(str(error)):
-        return _SyntaxError(int(match[1]), f"Syntax error: {match[2]}.")
-    cause = error.__cause__
-    token = getattr(cause.args[0], "offendingToken", None) if cause and cause.args else None
-    if token is None:
-        return _SyntaxError(1, "Syntax error.", "The text is no OpenQASM 2 or 3 program.")
-    if token.text == "<EOF>":
-        return _SyntaxError(
-            token.line, "The file ends within a statement.", "Is a ';' or a bracket missing?"
-        )
-    return _SyntaxError(
-        token.line, f"Syntax error at {token.text[:60]!r}.", "Is a ';' missing before it?"
-    )

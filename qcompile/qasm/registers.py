@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -39,10 +40,10 @@ class Registers:
         self._places: dict[Kind, list[Slot | int]] = {"qubit": [], "bit": []}
         self._references: dict[str, Reference] = {}
 
-    def declare(self, kind: Kind, name: str, size: int | None) -> None:
-        """Add a register of `size` qubits or bits, or a single one (None)."""
+    def declare(self, kind: Kind, name: str, size: int | None, least: int = 1) -> None:
+        """Add a register of `size` qubits or bits, at least `least`, or a single one (None)."""
         places = self._places[kind]
-        if size is not None and not 1 <= size <= MOST_QUBITS - len(places):
+        if size is not None and not least <= size <= MOST_QUBITS - len(places):
             raise CircuitError(
                 f"Register {name!r} has {size} {kind}s.",
                 f"A program can have 1 to {MOST_QUBITS} of them.",
@@ -56,19 +57,47 @@ class Registers:
         """Let `name` stand for `reference`."""
         self._references[name] = reference
 
-    def layout(self, bit_of: Mapping[int, int | None]) -> Layout:
-        """The layout in which qubit i is measured into bit `bit_of[i]`, if it has one."""
+    def drop(self, names: Iterable[str]) -> None:
+        """Forget aliases that a block has made."""
+        for name in names:
+            self._references.pop(name, None)
+
+    @contextmanager
+    def renamed(self, references: Mapping[str, Reference]) -> Iterator[None]:
+        """Within, the names of `references` stand for them, whatever else they stand for."""
+        before = dict(self._references)
+        self._references.update(references)
+        yield
+        for name in references:
+            del self._references[name]
+        self._references.update(before)
+
+    def layout(
+        self, bit_of: Mapping[int, int | None], again: Sequence[tuple[int, int]] = ()
+    ) -> Layout:
+        """The layout in which qubit i is measured into bit `bit_of[i]`, if it has one.
+
+        `again` holds the qubits and bits of further measurements.
+        """
+        places = self._places["bit"]
         bits: list[Slot | None] = []
         for qubit in range(len(self._places["qubit"])):
             bit = bit_of.get(qubit)
-            place = None if bit is None else self._places["bit"][bit]
+            place = None if bit is None else places[bit]
             bits.append(place if isinstance(place, tuple) else None)
+        more = [(qubit, places[bit]) for qubit, bit in again]
         return Layout(
             tuple(self._registers["qubit"]),
             tuple(self._registers["bit"]),
             tuple(self._places["qubit"]),
             tuple(bits),
+            tuple((qubit, place) for qubit, place in more if isinstance(place, tuple)),
         )
+
+    @property
+    def every_qubit(self) -> Sequence[int]:
+        """The qubits declared so far."""
+        return range(len(self._places["qubit"]))
 
     def name(self, kind: Kind, position: int) -> str:
         """What the file calls a qubit or bit, such as q[0], q or $3."""

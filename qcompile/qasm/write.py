@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Literal
 
 from qcompile.errors import CircuitError
-from qcompile.ir import FIXED_GATES, ROTATION_GATES, Gate, Program
+from qcompile.ir import Gate, Program
 from qcompile.qasm.layout import Layout, Register, Slot
-
-Version = Literal["3", "2"]
+from qcompile.qasm.marks import Mark
+from qcompile.qasm.names import Version, is_free
 
 DEFINITIONS: dict[Version, dict[str, str]] = {
     "3": {"sxdg": "gate sxdg a { s a; h a; s a; }"},
@@ -27,20 +26,6 @@ strict reader refuses them without a definition; Cirq, pytket and Qiskit's legac
 and accept the definition too. (`inv @ sx` would do in OpenQASM 3, but Cirq cannot read it.)
 """
 
-_KEYWORDS = """
-OPENQASM U CX include def cal defcal defcalgrammar gate opaque extern box let break continue if
-else end return for while in switch case default pragma input output const readonly mutable qreg
-qubit creg bool bit int uint float angle complex array void duration stretch gphase inv pow ctrl
-negctrl durationof delay reset measure barrier true false pi tau euler sizeof
-sin cos tan exp ln log sqrt arcsin arccos arctan ceiling floor mod popcount rotl rotr
-""".split()  # noqa: SIM905
-_INCLUDED = """
-u u0 u1 u2 u3 phase cx cy cz ch cp crx cry crz cu cu1 cu3 csx cphase swap ccx cswap rxx rzz
-""".split()  # noqa: SIM905
-_RESERVED = frozenset((*_KEYWORDS, *_INCLUDED, *FIXED_GATES, *ROTATION_GATES))
-
-_NAME = {"3": re.compile(r"[^\W\d]\w*\Z"), "2": re.compile(r"[a-z][A-Za-z0-9_]*\Z")}
-
 
 def write(
     program: Program,
@@ -48,12 +33,14 @@ def write(
     version: Version = "3",
     layout: Layout | None = None,
     qubits: Sequence[int] | None = None,
+    marks: Sequence[Mark] = (),
 ) -> str:
     """`program` as OpenQASM text; every symbol is an `input float[64]`.
 
     Without a `layout` circuit i is on q[i] and measured into c[i]. With `qubits` circuit i is on
     the physical qubit $n, n = qubits[i], whatever the layout says. Angles read back to the same
-    floats. OpenQASM 2 has neither inputs nor physical qubits.
+    floats. OpenQASM 2 has neither inputs nor physical qubits. The `marks` stand where they stood,
+    in this order, among the gates of their circuits.
 
     Raises:
         CircuitError: the program has definitions, or what the version lacks; the layout does not
@@ -71,13 +58,46 @@ def write(
     lines += _declarations(layout.bit_registers, "bit", version)
     places = _places(layout.qubit_registers, layout.qubits, version)
     targets = _places(layout.bit_registers, layout.bits, version)
-    for circuit, place in zip(program.circuits, places, strict=True):
-        lines += [f"{_gate(gate, version)} {place};" for gate in circuit.gates]
-    for place, target in zip(places, targets, strict=True):
-        if target is not None:
-            arrow = f"{target} = measure {place};", f"measure {place} -> {target};"
-            lines.append(arrow[version == "2"])
+    lines += _body(program, places, _measurements(layout, places, targets, version), marks, version)
     return "\n".join(lines) + "\n"
+
+
+def _measurements(
+    layout: Layout, places: Sequence[str | None], targets: Sequence[str | None], version: Version
+) -> list[list[str]]:
+    """The measurements of each circuit."""
+    written: list[list[str]] = [[] if target is None else [target] for target in targets]
+    again = _places(layout.bit_registers, (slot for _, slot in layout.again), version)
+    for (circuit, _), target in zip(layout.again, again, strict=True):
+        written[circuit].append(str(target))
+    form = "{0} = measure {1};" if version == "3" else "measure {1} -> {0};"
+    return [
+        [form.format(target, place) for target in targets]
+        for targets, place in zip(written, places, strict=True)
+    ]
+
+
+def _body(
+    program: Program,
+    places: Sequence[str | None],
+    measurements: Sequence[list[str]],
+    marks: Sequence[Mark],
+    version: Version,
+) -> Iterator[str]:
+    written, measured = [0] * len(program), [False] * len(program)
+    for mark in marks:
+        for index, gates in zip(mark.circuits, mark.gates, strict=True):
+            waiting = program.circuits[index].gates[written[index] : gates]
+            yield from (f"{_gate(gate, version)} {places[index]};" for gate in waiting)
+            written[index] += len(waiting)
+            if gates is None and not measured[index]:
+                yield from measurements[index]
+                measured[index] = True
+        yield f"{mark.text} {', '.join(str(places[circuit]) for circuit in mark.circuits)};"
+    for circuit, place, first in zip(program.circuits, places, written, strict=True):
+        yield from (f"{_gate(gate, version)} {place};" for gate in circuit.gates[first:])
+    for statements, done in zip(measurements, measured, strict=True):
+        yield from () if done else statements
 
 
 def _check(program: Program, version: Version, layout: Layout) -> None:
@@ -105,7 +125,7 @@ def _check(program: Program, version: Version, layout: Layout) -> None:
         )
     registers = [r.name for r in (*layout.qubit_registers, *layout.bit_registers)]
     for name in (*program.symbols, *registers):
-        if name in _RESERVED or not _NAME[version].match(name):
+        if not is_free(name, version):
             raise CircuitError(
                 f"{name!r} cannot be a name in OpenQASM {version}.",
                 "It is reserved there, the name of a gate, or has letters it may not have.",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -26,11 +27,14 @@ def _short(gate: Gate) -> str:
 
 
 def executable_values(
-    executable: Executable, importance: FloatArray | None = None
+    executable: Executable,
+    importance: FloatArray | None = None,
+    numbers: Sequence[int] | None = None,
 ) -> dict[str, Any]:
     """The plain values of `qcompile show --json`.
 
     `importance` (circuits,) is what the placement followed; left out, it is the same for all.
+    `numbers` are what the circuits are called, instead of 0, 1, ...
     """
     native, device = executable.native, executable.device
     importance = np.ones(len(native)) if importance is None else importance
@@ -41,7 +45,7 @@ def executable_values(
         qubit = int(executable.qubits[index])
         circuits.append(
             {
-                "circuit": index,
+                "circuit": index if numbers is None else numbers[index],
                 "source": str(source),
                 "compiled": str(compiled),
                 "gates_before": len(source),

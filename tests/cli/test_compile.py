@@ -84,14 +84,14 @@ Error: in.qasm:7: cx q[0], q[1] entangles two qubits.
     "measures nothing": (
         PROGRAM.replace("c = measure q;", ""),
         """\
-Error: The program measures nothing, and level 2 keeps what is measured alone.
+Error: in.qasm:6: The program measures nothing, and level 2 keeps what is measured alone.
   Add a measurement, or compile it with --level 1.
 """,
     ),
     "too large": (
         PROGRAM.replace("[2]", "[6]"),
         """\
-Error: The program does not fit ibm_lima.
+Error: in.qasm:7: The program does not fit ibm_lima.
   It needs 6 qubits at once; ibm_lima has 5 qubits, 5 of them worth using.
   Take a larger device, --backend ideal, or split the program.
 """,
@@ -203,7 +203,7 @@ def test_registers_and_physical_qubits_do_not_mix(qcompile: Call, left: Call) ->
         assert (
             answer.err
             == """\
-Error: The program names qubits of a register and physical qubits.
+Error: in.qasm:4: The program names qubits of a register and physical qubits.
   Use one kind of them.
 """
         )

@@ -1,0 +1,61 @@
+"""What a program file says beside gates: written at level 0, told of at levels 1 and 2."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import accumulate
+
+from qcompile.ir import Circuit, Gate, Program
+from qcompile.passes import lower
+from qcompile.passes.to_native import NativeSet
+from qcompile.qasm.marks import Mark
+
+_ID = Gate("id")
+
+
+def native_starts(program: Program, native: NativeSet) -> list[list[int]]:
+    """The number of native gates at level 0 before gate 0, 1, ... of each circuit, and in all."""
+    gates = list(dict.fromkeys(gate for circuit in program.circuits for gate in circuit.gates))
+    alone = replace(program, circuits=tuple(Circuit((gate,)) for gate in gates))
+    lengths = dict(zip(gates, map(len, lower(alone, 0, native).circuits), strict=True))
+    return [
+        [0, *accumulate(lengths[gate] for gate in circuit.gates)] for circuit in program.circuits
+    ]
+
+
+def on_circuits(marks: Sequence[Mark], index_of: Mapping[int, int]) -> list[Mark]:
+    """The marks on the circuits that are kept, by their new index; those on none are left out."""
+    found = []
+    for mark in marks:
+        pairs = [
+            (index_of[circuit], gates)
+            for circuit, gates in zip(mark.circuits, mark.gates, strict=True)
+            if circuit in index_of
+        ]
+        if pairs:
+            circuits, gates = zip(*pairs, strict=True)
+            found.append(Mark(mark.text, circuits, gates))
+    return found
+
+
+def moved(marks: Sequence[Mark], starts: Sequence[Sequence[int]]) -> list[Mark]:
+    """The marks among native gates, of which so many come before each gate."""
+    return [
+        replace(
+            mark,
+            gates=tuple(
+                None if gates is None else starts[circuit][gates]
+                for circuit, gates in zip(mark.circuits, mark.gates, strict=True)
+            ),
+        )
+        for mark in marks
+    ]
+
+
+def counted(marks: Sequence[Mark], circuits: Sequence[Circuit] = ()) -> str:
+    """How many of each there are, such as "1 reset, 2 id"; "" for none."""
+    counts = Counter(mark.word for mark in marks)
+    counts["id"] = sum(gate == _ID for circuit in circuits for gate in circuit.gates)
+    return ", ".join(f"{count} {word}" for word, count in counts.items() if count)

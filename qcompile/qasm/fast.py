@@ -1,0 +1,105 @@
+"""The fast path: gates on one operand, by far the most statements of a long file.
+
+A text such as `rz(0.5)` or `q[3]` is understood once, by the grammar and the interpreter, and
+looked up from then on. What is not understood here is left to them, so the path changes nothing.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from typing import Any
+
+from openqasm3 import ast
+
+from qcompile.errors import CircuitError
+from qcompile.ir import Angle, Gate
+from qcompile.qasm.grammar import WORDS_2, WORDS_3, parse_2, parse_3
+from qcompile.qasm.interpreter import Interpreter
+from qcompile.qasm.statements import BLANK
+
+_BLANKS = BLANK.pattern
+_STATEMENT = re.compile(
+    rf"{_BLANKS}([A-Za-z]\w*+(?:[ \t]*+\((?:[^;(){{}}/\"]|/(?![/*]))*+\))?+)[ \t]*+"
+    r"(?<=[ \t)])(\$?\w++(?:\[[0-9]++\])?)[ \t]*+;"
+)
+_NUMBER = r"\s*+-?(?:[0-9]++\.?[0-9]*+|\.[0-9]++)(?:[eE][+-]?[0-9]++)?\s*+"
+_NUMBERS = re.compile(rf"{_NUMBER}(?:,{_NUMBER})*+\)\Z")
+_MOST_TEXTS = 50_000
+"""Texts that are kept; angles of a long file are mostly different ones."""
+
+
+class FastPath:
+    """Runs the plain statements of `text`, with the results of `interpreter`."""
+
+    def __init__(self, text: str, version: str | None, interpreter: Interpreter):
+        self._text, self._interpreter = text, interpreter
+        self.stopped = 0
+        self._parse, self._words = (parse_2, WORDS_2) if version == "2" else (parse_3, WORDS_3)
+        self._gates: dict[str, Sequence[Gate]] = {}
+        self._qubits: dict[str, Sequence[int]] = {}
+
+    def run(self, position: int) -> int:
+        """Run the statements from `position` on that are plain; returns where the first other
+        one starts.
+
+        Raises:
+            CircuitError: the program has too many gates, from the statement at `stopped` on.
+        """
+        match, text, append = _STATEMENT.match, self._text, self._interpreter.append
+        while found := match(text, position):
+            head, operand = found.groups()
+            gates = self._gates.get(head)
+            if gates is None and (gates := self._understand(head)) is None:
+                break
+            qubits = self._qubits.get(operand)
+            if qubits is None and (qubits := self._resolve(operand)) is None:
+                break
+            try:
+                if not append(gates, qubits):
+                    break
+            except CircuitError:
+                self.stopped = found.start(1)
+                raise
+            position = found.end()
+        return position
+
+    def forget(self) -> None:
+        """Understand every gate anew: something was declared."""
+        self._gates.clear()
+
+    def _understand(self, head: str) -> Sequence[Gate] | None:
+        name, _, arguments = head.partition("(")
+        name = name.strip()
+        try:
+            if name in self._words:
+                return None
+            if _NUMBERS.match(arguments):
+                numbers = [float(text) for text in arguments[:-1].split(",")]
+                if not all(map(math.isfinite, numbers)):
+                    return None
+                angles = list(map(Angle, numbers))
+            else:
+                gate = self._parse(f"{head} q;", 1)
+                angles = list(map(self._interpreter.evaluate, gate.arguments))
+            unitary = self._interpreter.call(name, angles, 1)
+        except (CircuitError, RecursionError):
+            return None
+        gates = tuple(unitary.parts[0])
+        if len(self._gates) < _MOST_TEXTS:
+            self._gates[head] = gates
+        return gates
+
+    def _resolve(self, text: str) -> Sequence[int] | None:
+        name, _, index = text.rstrip("]").partition("[")
+        operand: Any = ast.Identifier(name)
+        try:
+            if index:
+                operand = ast.IndexedIdentifier(operand, [[ast.IntegerLiteral(int(index))]])
+            qubits = self._interpreter.qubits(operand)
+        except (CircuitError, ValueError):
+            return None
+        if len(self._qubits) < _MOST_TEXTS:
+            self._qubits[text] = qubits
+        return qubits

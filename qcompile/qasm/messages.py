@@ -1,0 +1,39 @@
+"""The words of refusals: what an older syntax is now, and messages of a bounded length."""
+
+from __future__ import annotations
+
+import re
+
+LONGEST_MESSAGE = 400
+_LONGEST_NAME = 120
+
+_NAME = r"[^\W\d]\w*"
+
+HINTS = tuple(
+    (re.compile(pattern, re.DOTALL), hint)
+    for pattern, hint in (
+        (
+            r"(?:qubit|qreg)\s*(?:\[[^;\]]*\])?\s*(\$\d+)\s*;",
+            r"Remove the line: \1 is there as it is.",
+        ),
+        (rf"(qubit|bit)\s+({_NAME})\s*(\[[^;\]]*\])\s*;", r"Write: \1\3 \2;"),
+        (
+            rf"(int|uint|float|angle|bit)\s+({_NAME})\s*(\[[^;\]]*\])\s*=\s*([^;]+);",
+            r"Write: \1\3 \2 = \4;",
+        ),
+        (rf"const\s+({_NAME})\s*=\s*([^;]+);", r"Write: const float \1 = \2;"),
+    )
+)
+"""What statements of before OpenQASM 3.0 are now: a pattern, and what to write instead."""
+
+
+def bounded(name: str, line: int | None, message: str) -> str:
+    """`message` with the file and line in front, in LONGEST_MESSAGE characters at most.
+
+    Characters that a terminal would obey become question marks.
+    """
+    if len(name) > _LONGEST_NAME:
+        name = f"...{name[-_LONGEST_NAME:]}"
+    text = f"{name}: {message}" if line is None else f"{name}:{line}: {message}"
+    text = "".join(c if c.isprintable() or c == "\n" else "?" for c in text)
+    return text if len(text) <= LONGEST_MESSAGE else f"{text[: LONGEST_MESSAGE - 3]}..."

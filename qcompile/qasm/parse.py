@@ -1,0 +1,154 @@
+"""One statement of a program file, parsed by the grammar of the file's version."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import re
+from typing import Any
+
+from openqasm3 import ast
+
+from qcompile.errors import CircuitError
+from qcompile.qasm.grammar import (
+    WORDS_2,
+    WORDS_3,
+    OpaqueGate,
+    ParseError,
+    UnreadSubroutine,
+    parse_2,
+    parse_3,
+    unexpected,
+)
+from qcompile.qasm.messages import HINTS
+from qcompile.qasm.statements import BLANK, Span
+
+LONGEST_STATEMENT = 1_000_000
+"""Characters of one statement: the full parser takes about a kilobyte for each."""
+
+_ONLY_3 = WORDS_3 - WORDS_2 - {"gphase"}
+_HEADER = re.compile(r"OPENQASM\s+([0-9]+)(?:\.[0-9]+)?\s*;")
+_SUBROUTINE = re.compile(r"def\s+([^\W\d]\w*)")
+_LOCATED = re.compile(r"L(\d+):C\d+: (.*)", re.DOTALL)
+
+
+class Grammar:
+    """Reads the statements of `text`; `version` is "2" or "3", or None where it does not say.
+
+    A file of OpenQASM 2 that uses what only OpenQASM 3 has is read all the same, and so is one
+    without a version that uses what only OpenQASM 2 has.
+
+    Raises:
+        CircuitError: another version.
+    """
+
+    def __init__(self, text: str):
+        self._text = text
+        self._own: set[str] = set()
+        """The gates that a file of OpenQASM 2 has defined."""
+        start = BLANK.match(text).end()  # type: ignore[union-attr]
+        header = _HEADER.match(text, start)
+        self.start = header.end() if header else start
+        self.version = header[1] if header else None
+        if self.version not in ("2", "3", None):
+            found = header[0].split()[1].rstrip(";")  # type: ignore[index]
+            raise CircuitError(f"OpenQASM {found} is not known.", "Known versions: 2.0 and 3.0.")
+
+    def parse(self, span: Span, line: int) -> Any:
+        """The node of a statement that starts in `line`; the spans of nodes hold lines of the file.
+
+        Raises:
+            ParseError: it is no statement; its `line` says where.
+            RecursionError: it is nested too deeply.
+        """
+        text = self._text[span.start : span.end]
+        if len(text) > LONGEST_STATEMENT:
+            raise ParseError(
+                line,
+                f"A statement of {len(text)} characters is too long.",
+                f"The most is {LONGEST_STATEMENT}. Is a ';' or a bracket missing?",
+            )
+        if span.word == "OPENQASM":
+            raise ParseError(line, "OPENQASM must be the first word of a file, with one version.")
+        try:
+            return self._parse(text, span.word, line)
+        except ParseError as fault:
+            for pattern, hint in HINTS:
+                if found := pattern.match(text):
+                    raise ParseError(
+                        line, f"{found[0]!r} is not OpenQASM.", found.expand(hint)
+                    ) from fault
+            raise
+
+    def _parse(self, text: str, word: str, line: int) -> Any:
+        if self.version != "2":
+            with contextlib.suppress(ParseError):
+                return parse_3(text, line)
+            try:
+                return _parse_fully(text, line)
+            except ParseError:
+                if self.version is None:
+                    with contextlib.suppress(ParseError):
+                        return parse_2(text, line)
+                raise
+        try:
+            if word in _ONLY_3 and word not in self._own:
+                raise ParseError(line, f"Unknown gate {word!r}.")
+            node = parse_2(text, line)
+        except ParseError:
+            with contextlib.suppress(ParseError):
+                # OpenQASM 3 knows ^ as an exclusive or; in OpenQASM 2 it is **.
+                return _parse_fully(text.replace("^", "**"), line)
+            raise
+        if isinstance(node, ast.QuantumGateDefinition | OpaqueGate):
+            self._own.add(node.name.name)
+        return node
+
+
+def _parse_fully(text: str, line: int) -> Any:
+    """The node of any statement of OpenQASM 3."""
+    from openqasm3.parser import QASM3ParsingError, parse
+
+    try:
+        # ANTLR prints what it finds to standard error besides raising it.
+        with contextlib.redirect_stderr(io.StringIO()):
+            statements = parse(text).statements
+    except QASM3ParsingError as error:
+        raise _fault(error, line) from error
+    except RecursionError:
+        raise
+    except Exception as error:
+        # The parser lets through whatever its conversion of an odd literal happens to raise.
+        if subroutine := _SUBROUTINE.match(text):
+            node = UnreadSubroutine(ast.Identifier(subroutine[1]))
+            node.span = ast.Span(line, 0, line, 0)
+            return node
+        raise ParseError(line, f"The statement {_shortened(text)!r} cannot be read.") from error
+    if len(statements) != 1:
+        raise ParseError(line, f"The statement {_shortened(text)!r} cannot be read.")
+    _move(statements[0], line - 1)
+    return statements[0]
+
+
+def _fault(error: Exception, line: int) -> ParseError:
+    if match := _LOCATED.match(str(error)):
+        return ParseError(line + int(match[1]) - 1, f"Syntax error: {match[2]}.")
+    cause = error.__cause__
+    token = getattr(cause.args[0], "offendingToken", None) if cause and cause.args else None
+    if token is None:
+        return ParseError(line, "Syntax error.", "The text is no OpenQASM 2 or 3 program.")
+    return unexpected(line + token.line - 1, "" if token.text == "<EOF>" else token.text)
+
+
+def _move(node: Any, lines: int) -> None:
+    """Add `lines` to the lines of a statement and of those in its body."""
+    node.span.start_line += lines
+    for value in vars(node).values():
+        for inner in value if isinstance(value, list) else ():
+            if isinstance(inner, ast.Statement):
+                _move(inner, lines)
+
+
+def _shortened(text: str) -> str:
+    first = " ".join(text.split())
+    return first if len(first) <= 60 else f"{first[:60]}..."

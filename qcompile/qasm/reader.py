@@ -1,0 +1,124 @@
+"""From text to program: the statements of a file, read and run in order."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+from typing import Any
+
+from openqasm3 import ast
+
+from qcompile.errors import CircuitError
+from qcompile.ir import Program
+from qcompile.qasm.fast import FastPath
+from qcompile.qasm.grammar import ParseError
+from qcompile.qasm.interpreter import Interpreter, joins
+from qcompile.qasm.layout import Layout
+from qcompile.qasm.marks import Mark
+from qcompile.qasm.parse import Grammar
+from qcompile.qasm.statements import BLANK, Span, spans
+
+_DECLARES_NOTHING = (ast.QuantumGate, ast.QuantumMeasurementStatement, ast.QuantumBarrier)
+_MODIFIERS = ("ctrl", "negctrl", "inv", "pow")
+_GATE_PRAGMA = re.compile(r"#?pragma braket unitary\b")
+
+
+class Reader:
+    """Reads `text` once; `line` is the line it is at.
+
+    With `fast` false every statement is parsed, to the same result: the tests compare.
+    """
+
+    def __init__(self, text: str, *, fast: bool = True):
+        self.line = 1
+        self._text, self._fast = text, fast
+        self._position = self._counted = 0
+        self._pragmas: list[str] = []
+
+    def run(self) -> tuple[Program, Layout, tuple[str, ...], tuple[Mark, ...]]:
+        """The program, its layout, notes on what was passed over, and its marks.
+
+        Raises:
+            CircuitError: it cannot be compiled; `line` says where.
+            RecursionError: it is nested too deeply.
+        """
+        text = self._text
+        if BLANK.match(text).end() == len(text):  # type: ignore[union-attr]
+            raise CircuitError(
+                "The file is empty.", "A program declares qubits and applies gates to them."
+            )
+        self._grammar = Grammar(text)
+        interpreter = Interpreter(self._grammar.version, self._joining_later)
+        self._interpreter = interpreter
+        fast = FastPath(text, self._grammar.version, interpreter)
+        self._position = self._grammar.start
+        while True:
+            if self._fast:
+                self._run_fast(fast)
+            span = next(spans(text, self._position), None)
+            if span is None:
+                self._come_to(self._position)
+                program, layout, marks = interpreter.finish()
+                return program, layout, (*self._notes(), *interpreter.notes()), marks
+            self._position = span.end
+            self._come_to(span.start)
+            if span.word.lstrip("#") == "pragma":
+                self._skip(span)
+            elif not isinstance(self._run(span), _DECLARES_NOTHING):
+                fast.forget()
+
+    def _run_fast(self, fast: FastPath) -> None:
+        try:
+            self._position = fast.run(self._position)
+        except CircuitError:
+            self._come_to(fast.stopped)
+            raise
+
+    def _run(self, span: Span) -> Any:
+        """Run one statement, and return its node."""
+        try:
+            node = self._grammar.parse(span, self.line)
+        except ParseError as fault:
+            self.line = fault.line
+            raise
+        try:
+            self._interpreter.run(node)
+        except CircuitError:
+            self.line = self._interpreter.line
+            raise
+        return node
+
+    def _come_to(self, position: int) -> None:
+        self.line += self._text.count("\n", self._counted, position)
+        self._counted = position
+
+    def _skip(self, span: Span) -> None:
+        pragma = " ".join(self._text[span.start : span.end].split())
+        if _GATE_PRAGMA.match(pragma):
+            raise CircuitError(
+                f"The pragma {pragma[:60]!r} is a gate, which qcompile does not read.",
+                "Write it as u(theta, phi, lambda).",
+            )
+        self._pragmas.append(f"{pragma[:60]!r} in line {self.line}")
+
+    def _notes(self) -> tuple[str, ...]:
+        if not self._pragmas:
+            return ()
+        more = len(self._pragmas) - 1
+        others = f" and {more} more" if more else ""
+        return (f"pragmas are skipped: {self._pragmas[0]}{others}.",)
+
+    def _joining_later(self) -> int:
+        """How many statements behind this one join qubits."""
+        count, names = 0, self._interpreter.entangling
+        for span in spans(self._text, self._position):
+            if span.word in names:
+                count += 1
+            elif span.word == "gate" or span.word in _MODIFIERS:
+                with contextlib.suppress(CircuitError, RecursionError):
+                    node = self._grammar.parse(span, self.line)
+                    if isinstance(node, ast.QuantumGateDefinition):
+                        self._interpreter.note_entangling(node)
+                    else:
+                        count += joins(node, names)
+        return count

@@ -1,0 +1,100 @@
+"""The constants, variables and inputs of a program file.
+
+A file that qcompile reads runs straight through, so every variable has a known value at every line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from qcompile.errors import CircuitError
+from qcompile.ir import Angle
+from qcompile.qasm.expressions import CONSTANTS, Scope, shown
+from qcompile.qasm.operators import AmbiguousError, NotAffineError, binary
+from qcompile.qasm.values import FLOAT, Type, Value
+
+
+class Variables:
+    """The names of a file that stand for values, and `scope`, which evaluates with them."""
+
+    def __init__(self, *, real: bool):
+        self.scope = Scope(dict(CONSTANTS), {}, real)
+        self.inputs: list[str] = []
+        self._types: dict[str, Type] = {}
+
+    def input(self, name: str) -> None:
+        """Let `name` be a number that is known when the program is bound."""
+        self.scope.constants[name] = Value(FLOAT, Angle.symbol(name))
+        self.inputs.append(name)
+
+    def constant(self, name: str, type: Type, expression: Any) -> None:
+        """Let `name` be the constant of this type and value, in gate bodies too.
+
+        Raises:
+            CircuitError: the expression is no constant, or does not fit the type.
+        """
+        value = self._converted(expression, type)
+        if isinstance(value.number, Angle) and not value.number.is_constant:
+            raise CircuitError(f"{shown(expression)!r} is no constant.")
+        self.scope.constants[name] = value
+
+    def declare(self, name: str, type: Type, expression: Any | None) -> None:
+        """Let `name` be a variable of this type, with a value if there is an expression."""
+        self._types[name] = type
+        value = None if expression is None else self._converted(expression, type)
+        self.scope.variables[name] = value
+
+    def set(self, name: str, type: Type, value: Value) -> None:
+        """Let `name` be a variable of this type and value."""
+        self._types[name], self.scope.variables[name] = type, value
+
+    @contextmanager
+    def block(self) -> Iterator[None]:
+        """Names that are declared within are gone behind it."""
+        constants, variables = set(self.scope.constants), set(self.scope.variables)
+        yield
+        for name in self.scope.constants.keys() - constants:
+            del self.scope.constants[name]
+        for name in self.scope.variables.keys() - variables:
+            del self.scope.variables[name], self._types[name]
+
+    @contextmanager
+    def subroutine(self) -> Iterator[None]:
+        """Within, no variable of the file is known; constants are."""
+        variables, types = dict(self.scope.variables), dict(self._types)
+        self.scope.variables.clear()
+        yield
+        self.scope.variables.clear()
+        self.scope.variables.update(variables)
+        self._types.update(types)
+
+    def assign(self, name: str, operator: str, expression: Any) -> None:
+        """Perform `name operator expression`, such as `a = 0.4` or `a *= 2`.
+
+        Raises:
+            CircuitError: there is no such variable, it has no value yet, or the value does not fit.
+        """
+        if name not in self._types:
+            raise CircuitError(f"{name!r} is not a variable.", "Declare one: float a = 0.5;")
+        type = self._types[name]
+        if operator == "=":
+            self.scope.variables[name] = self._converted(expression, type)
+            return
+        before = self.scope.named(name)
+        operand = self.scope.value(expression, to_whole=type.is_whole)
+        try:
+            value = binary(operator[:-1], before, operand, to_whole=type.is_whole)
+        except (NotAffineError, AmbiguousError, ArithmeticError) as error:
+            raise CircuitError(
+                f"'{name} {operator} {shown(expression)}' has no value here."
+            ) from error
+        self.scope.variables[name] = value.to(type)
+
+    def _converted(self, expression: Any, type: Type) -> Value:
+        value = self.scope.value(expression, to_whole=type.is_whole)
+        try:
+            return value.to(type)
+        except CircuitError as error:
+            raise CircuitError(f"{shown(expression)!r}: {error}") from error

@@ -1,0 +1,94 @@
+"""Loops and subroutines with known values, written out."""
+
+from __future__ import annotations
+
+import pytest
+
+from qcompile.errors import ProgramFileError
+from qcompile.ir import Circuit
+from qcompile.qasm import read
+
+HEAD = 'OPENQASM 3.0;\ninclude "stdgates.inc";\n'
+
+
+def circuits(text: str) -> list[str]:
+    return [str(circuit) for circuit in read(HEAD + text).program.circuits]
+
+
+def refused(text: str) -> str:
+    with pytest.raises(ProgramFileError) as caught:
+        read(HEAD + text, "p")
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("values", "indices"),
+    [("[0:2]", [0, 1, 2]), ("[2:-2:0]", [2, 0]), ("[0:2:3]", [0, 2]), ("{3, 1}", [3, 1]),
+     ("[1:0]", []), ("[n:n]", [1])],
+)  # fmt: skip
+def test_a_loop_over_qubits(values, indices):
+    found = circuits(f"const int n = 1;\nqubit[4] q;\nfor uint i in {values} {{ h q[i]; }}\n")
+    assert found == ["h" if i in indices else "" for i in range(4)]
+
+
+def test_loops_nest_and_their_values_are_numbers():
+    text = (
+        "input float x;\nqubit[2] q;\nint total = 0;\nfor int i in [1:2] {\n  float half = i/2.0;\n"
+        "  for int j in {0, 1} ry(half*j) q[j];\n  rz(i*x) q[0];\n  total += i;\n}\n"
+        "for int i in [0:0] rx(total) q[i];\n"
+    )
+    assert circuits(text) == ["ry(0.0) rz(x) ry(0.0) rz(2.0*x) rx(3.0)", "ry(0.5) ry(1.0)"]
+
+
+def test_a_subroutine_has_its_own_names():
+    text = (
+        "const float k = 0.5;\nfloat t = 9;\n"
+        "def inner(qubit a) { h a; }\n"
+        "def turn(qubit[2] q, float t, uint n) {\n  let a = q[1];\n  inner(a);\n"
+        "  for uint i in [1:n] rx(k*t) q[0];\n}\n"
+        "qubit a;\nqubit[3] q;\nturn(q[0:1], 0.2, 2);\nturn(q[{2, 0}], 1, 1);\nrx(t) a;\n"
+    )
+    assert circuits(text) == ["rx(9.0)", "rx(0.1) rx(0.1) h", "h", "rx(0.5)"]
+
+
+def test_a_subroutine_that_is_not_called_matters_to_nobody():
+    assert circuits("def f(creg c[3]) { }\ndef g(qubit a) -> bit { return measure a; }\nqubit q;\nx q;\n") == ["x"]  # fmt: skip
+
+
+def test_a_box_is_its_statements():
+    assert circuits("qubit q;\nbox {\n  h q;\n  x q;\n}\n") == ["h x"]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("qubit q;\nfor uint i in [0:2] {\n  h q;\n  nope q;\n}\n", "p:6: Unknown gate 'nope'."),
+        ("qubit[2] q;\nfor uint i in [0:2] h q[i];\n", "p:4: Index 2 of q[i] is out of range."),
+        ("qubit[2] q;\nfor uint i in [0:1] {\n\n  cx q[0], q[1];\n}\n", "p:6: cx q[0], q[1] entangles"),
+        ("qubit q;\nint i;\nfor uint i in [0:1] h q;\n", "p:5: for uint i in [0:1]: 'i' cannot be"),
+        ("qubit q;\nfor uint i in [0:0:1] h q;\n", "p:4: The step of"),
+        ("qubit q;\nfor uint i in [0:1] { int k = i; }\nrx(k) q;\n", "p:5: Unknown name 'k'."),
+        ("qubit q;\nfor uint i in [0:99999999999] { }\n", "p:4: Definitions and loops take more"),
+        ("def f(qubit a) {\n  f(a);\n}\nqubit q;\nf(q);\n", "p:4: Subroutine 'f' calls itself."),
+        ("def f(qubit a, float t) { x a; }\nqubit q;\nf(q);\n", "p:5: f takes 2 arguments, found 1."),
+        ("def f(qubit[2] a) { x a; }\nqubit[3] q;\nf(q);\n", "p:5: 'q' does not fit"),
+        ("def f(creg c[3]) { }\nbit[3] c;\nqubit q;\nf(c);\n", "p:6: Subroutine 'f' cannot be"),
+        ("def f(qubit a) {\n  x a;\n  nope a;\n}\nqubit q;\nf(q);\n", "p:5: Unknown gate 'nope'."),
+        ("qubit q;\nwhile (true) { x q; }\n", "p:4: The statement 'while (true)' is not supported."),
+        ("array[int, 2] a = {1, 2};\n", "p:3: The statement 'array[int, 2] a"),
+    ],
+)  # fmt: skip
+def test_refusals_name_the_line_within_the_body(text, message):
+    assert refused(text).startswith(message)
+
+
+def test_what_a_loop_makes_is_limited_as_everything_is():
+    text = "qubit[1000] q;\nfor uint i in [0:999999] { x q; }\n"
+    assert "more than 1000000 gates" in refused(text)
+
+
+def test_a_loop_is_what_it_is_written_out():
+    loop = read(HEAD + "qubit[3] q;\nfor uint i in [0:2] { rx(i*pi/4) q[i]; sdg q; }\n")
+    lines = "".join(f"rx({i}*pi/4) q[{i}];\nsdg q;\n" for i in range(3))
+    assert loop.program == read(f"{HEAD}qubit[3] q;\n{lines}").program
+    assert loop.program.circuits[0] == Circuit.parse("rx(0.0) sdg sdg sdg")
