@@ -28,6 +28,7 @@ types: $(VENV)/dev.stamp  ## Check types
 
 bench: $(VENV)/bench.stamp  ## Measure speed and errors beside the peers, in one run
 	$(BIN)/python benchmarks/peers.py
+	$(BIN)/python benchmarks/reading.py
 	$(BIN)/python benchmarks/mitigation.py
 	$(BIN)/python benchmarks/training.py
 
