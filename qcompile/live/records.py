@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from qcompile.errors import LiveError
 from qcompile.execution.executor import CountArray, FloatArray
+from qcompile.reading import ContentsError, read_npy
 
 State = Literal["intended", "sending", "sent", "done", "failed"]
 """`intended` was never sent; of `sending` it is not known whether IBM accepted it."""
@@ -106,6 +107,6 @@ def to_array(contents: bytes) -> NDArray[Any]:
         LiveError: it is damaged.
     """
     try:
-        return np.asarray(np.load(BytesIO(contents), allow_pickle=False))
-    except Exception as error:  # wrong bytes lead numpy's reader into errors of any type
+        return read_npy(contents)
+    except (ContentsError, TypeError) as error:  # SQLite keeps a value of any type
         raise LiveError("An array in the run's journal is damaged.", "Restore a copy.") from error

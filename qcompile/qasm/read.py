@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from qcompile import reading
 from qcompile.errors import CircuitError, ProgramFileError
 from qcompile.ir import Program
 from qcompile.qasm.layout import Layout
@@ -77,17 +78,14 @@ def read_file(path: str | Path) -> Source:
         ProgramFileError: the file is missing, is no UTF-8 text, or `read` refuses its text.
     """
     try:
-        text = Path(path).read_bytes().decode("utf-8-sig")
+        text = reading.decode(reading.read_file(path))
     except OSError as error:
         raise ProgramFileError(
             f"{path}: The file cannot be read: {error.strerror or error}.",
             "Give the path of an OpenQASM 2 or 3 program.",
         ) from error
-    except ValueError as error:
-        raise ProgramFileError(
-            f"{path}: The file is not text: {error}.",
-            "OpenQASM programs are UTF-8 text.",
-        ) from error
+    except reading.ContentsError as error:
+        raise ProgramFileError(f"{path}: {error}", "OpenQASM programs are UTF-8 text.") from error
     return read(text, str(path))
 
 

@@ -144,8 +144,10 @@ class Collector:
         for i, (walk, (seed, actions)) in enumerate(zip(self._walks, state["walks"], strict=True)):
             seen = walk.begin(seed)
             for action in actions:
-                seen, reward, *_ = walk.environment.step(action)
+                seen, reward, terminated, truncated, _ = walk.environment.step(action)
                 walk.reward += float(reward)
+                if terminated or truncated:
+                    raise TrainingError("An episode of the checkpoint ends before its last action.")
             walk.actions.extend(actions)
             self._observations[i] = seen
         if not np.array_equal(self._observations, np.float32(state["observations"])):
