@@ -127,7 +127,7 @@ def _odd(rng: random.Random, value: Any) -> Any:
         deep = [deep] if rng.random() < 0.5 else {"a": deep}
     near: list[Any] = [None]
     if isinstance(value, int | float):
-        near = [-value, value + 1, value * 1000, value + 0.5, str(value), 1 / value if value else 1]
+        near = [-value, value + 1, value * 1000, str(value)[:400], 0.5]
     elif isinstance(value, str):
         near = [value + "x", value[:-1], value * 100, value.upper(), "\x1b[31m" + value, ""]
     elif isinstance(value, list | dict):
@@ -232,7 +232,12 @@ def mutated(kind: str, key: str, seeds: list[bytes]) -> bytes:
     if rng.random() < 0.05:
         other = rng.choice(seeds)
         return contents[: rng.randrange(len(contents))] + other[rng.randrange(len(other)) :]
-    return rng.choice(KINDS[kind])(rng, contents)
+    kinds = list(KINDS[kind])
+    rng.shuffle(kinds)
+    for mutate in kinds:
+        with suppress(ValueError, IndexError, OverflowError, RecursionError):
+            return mutate(rng, contents)
+    return of_bytes(rng, contents)
 
 
 def read_all(folder: Path, *patterns: str) -> list[bytes]:
