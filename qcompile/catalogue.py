@@ -28,8 +28,13 @@ def shelves(shelf: Shelf) -> list[Path]:
 
 
 def find(shelf: Shelf, name: str, suffixes: Sequence[str]) -> Path | None:
-    """The file that `name` stands for, a path or a bare name, or None."""
-    if os.path.isfile(name):  # unlike Path.is_file, False for a name too long to be one
+    """The file that `name` stands for, a path or a bare name, or None.
+
+    A path may lead to a pipe or a device, and with one of the suffixes to a folder: their reader
+    says what is wrong with them.
+    """
+    # Unlike those of Path, these are False for a name too long to be one.
+    if os.path.lexists(name) and (Path(name).suffix in suffixes or not os.path.isdir(name)):
         return Path(name)
     if Path(name).name == name:
         for folder in shelves(shelf):

@@ -85,7 +85,9 @@ def read_file(path: str | Path) -> Source:
             "Give the path of an OpenQASM 2 or 3 program.",
         ) from error
     except reading.ContentsError as error:
-        raise ProgramFileError(f"{path}: {error}", "OpenQASM programs are UTF-8 text.") from error
+        raise ProgramFileError(
+            f"{path}: {error}", "An OpenQASM program is a file of UTF-8 text."
+        ) from error
     return read(text, str(path))
 
 
