@@ -18,7 +18,8 @@ from qcompile.device import Device, Probability
 from qcompile.errors import CalibrationError
 from qcompile.limits import MAX_SHOTS
 from qcompile.output import write_file
-from qcompile.validation import Line, explain, listed, read_file
+from qcompile.reading import ContentsError, read_file, read_json
+from qcompile.validation import Line, explain, listed
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -277,8 +278,8 @@ def load_calibration(path: Path) -> Calibration:
         CalibrationError: there is no such file, or it is no calibration.
     """
     try:
-        return Calibration.model_validate_json(read_file(path))
-    except (OSError, ValidationError) as error:
+        return Calibration.model_validate_json(read_json(path))
+    except (OSError, ContentsError, ValidationError) as error:
         raise CalibrationError(f"{path} is no calibration.", *explain(error)) from error
 
 
@@ -287,6 +288,6 @@ def is_calibration(path: Path) -> bool:
     if not os.path.isfile(path):  # unlike Path.is_file, False for a name too long to be one
         return False
     try:
-        return MARK in path.read_bytes()
-    except OSError:
+        return MARK in read_file(path)
+    except (OSError, ContentsError):
         return False

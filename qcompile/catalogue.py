@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import difflib
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Literal
 
 Shelf = Literal["hardware", "trained"]
+
+_MOST_LETTERS = 100
+"""Longer words are near to nothing, and take long to compare."""
 
 _PACKAGE = Path(__file__).parent
 
@@ -25,8 +28,13 @@ def shelves(shelf: Shelf) -> list[Path]:
 
 
 def find(shelf: Shelf, name: str, suffixes: Sequence[str]) -> Path | None:
-    """The file that `name` stands for, a path or a bare name, or None."""
-    if os.path.isfile(name):  # unlike Path.is_file, False for a name too long to be one
+    """The file that `name` stands for, a path or a bare name, or None.
+
+    A path may lead to a pipe or a device, and with one of the suffixes to a folder: their reader
+    says what is wrong with them.
+    """
+    # Unlike those of Path, these are False for a name too long to be one.
+    if os.path.lexists(name) and (Path(name).suffix in suffixes or not os.path.isdir(name)):
         return Path(name)
     if Path(name).name == name:
         for folder in shelves(shelf):
@@ -49,9 +57,22 @@ def names(shelf: Shelf, suffixes: Sequence[str]) -> list[str]:
     return sorted(found)
 
 
-def nearest(name: str, known: Sequence[str]) -> str:
-    """A line of advice: the known names nearest to `name`, or the first dozen of them."""
-    close = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
+def nearest(name: str, known: Iterable[str]) -> str:
+    """A line of advice: the known names nearest to `name`, or the first dozen of them.
+
+    A name is near where a slip of the pen may have made `name` of it: letter case aside, two
+    thirds of their letters are the same, and in the same order. Only the nearest are named.
+    """
+    spelled: dict[str, list[str]] = {}
+    for word in dict.fromkeys(known):
+        spelled.setdefault(word.casefold(), []).append(word)
+    given = name.casefold()[:_MOST_LETTERS]
+    close = difflib.get_close_matches(given, spelled, n=3, cutoff=2 / 3)
+    likeness = [difflib.SequenceMatcher(None, low, given).ratio() for low in close]
+    close = [low for low, ratio in zip(close, likeness, strict=True) if ratio > likeness[0] - 0.08]
     if close:
-        return f"Did you mean {' or '.join(dict.fromkeys(close))}?"
-    return f"Known: {', '.join([*known[:12], *(['...'] if len(known) > 12 else [])])}."
+        return f"Did you mean {' or '.join(word for low in close for word in spelled[low])}?"
+    words = [word for same in spelled.values() for word in same]
+    if not words:
+        return "None is known."
+    return f"Known: {', '.join([*words[:12], *(['...'] if len(words) > 12 else [])])}."

@@ -11,7 +11,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from qcompile.catalogue import find, names, nearest
 from qcompile.errors import DeviceError
-from qcompile.validation import Line, explain, read_file
+from qcompile.reading import ContentsError, check_json, read_file
+from qcompile.validation import Line, explain
 
 IDEAL_NAME = "ideal"
 LEAST_CONTRAST = 0.8
@@ -222,7 +223,10 @@ def device_names() -> list[str]:
 def _claims(name: str) -> bool:
     """Whether the file of that name says that it is a device: others may share the folder."""
     path = find("hardware", name, [".json"]) if name != IDEAL_NAME else None
-    text = b"" if path is None else path.read_bytes()
+    try:
+        text = b"" if path is None else read_file(path)
+    except (OSError, ContentsError):
+        return False
     return _FORMAT.encode() in text and _CALIBRATION not in text  # calibrations hold their device
 
 
@@ -251,14 +255,14 @@ def load_device(name: str | Path) -> Device:
 
 def _read(path: Path) -> Device:
     try:
-        text = read_file(path)
-        if _CALIBRATION in text:
+        contents = read_file(path)
+        if _CALIBRATION in contents:
             raise DeviceError(
                 f"{path} is a calibration, no device file.",
                 "It is a --backend of `run`, `evaluate`, `calibrate`, `show`, `export`, `compile`.",
             )
-        device = Device.model_validate_json(text, strict=True)
-    except (OSError, ValidationError) as error:
+        device = Device.model_validate_json(check_json(contents), strict=True)
+    except (OSError, ContentsError, ValidationError) as error:
         raise DeviceError(f"{path} is no device file.", *explain(error)) from error
     if device.is_ideal:
         raise DeviceError(f"{path} is no device file.", f"The device {IDEAL_NAME!r} is built in.")

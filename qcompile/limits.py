@@ -20,3 +20,19 @@ MAX_QPU_SECONDS = 1e6
 
 MAX_EPISODES = 10_000
 """Episodes of one run; each keeps an environment alive."""
+
+MAX_FILE_BYTES = 64 * 2**20
+"""A file that is read whole; a checkpoint may have MAX_CHECKPOINT_BYTES."""
+
+MAX_CHECKPOINT_BYTES = 2**30
+
+MAX_VALUES = 1_000_000
+"""Values of one file of plain values, lists and objects among them; an array has no such limit."""
+MAX_HISTORY_VALUES = 6 * MAX_VALUES
+"""Those of a checkpoint, which remembers three for each episode."""
+
+MAX_KEYS = 10_000
+"""Keys of one JSON object."""
+
+MAX_POLICY_GATES = 200_000
+"""Gates of all circuits of a policy file."""

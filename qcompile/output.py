@@ -38,7 +38,7 @@ def write_file(path: Path, contents: bytes) -> None:
         if _is_special(path):
             path.write_bytes(contents)
             return
-        target = path.resolve()
+        target = resolved(path)
         target.parent.mkdir(parents=True, exist_ok=True)
         handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
         try:
@@ -53,6 +53,11 @@ def write_file(path: Path, contents: bytes) -> None:
         raise  # the reader has had enough
     except OSError as error:
         raise _cannot_write(path, error) from error
+
+
+def resolved(path: Path) -> Path:
+    """The path without links; unlike Path.resolve, links that lead to each other raise nothing."""
+    return Path(os.path.realpath(path))
 
 
 def _is_special(path: Path) -> bool:
@@ -85,7 +90,7 @@ def check_writable(path: Path) -> None:
     try:
         if _is_special(path):
             return
-        target = path.resolve()
+        target = resolved(path)
         folder = next(p for p in target.parents if os.path.lexists(p))
         if path.is_dir():
             raise IsADirectoryError(errno.EISDIR, "It is a folder")

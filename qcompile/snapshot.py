@@ -53,7 +53,8 @@ def find_backend(name: str) -> Any:
             if backend_name := getattr(found, "backend_name", None):
                 known[backend_name] = found
     if name not in known:
-        raise DeviceError(f"Unknown fake backend {name!r}.", nearest(name, sorted(known)))
+        same_way = sorted(word for word in known if word.islower() == name.islower())
+        raise DeviceError(f"Unknown fake backend {name!r}.", nearest(name, same_way))
     return known[name]()
 
 

@@ -4,24 +4,20 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from pathlib import Path
+from reprlib import Repr
 from typing import Annotated
 
 from pydantic import Field, ValidationError
 
+_MOST_LETTERS = 320
+"""Of all faults together: what is longer is not read."""
+
+_SHORT = Repr()
+_SHORT.maxlevel = 3
+_SHORT.maxstring = _SHORT.maxlong = _SHORT.maxother = 60
+
 Line = Annotated[str, Field(pattern=r"^[^\x00-\x1f\x7f-\x9f]+$", max_length=500)]
 """A text of one line that a terminal can show as it stands."""
-
-
-def read_file(path: Path) -> bytes:
-    """The contents of a regular file: a pipe may never end, and a device has no end.
-
-    Raises:
-        OSError: it is none, or it cannot be read.
-    """
-    if path.exists() and not path.is_file():
-        raise OSError("it is no regular file")
-    return path.read_bytes()
 
 
 def listed(words: Sequence[str], most: int = 8) -> str:
@@ -37,14 +33,24 @@ def explain(error: Exception, most: int = 4) -> list[str]:
     if not isinstance(error, ValidationError):
         return [str(error)]
     faults = error.errors(include_url=False, include_context=False)
-    lines = []
+    lines: list[str] = []
     for fault in faults[:most]:
         place = ".".join(map(str, fault["loc"])) or "the file"
-        place = place if place.isprintable() else ascii(place)  # keys are the file's own
-        found = repr(fault["input"])
-        found = found if len(found) <= 60 else f"{found[:57]}..."
-        said = fault["msg"].removeprefix("Value error, ")  # these words are our own
-        lines.append(f"{place}: {said[0].lower()}{said[1:]} (found {found})")
-    if len(faults) > most:
-        lines.append(f"and {len(faults) - most} more.")
+        place = _cut(place if place.isprintable() else ascii(place))  # keys are the file's own
+        said = _cut(fault["msg"].removeprefix("Value error, "), 120)  # these words are our own
+        line = f"{place}: {said[0].lower()}{said[1:]} (found {_found(fault['input'])})"
+        if lines and len("".join(lines)) + len(line) > _MOST_LETTERS:
+            break
+        lines.append(line)
+    if len(faults) > len(lines):
+        lines.append(f"and {len(faults) - len(lines):,} more.")
     return lines
+
+
+def _found(value: object) -> str:
+    """A value of a file in a line, however large it is."""
+    return _cut(" ".join(_SHORT.repr(value).split()))
+
+
+def _cut(words: str, most: int = 60) -> str:
+    return words if len(words) <= most else f"{words[: most - 3]}..."

@@ -17,6 +17,7 @@ PACKAGE = Path(qcompile.__file__).parent
 ORDER = (
     {"errors"},
     {"catalogue", "output", "validation", "limits", "terminal"},
+    {"reading"},
     {"ir"},
     {"simulate", "qasm", "device"},
     {"passes", "snapshot", "calibration"},

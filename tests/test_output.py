@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from qcompile.errors import OutputError
-from qcompile.output import check_writable, new_folder, write_file
+from qcompile.output import check_writable, new_folder, resolved, write_file
 
 
 @contextmanager
@@ -132,3 +132,15 @@ def test_what_stops_the_filling_of_a_folder_is_named(tmp_path: Path, number: int
     with pytest.raises(OutputError, match=f"Cannot write {folder}.\n  {os.strerror(number)}"):
         fill()
     assert list(tmp_path.iterdir()) == []
+
+
+def test_links_that_lead_to_each_other_raise_nothing_else(tmp_path: Path) -> None:
+    (tmp_path / "a").symlink_to(tmp_path / "b")
+    (tmp_path / "b").symlink_to(tmp_path / "a")
+    resolved(tmp_path / "a")
+    try:
+        check_writable(tmp_path / "a")
+        write_file(tmp_path / "a", b"x")
+    except OutputError:
+        return
+    assert (tmp_path / "a").read_bytes() == b"x"

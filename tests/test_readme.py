@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 import pytest
 
-from qcompile.cli import cli
+from qcompile.cli.group import cli
 
 CHECKOUT = Path(__file__).parents[1]
 PAGES = sorted(

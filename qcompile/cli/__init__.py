@@ -6,13 +6,11 @@ import errno
 import os
 import sys
 import traceback
-from importlib import import_module
 from io import TextIOWrapper
 from types import TracebackType
+from typing import NoReturn
 
-import click
-
-from qcompile import __version__
+from qcompile.cli.interrupts import after_imports
 from qcompile.errors import QcompileError
 from qcompile.terminal import plain, plain_output
 
@@ -38,37 +36,6 @@ _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 """What a device says that standard output cannot be written to any more."""
 
 
-class _LazyGroup(click.Group):
-    """Loads the module of a command when the command is used."""
-
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(COMMANDS)
-
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        if cmd_name not in COMMANDS:
-            return None
-        command: click.Command = import_module(f"qcompile.cli.{cmd_name}").command
-        return command
-
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        with formatter.section("Commands"):
-            formatter.write_dl(list(COMMANDS.items()))
-
-
-@click.group(cls=_LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(__version__, prog_name="qcompile")
-@click.option("--traceback", is_flag=True, help="Show where an error comes from.")
-def cli(traceback: bool) -> None:
-    """Compile policies of single-qubit variational circuits to a device's own gates and play
-    them on its noise model.
-
-    \b
-    qcompile run --backend ibm_lima        land the shipped LunarLander policy on ibm_lima's noise
-    qcompile show lunarlander              its circuits, before and after compilation
-    qcompile export lunarlander --out job  the circuits as OpenQASM
-    """
-
-
 def main() -> None:
     """Run the command line; exit 0 on success, 1 on an explained failure, 2 on wrong usage.
 
@@ -78,36 +45,52 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal without the bars and wires of tables
+    if not os.environ.get("COLUMNS", "1").strip("0"):
+        del os.environ["COLUMNS"]  # no terminal is 0 wide
     sys.excepthook = _show_traceback
-    with plain_output():
-        _run()
+    with plain_output(), after_imports():
+        if "--traceback" in sys.argv[1:]:
+            _run()
+        try:
+            _run()
+        except Exception as error:
+            _explain(error)
 
 
 def _run() -> None:
-    if "--traceback" in sys.argv[1:]:
-        cli()
     try:
-        cli()
-    except QcompileError as error:
+        from qcompile.cli.group import cli
+    except KeyboardInterrupt:
+        _fail("Interrupted.")
+    cli()
+
+
+def _explain(error: Exception) -> NoReturn:
+    """End with words on an error, or raise it where it is a defect of ours."""
+    if isinstance(error, QcompileError):
         _fail(str(error))
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    if isinstance(error, BrokenPipeError):
+        _drop_output()
         sys.exit(1)
-    except ImportError as error:
-        if (error.name or "").partition(".")[0] == "qcompile":
-            raise
+    if isinstance(error, ImportError) and not (error.name or "").startswith("qcompile"):
         _fail(
             f"A package that qcompile needs cannot be loaded: {error}.\n"
             "  Install it with: pip install qcompile"
         )
-    except OSError as error:
-        if error.errno not in _FULL:
-            raise
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    if isinstance(error, OSError) and error.errno in _FULL:
+        _drop_output()
         _fail(f"The answer cannot be written: {os.strerror(error.errno).lower()}.")
+    raise error
 
 
-def _fail(message: str) -> None:
+def _drop_output() -> None:
+    """Have what is left of the output go nowhere: it cannot be written when Python ends."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _fail(message: str) -> NoReturn:
+    import click
+
     click.echo(f"Error: {_without_secrets(message)}", err=True)
     sys.exit(1)
 
@@ -116,6 +99,8 @@ def _show_traceback(
     kind: type[BaseException], error: BaseException, trace: TracebackType | None
 ) -> None:
     """What the interpreter shows of an error that nobody caught, plain and without tokens."""
+    import click
+
     words = "".join(traceback.format_exception(kind, error, trace))
     click.echo(plain(_without_secrets(words)), nl=False, err=True)
 

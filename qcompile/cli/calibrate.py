@@ -115,7 +115,7 @@ def command(
     from qcompile.live.measure import CalibrateTask
     from qcompile.mitigation import calibrate, measure_drift
     from qcompile.mitigation.measure import LIVE_ANGLES_RAD, RESPONSE_ANGLES_RAD
-    from qcompile.output import check_writable, write_file
+    from qcompile.output import check_writable, resolved, write_file
     from qcompile.report.calibration import draw_calibration
     from qcompile.report.calibration_values import calibration_values, misfits, print_calibration
     from qcompile.report.live import charged, result_values
@@ -156,14 +156,14 @@ def command(
             shots=shots,
             parts=parts or ("response",),
             angles_rad=tuple(angles_rad.tolist()),
-            out=None if out is None else str(out.resolve()),
+            out=None if out is None else str(resolved(out)),
             force=force,
             **live.where,
         )
         found = spend(task, task.load, live, connection)
         calibration = Calibration.model_validate(found["calibration"])
         values = result_values("calibrate", found)
-        if out is not None and str(out.resolve()) != found["file"]:  # a file came in between
+        if out is not None and str(resolved(out)) != found["file"]:  # a file came in between
             out = Path(found["file"])
     else:
         try:

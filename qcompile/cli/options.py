@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 import click
 
 from qcompile.limits import MAX_SHOTS
+from qcompile.output import resolved
 
 if TYPE_CHECKING:
     from qcompile.calibration import Calibration
@@ -136,7 +137,7 @@ def check_distinct(
     for option, path in named.items():
         if path is None:
             continue
-        other = taken.setdefault(path.resolve(), option)
+        other = taken.setdefault(resolved(path), option)
         if other != option and frozenset({other, option}) not in allowed:
             raise click.BadParameter(f"{path} is the file of {other}.", param_hint=f"'{option}'")
     return taken

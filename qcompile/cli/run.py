@@ -175,8 +175,9 @@ def command(
         echo_json(summary)
     else:
         print_run(summary)
-    if film is not None and film.frames:
-        click.echo(f"film of the first episode in {video}", err=True)
+    if film is not None:
+        words = f"film of the first episode in {video}"
+        click.echo(words if film.frames else "no step was played: there is no film", err=True)
     if result.interrupted:
         raise QcompileError(
             f"Interrupted: {len(result.episodes)} of {episodes} episodes were finished.",

@@ -18,6 +18,7 @@ from qcompile.errors import CalibrationError, QcompileError
 from qcompile.evaluation.grid import Cell
 from qcompile.execution.executor import Kind
 from qcompile.output import write_file
+from qcompile.reading import ContentsError, read_json
 from qcompile.rl.environments import threshold_of
 from qcompile.rl.evaluate import Deployment, is_solved, play
 from qcompile.rl.intervals import bootstrap_ci95
@@ -193,8 +194,8 @@ def read_cell(cell: Cell, folder: Path) -> CellResult | None:
     """
     try:
         path = folder / f"{cell.name}.json"
-        result = CellResult.model_validate_json(path.read_bytes())
-    except (OSError, ValidationError):
+        result = CellResult.model_validate_json(read_json(path))
+    except (OSError, ContentsError, ValidationError):
         return None
     same = (result.name, result.settings) == (cell.name, cell.settings())
     if not same or not _is_consistent(result, cell):

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import json
-import warnings
 from collections.abc import Callable, Iterable, Iterator
-from io import BytesIO
 from pathlib import Path
-from typing import Any, Literal
-from zipfile import BadZipFile
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import FailFast, Field, TypeAdapter, ValidationError
 
 from qcompile.device import Device
 from qcompile.errors import CircuitError, PolicyError
@@ -20,11 +18,14 @@ from qcompile.output import new_folder
 from qcompile.passes import Executable, compile
 from qcompile.policy import Policy
 from qcompile.qasm import write
-from qcompile.validation import explain, read_file
+from qcompile.reading import ContentsError, load_json, read_file, read_npy, read_table
+from qcompile.validation import explain
 
 FloatArray = NDArray[np.float64]
 
 _QUARTER_TURN = np.pi / 2
+_Row = Annotated[list[Annotated[float, Field(strict=True)]], FailFast()]
+_ROWS: TypeAdapter[list[list[float]]] = TypeAdapter(Annotated[list[_Row], FailFast()])
 
 Format = Literal["qasm3", "qasm2"]
 
@@ -106,19 +107,16 @@ def read_observations(path: Path, policy: Policy) -> FloatArray:
         PolicyError: the file cannot be read, or its numbers do not fit the policy.
     """
     try:
-        contents = BytesIO(read_file(path))
+        contents = read_file(path)
         if path.suffix == ".npy":
-            values = np.load(contents, allow_pickle=False)
+            values = read_npy(contents)
         elif path.suffix == ".json":
-            values = np.array(json.load(contents), dtype=float)
+            values = np.array(_rows(load_json(contents)), dtype=float)
         else:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # an empty file is refused below
-                values = np.loadtxt(contents, delimiter=",", ndmin=2)
-        if not isinstance(values, np.ndarray) or np.iscomplexobj(values):
-            raise TypeError("It is no single array of real numbers.")
-        values = np.atleast_2d(np.asarray(values, dtype=float))
-    except (OSError, ValueError, TypeError, EOFError, BadZipFile, RecursionError) as error:
+            values = read_table(contents)
+        with np.errstate(over="ignore"):  # what overflows is refused below
+            values = np.atleast_2d(np.asarray(values, dtype=float))
+    except (OSError, ContentsError, ValidationError) as error:
         raise PolicyError(
             f"{path} holds no observations.",
             *explain(error)[0].splitlines()[:1],
@@ -128,6 +126,16 @@ def read_observations(path: Path, policy: Policy) -> FloatArray:
         raise PolicyError(f"{path} holds no observation, or a number that is not finite.")
     _encoded(policy, values)
     return values
+
+
+def _rows(values: Any) -> list[list[float]]:
+    """The rows of a JSON document: one is enough, and may stand without a list around it."""
+    if not isinstance(values, list) or not values or not isinstance(values[0], list):
+        values = [values if isinstance(values, list) else [values]]
+    rows = _ROWS.validate_python(values)
+    if len({len(row) for row in rows}) > 1:
+        raise ContentsError("Its rows have different lengths.")
+    return rows
 
 
 def _encoded(policy: Policy, observations: FloatArray) -> FloatArray:

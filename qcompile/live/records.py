@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from qcompile.errors import LiveError
 from qcompile.execution.executor import CountArray, FloatArray
+from qcompile.reading import ContentsError, read_npy
 
 State = Literal["intended", "sending", "sent", "done", "failed"]
 """`intended` was never sent; of `sending` it is not known whether IBM accepted it."""
@@ -124,15 +125,7 @@ def to_array(contents: bytes) -> NDArray[Any]:
     Raises:
         LiveError: it is damaged.
     """
-    file = BytesIO(contents)
     try:
-        if np.lib.format.read_magic(file) != (1, 0):
-            raise ValueError("another format")
-        shape, is_fortran, dtype = np.lib.format.read_array_header_1_0(file)
-        if dtype.kind not in "biuf":
-            raise ValueError("no numbers")
-        # By the bytes that are there: the header may claim a shape that no memory holds.
-        values = np.frombuffer(contents, dtype, offset=file.tell())
-        return values.reshape(shape, order="F" if is_fortran else "C").copy()
-    except Exception as error:  # wrong bytes lead numpy's reader into errors of any type
+        return read_npy(contents)
+    except (ContentsError, TypeError) as error:  # SQLite keeps a value of any type
         raise LiveError("An array in the run's journal is damaged.", "Restore a copy.") from error

@@ -4,19 +4,28 @@ from __future__ import annotations
 
 import json
 import pickle
-import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    FailFast,
+    Field,
+    JsonValue,
+    ValidationError,
+    field_validator,
+)
 
 from qcompile.catalogue import find, names, nearest
 from qcompile.errors import CircuitError, PolicyError
 from qcompile.ir import Circuit, Program
+from qcompile.limits import MAX_POLICY_GATES, MAX_VALUES
 from qcompile.output import write_file
 from qcompile.policy.policy import Encoder, Policy
-from qcompile.validation import Line, explain, read_file
+from qcompile.reading import CodeError, ContentsError, read_file, read_json, read_torch
+from qcompile.validation import Line, explain
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -26,6 +35,9 @@ _TENSORS = ("theta", "weights", "bias")
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Natural = Annotated[int, Field(ge=0, le=1_000_000)]
+Numbers = Annotated[list[Number], FailFast()]
+CircuitFile = Annotated[list[Annotated[list[str | Number], FailFast()]], FailFast()]
+"""Gates, each a name and its angle."""
 
 
 class _Record(BaseModel):
@@ -34,8 +46,8 @@ class _Record(BaseModel):
 
 class EncoderFile(_Record):
     function: Literal["arctan", "tanh", "identity"]
-    feature: list[Natural]
-    scale: list[Number]
+    feature: Annotated[list[Natural], FailFast()]
+    scale: Numbers
 
 
 class PolicyFile(_Record):
@@ -45,12 +57,19 @@ class PolicyFile(_Record):
     name: Line
     environment: Line
     encoder: EncoderFile
-    circuits: Annotated[list[list[list[str | Number]]], Field(min_length=1)]
-    theta: list[Number]
-    weights: list[list[Number]]
-    bias: Annotated[list[Number], Field(min_length=1)]
+    circuits: Annotated[list[CircuitFile], Field(min_length=1), FailFast()]
+    theta: Numbers
+    weights: Annotated[list[Numbers], FailFast()]
+    bias: Annotated[Numbers, Field(min_length=1)]
     reuse: Annotated[int, Field(ge=1, le=10_000)] = 1
-    metadata: dict[str, Any] = {}
+    metadata: dict[str, JsonValue] = {}
+
+    @field_validator("circuits")
+    @classmethod
+    def _few_gates(cls, circuits: list[CircuitFile]) -> list[CircuitFile]:
+        if sum(map(len, circuits)) > MAX_POLICY_GATES:
+            raise ValueError(f"more than {MAX_POLICY_GATES:,} gates")
+        return circuits
 
     def policy(self) -> Policy:
         """The policy this file describes."""
@@ -101,8 +120,8 @@ def load_policy(name: str | Path) -> Policy:
     try:
         if path.suffix == ".pt":
             return PolicyFile.model_validate(_read_pt(path)).policy()
-        return PolicyFile.model_validate_json(read_file(path)).policy()
-    except (OSError, ValidationError) as error:
+        return PolicyFile.model_validate_json(read_json(path)).policy()
+    except (OSError, ContentsError, ValidationError) as error:
         raise PolicyError(f"{path} is no policy file.", *explain(error)) from error
     except (CircuitError, PolicyError) as error:
         if isinstance(error, _UnreadableError):
@@ -115,29 +134,23 @@ class _UnreadableError(PolicyError):
 
 
 def _read_pt(path: Path) -> dict[str, Any]:
-    import torch
-
+    contents = read_file(path)
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # torch warns of odd pickle protocols
-            values = torch.load(path, map_location="cpu", weights_only=True)
-        if isinstance(values, dict):
-            values = {k: v.tolist() if torch.is_tensor(v) else v for k, v in values.items()}
-    except Exception as error:  # wrong bytes lead torch's reader into errors of any type
-        if isinstance(error, pickle.UnpicklingError) and "GLOBAL" in str(error):
+        values = read_torch(contents)
+    except ContentsError as error:
+        if contents[:1] != pickle.PROTO and not isinstance(error, CodeError):
             raise _UnreadableError(
-                f"{path} holds more than tensors and plain values, and was not loaded.",
-                "A pickle can carry code that runs when it is opened.",
-                "Save the policy with qcompile, or as JSON.",
+                f"{path} cannot be read as a .pt file.",
+                str(error),
+                "Copy or train it again.",
             ) from error
-        if path.read_bytes()[:1] == pickle.PROTO:
-            raise _UnreadableError(
-                f"{path} cannot be read as a .pt file: it is a bare pickle, and was not loaded.",
-                "A pickle can carry code that runs when it is opened.",
-                "Save the policy with qcompile, or as JSON.",
-            ) from error
+        what = "holds more than tensors and plain values"
+        if contents[:1] == pickle.PROTO:
+            what = "cannot be read as a .pt file: it is a bare pickle"
         raise _UnreadableError(
-            f"{path} cannot be read as a .pt file; it may be truncated.", "Copy or train it again."
+            f"{path} {what}, and was not loaded.",
+            "A pickle can carry code that runs when it is opened.",
+            "Save the policy with qcompile, or as JSON.",
         ) from error
     if not isinstance(values, dict):
         raise _UnreadableError(
@@ -149,7 +162,10 @@ def _read_pt(path: Path) -> dict[str, Any]:
             "A training of model svqc or surrogate makes one: "
             f"qcompile train ENVIRONMENT --resume {path} --out POLICY.pt",
         )
-    return values
+    tensors = {key: value for key, value in values.items() if hasattr(value, "tolist")}
+    if sum(tensor.numel() for tensor in tensors.values()) > MAX_VALUES:
+        raise _UnreadableError(f"{path} has tensors of more than {MAX_VALUES:,} numbers.")
+    return values | {key: tensor.tolist() for key, tensor in tensors.items()}
 
 
 def policy_values(policy: Policy) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from qcompile import reading
 from qcompile.errors import CircuitError, ProgramFileError
 from qcompile.ir import Program
 from qcompile.qasm.layout import Layout
@@ -67,16 +68,14 @@ def read_file(path: str | Path) -> Source:
         ProgramFileError: the file is missing, is no UTF-8 text, or `read` refuses its text.
     """
     try:
-        text = Path(path).read_bytes().decode("utf-8-sig")
+        text = reading.decode(reading.read_file(path))
     except OSError as error:
         raise ProgramFileError(
             f"{path}: The file cannot be read: {error.strerror or error}.",
             "Give the path of an OpenQASM 2 or 3 program.",
         ) from error
-    except UnicodeDecodeError as error:
-        line = error.object.count(b"\n", 0, error.start) + 1
+    except reading.ContentsError as error:
         raise ProgramFileError(
-            f"{path}:{line}: The file is not text: byte 0x{error.object[error.start]:02x}.",
-            "OpenQASM programs are UTF-8 text.",
+            f"{path}: {error}", "An OpenQASM program is a file of UTF-8 text."
         ) from error
     return read(text, str(path))

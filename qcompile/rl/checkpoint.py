@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
@@ -13,15 +12,24 @@ import torch
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from qcompile.errors import EnvironmentStepError, QcompileError, TrainingError
+from qcompile.limits import MAX_CHECKPOINT_BYTES, MAX_HISTORY_VALUES
 from qcompile.output import write_file
+from qcompile.reading import ContentsError, load_json, read_file, read_torch
+from qcompile.rl.environments import features_and_actions, make_environments
+from qcompile.rl.models import critic_size, model_size
 from qcompile.rl.ppo import Trainer
-from qcompile.rl.settings import plain, restored
+from qcompile.rl.settings import Settings, plain, restored
 from qcompile.rl.versions import versions
 from qcompile.validation import Line, explain
 
 FORMAT = "qcompile-checkpoint-1"
 
 _TENSORS = ("actor", "critic", "optimiser", "generator", "pause")
+
+
+Whole = Annotated[int, Field(ge=0, le=2**53)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
 class _Saved(BaseModel):
@@ -33,9 +41,58 @@ class _Saved(BaseModel):
     environment: Line
     settings: str
     seed: Annotated[int, Field(ge=0)]
-    versions: dict[str, str]
-    tensors: dict[str, Any]
+    versions: dict[Line, Line]
+    tensors: _Tensors
     plain: str
+
+
+class _Paused(BaseModel):
+    """The state of a `Pause`."""
+
+    model_config = ConfigDict(strict=True, arbitrary_types_allowed=True)
+
+    running: list[float]
+    row: Whole
+    longest: Whole
+    best: dict[str, torch.Tensor] | None
+
+
+class _Tensors(BaseModel):
+    """The tensors of a trainer's state, by their names in torch's state dicts."""
+
+    model_config = ConfigDict(strict=True, arbitrary_types_allowed=True)
+
+    actor: dict[str, torch.Tensor]
+    critic: dict[str, torch.Tensor]
+    optimiser: dict[str, Any]
+    generator: torch.Tensor
+    pause: _Paused
+
+
+class _Collected(BaseModel):
+    """The state of a `Collector`."""
+
+    rng: dict[str, Any]
+    steps: Whole
+    episodes: list[tuple[Whole, Finite]]
+    walks: list[tuple[Whole, list[Whole]]]
+    observations: list[list[Finite]]
+
+
+class _Scaled(BaseModel):
+    """The state of a `ReturnScale`."""
+
+    running: list[Finite]
+    moments: tuple[NotNegative, Finite, NotNegative]
+
+
+class _Plain(BaseModel):
+    """The plain values of a trainer's state."""
+
+    rng: dict[str, Any]
+    collector: _Collected
+    return_scale: _Scaled
+    noise: dict[str, Any] | None
 
 
 def save_checkpoint(trainer: Trainer, path: Path, state: Mapping[str, Any] | None = None) -> None:
@@ -64,7 +121,8 @@ def save_checkpoint(trainer: Trainer, path: Path, state: Mapping[str, Any] | Non
 def load_checkpoint(path: Path) -> tuple[Trainer, list[str]]:
     """The trainer of a checkpoint, ready to go on, and the versions that differ from its own.
 
-    Nothing but tensors and plain values is loaded from the file.
+    Nothing but tensors and plain values is loaded from the file, and its models are built only
+    where its tensors fit them.
 
     Raises:
         TrainingError: the file is no checkpoint of this version, or its training cannot go on.
@@ -72,15 +130,20 @@ def load_checkpoint(path: Path) -> tuple[Trainer, list[str]]:
     """
     saved = _read(path)
     try:
-        trainer = Trainer(saved.environment, restored(json.loads(saved.settings)), saved.seed)
-        trainer.restore({**saved.tensors, **json.loads(saved.plain)})
+        settings = restored(load_json(saved.settings))
+        state = _Plain.model_validate(load_json(saved.plain, MAX_HISTORY_VALUES))
+        _check_sizes(settings, saved, state)
+        trainer = Trainer(saved.environment, settings, saved.seed)
+        trainer.restore({**saved.tensors.model_dump(), **state.model_dump()})
     except EnvironmentStepError as error:
         what = f"Checkpoint {path} is damaged, or its environment has changed."
         raise TrainingError(what, str(error).splitlines()[0]) from error
     except QcompileError:
         raise
+    except (ContentsError, ValidationError) as error:
+        raise TrainingError(f"Checkpoint {path} is damaged.", *explain(error, 1)) from error
     except Exception as error:  # wrong values lead torch and the environments into any error
-        why = f"{type(error).__name__}: {error}".splitlines()[0]
+        why = f"{type(error).__name__}: {error}".splitlines()[0][:200]
         raise TrainingError(f"Checkpoint {path} is damaged.", why) from error
     now = versions()
     differ = [
@@ -91,24 +154,52 @@ def load_checkpoint(path: Path) -> tuple[Trainer, list[str]]:
     return trainer, differ
 
 
+def _check_sizes(settings: Settings, saved: _Saved, state: _Plain) -> None:
+    """Raise ContentsError where the trainer that the settings ask for is not the one saved."""
+    for count in (len(state.collector.walks), len(state.return_scale.running)):
+        if count != settings.environments:
+            raise ContentsError(
+                f"It has {count} environments, by its settings {settings.environments}."
+            )
+    (environment,) = make_environments(saved.environment, 1)
+    features, actions = features_and_actions(environment)
+    environment.close()
+    actor, best = saved.tensors.actor, saved.tensors.pause.best
+    _check_model("actor", actor, model_size(settings, features, actions))
+    _check_model("critic", saved.tensors.critic, critic_size(settings, features))
+    if best is not None and _shapes(best) != _shapes(actor):
+        raise ContentsError("Its best actor has other tensors than its actor.")
+
+
+def _check_model(name: str, tensors: Mapping[str, torch.Tensor], size: int) -> None:
+    found = sum(tensor.numel() for tensor in tensors.values())
+    if found != size:
+        raise ContentsError(f"Its {name} has {found:,} numbers, by its settings {size:,}.")
+    if not all(torch.isfinite(tensor).all() for tensor in tensors.values()):
+        raise ContentsError(f"Its {name} has a number that is not finite.")
+
+
+def _shapes(tensors: Mapping[str, torch.Tensor]) -> dict[str, torch.Size]:
+    return {name: tensor.shape for name, tensor in tensors.items()}
+
+
 def _read(path: Path) -> _Saved:
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # torch warns of odd pickle protocols
-            saved = torch.load(path, map_location="cpu", weights_only=True)
+        saved = read_torch(read_file(path, MAX_CHECKPOINT_BYTES))
     except FileNotFoundError as error:
         raise TrainingError(
             f"There is no checkpoint {path}.", "A training writes one with --checkpoint FILE."
         ) from error
-    except Exception as error:  # wrong bytes lead torch's reader into errors of any type
+    except (OSError, ContentsError) as error:
         raise TrainingError(
             f"{path} is no checkpoint: it cannot be read as tensors and plain values.",
+            *explain(error),
             "Name a file that `qcompile train --checkpoint` wrote, and wrote to its end.",
         ) from error
     found = saved.get("format") if isinstance(saved, dict) else type(saved).__name__
     if found != FORMAT:
         raise TrainingError(
-            f"{path} is no checkpoint that this version reads: its format is {found!r}.",
+            f"{path} is no checkpoint that this version reads: its format is {ascii(found)[:60]}.",
             f"Needed: {FORMAT!r}, as `qcompile train --checkpoint` writes it.",
         )
     missing = sorted(set(_Saved.model_fields) - set(saved))
@@ -117,4 +208,4 @@ def _read(path: Path) -> _Saved:
     try:
         return _Saved.model_validate(saved)
     except ValidationError as error:
-        raise TrainingError(f"Checkpoint {path} is damaged.", *explain(error)) from error
+        raise TrainingError(f"Checkpoint {path} is damaged.", *explain(error, 1)) from error

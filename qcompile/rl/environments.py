@@ -8,6 +8,7 @@ from functools import cache
 from typing import Any
 
 import gymnasium
+import numpy as np
 from gymnasium.spaces import Box, Discrete
 
 from qcompile.catalogue import nearest
@@ -44,29 +45,62 @@ def make_environments(name: str, count: int, *, film: bool = False) -> list[Envi
                 )
                 for _ in range(count)
             ]
-    except gymnasium.error.DependencyNotInstalled as error:
+    except (ImportError, gymnasium.error.DependencyNotInstalled) as error:
         raise EnvironmentMismatchError(
-            f"Environment {name!r} needs a package that is not installed.",
-            str(error).splitlines()[0],
+            f"Environment {name!r} needs a package that is not installed.", *_first_line(error)
         ) from error
-    except (gymnasium.error.Error, ModuleNotFoundError) as error:
+    except Exception as error:  # an environment is made by code of any kind
+        if name in gymnasium.registry:
+            raise EnvironmentMismatchError(
+                f"Environment {name!r} cannot be made.", *_first_line(error)
+            ) from error
+        # gymnasium suggests the likest name, however little it is like.
+        missing = (gymnasium.error.NameNotFound, gymnasium.error.NamespaceNotFound)
         raise EnvironmentMismatchError(
             f"Unknown environment {name!r}.",
-            str(error).splitlines()[0],
+            *(() if isinstance(error, missing) else _first_line(error)),
             nearest(name, [*_USUAL, *gymnasium.registry]),
-        ) from error
-    except Exception as error:  # a user's environment may raise anything
-        raise EnvironmentMismatchError(
-            f"Environment {name!r} cannot be made.", str(error).strip()[:200]
         ) from error
     for environment in made[:1]:
         features_and_actions(environment)
+    if film:
+        _check_frames(name)
     return made
 
 
 def environment_name(environment: Environment) -> str:
     """What an environment is called in messages."""
     return environment.spec.id if environment.spec else str(environment)
+
+
+def _check_frames(name: str) -> None:
+    """Raise EnvironmentMismatchError where an environment renders no frames.
+
+    It is another one that is asked: the first frame may draw from the generator of its episode.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            environment = gymnasium.make(name, render_mode="rgb_array")
+            environment.reset(seed=0)
+            frame, rate = environment.render(), frames_per_second(environment)
+            environment.close()
+    except Exception as error:  # an environment renders by code of any kind
+        why = _first_line(error)
+    else:
+        shape, dtype = np.shape(frame), getattr(frame, "dtype", None)  # type: ignore[arg-type]
+        if len(shape) == 3 and shape[2] == 3 and dtype == np.uint8 and 0 < rate < np.inf:
+            return
+        why = [f"A frame is {type(frame).__name__} {shape}, {rate:g} a second."]
+    raise EnvironmentMismatchError(
+        f"Environment {name!r} cannot be filmed: it renders no pictures.",
+        *why,
+        "Run without --video.",
+    )
+
+
+def _first_line(error: Exception) -> list[str]:
+    return str(error).splitlines()[:1]
 
 
 def features_and_actions(environment: Environment) -> tuple[int, int]:

@@ -280,10 +280,21 @@ class Trainer:
         }
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Go on from a state of a trainer with the same environment, settings and seed."""
+        """Go on from a state of a trainer with the same environment, settings and seed.
+
+        Raises:
+            TrainingError: the optimiser's state is that of other models, or an environment does
+                not come to where it was.
+        """
         self.actor.load_state_dict(state["actor"])
         self._critic.load_state_dict(state["critic"])
-        self._optimiser.load_state_dict(state["optimiser"])
+        own = self._optimiser.state_dict()  # its groups: Adam's settings are not the file's
+        self._optimiser.load_state_dict(own | {"state": state["optimiser"]["state"]})
+        for flat in self._learned:
+            moments = self._optimiser.state[flat.parameter]
+            for name in ("exp_avg", "exp_avg_sq") if moments else ():
+                if moments[name].shape != flat.parameter.shape:
+                    raise TrainingError("The state of the optimiser does not fit its models.")
         self._generator.set_state(state["generator"])
         self._rng.bit_generator.state = state["rng"]
         self._scale.restore(state["return_scale"])

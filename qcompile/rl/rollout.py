@@ -147,7 +147,9 @@ class Collector:
         ):
             seen = stepper.reset(seed)
             for action in actions:
-                seen = stepper.step(action)[0]
+                seen, _, terminated, truncated = stepper.step(action)
+                if terminated or truncated:
+                    raise TrainingError("An episode of the checkpoint ends before its last action.")
             self._taken[i] = list(actions)
             self._observations[i] = seen
         was = np.array(state["observations"], dtype=self.dtype)

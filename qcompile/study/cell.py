@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from qcompile.errors import TrainingError
 from qcompile.output import write_file
+from qcompile.reading import ContentsError, read_json
 from qcompile.rl.order import in_order_of_start
 from qcompile.rl.settings import plain, restored
 from qcompile.study.rows import Cell
@@ -139,9 +140,9 @@ def write_cell(result: CellResult, folder: Path) -> None:
 def read_cell(cell: Cell, folder: Path, evaluation: int | None = None) -> CellResult | None:
     """The result of the cell, if `folder` has it with the cell's settings."""
     try:
-        result = CellResult.model_validate_json((folder / f"{cell.name}.json").read_bytes())
+        result = CellResult.model_validate_json(read_json(folder / f"{cell.name}.json"))
         settings = restored(result.settings)
-    except (OSError, ValidationError, TrainingError):
+    except (OSError, ContentsError, ValidationError, TrainingError):
         return None
     wanted = (cell.row.environment, cell.row.settings, cell.seed)
     if (result.environment, settings, result.seed) != wanted:

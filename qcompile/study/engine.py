@@ -21,6 +21,7 @@ import joblib
 from qcompile.errors import MissingExtraError, QcompileError, StudyError
 from qcompile.study.cell import EVALUATION_EPISODES, CellResult, run_cell
 from qcompile.study.rows import Cell
+from qcompile.study.workers import end_with
 
 Engine = Literal["processes", "dask", "ray"]
 ENGINES: tuple[Engine, ...] = ("processes", "dask", "ray")
@@ -126,6 +127,8 @@ def run_all(
 def _outcomes(
     cells: list[C], run: Callable[[C], R], engine: Engine, jobs: int
 ) -> Iterator[tuple[str, R | _Failure]]:
+    if engine == "processes":  # the others look after their workers themselves
+        run = partial(_watched, run, os.getpid())
     tasks = [joblib.delayed(_outcome)(cell, run) for cell in cells]
     # One cell a task: the next one goes to whoever is free.
     options: dict[str, Any] = {"n_jobs": jobs, "batch_size": 1, "pre_dispatch": "2*n_jobs"}
@@ -137,6 +140,12 @@ def _outcomes(
         size = 2 * joblib.effective_n_jobs(jobs)
         for start in range(0, len(tasks), size):
             yield from joblib.Parallel(**options)(tasks[start : start + size])
+
+
+def _watched(run: Callable[[C], R], parent: int, cell: C) -> R:
+    """`run`, in a process that ends with its parent."""
+    end_with(parent)
+    return run(cell)
 
 
 def _outcome(cell: C, run: Callable[[C], R]) -> tuple[str, R | _Failure]:

@@ -13,7 +13,8 @@ import click
 import pytest
 
 from qcompile import __version__
-from qcompile.cli import COMMANDS, cli
+from qcompile.cli import COMMANDS
+from qcompile.cli.group import cli
 
 Call = Callable[..., Any]
 
@@ -101,3 +102,16 @@ def test_a_terminal_without_the_signs_of_tables_gets_others(policy: Call) -> Non
     ended = run("show", policy(), stdout=subprocess.PIPE, env=environment)
     assert (ended.returncode, ended.stderr) == (0, "")
     assert "h ? ry(x0)" in ended.stdout
+
+
+@pytest.mark.parametrize("columns", ["0", "00", "-1", "wide", ""])
+def test_a_terminal_without_a_width_shows_everything(
+    qcompile: Call, monkeypatch: pytest.MonkeyPatch, columns: str
+) -> None:
+    """Some terminals, and those of containers, say that they are 0 wide."""
+    monkeypatch.delenv("COLUMNS", raising=False)
+    expected = qcompile("backends").out
+    monkeypatch.setenv("COLUMNS", columns)
+    answer = qcompile("backends")
+    assert answer.out == expected
+    assert "ibm_lima" in answer.out

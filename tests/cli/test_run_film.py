@@ -40,7 +40,9 @@ def test_without_a_frame_there_is_no_film(
     monkeypatch.setattr("qcompile.rl.evaluate.Deployment.act", act)
     answer = qcompile("run", policy(), "--video", "a.gif")
     assert answer.code == 1
-    assert answer.err.startswith("Error: Interrupted: 0 of 20 episodes were finished.")
+    first, second, *_ = answer.err.splitlines()
+    assert first == "no step was played: there is no film"
+    assert second == "Error: Interrupted: 0 of 20 episodes were finished."
     assert left() == ["tiny.json"]
 
 

@@ -266,7 +266,7 @@ def test_observations_of_another_shape_are_refused(tmp_path: Path, array: Any) -
 def test_observations_of_a_pipe_are_refused(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"pipe{suffix}"
     os.mkfifo(path)
-    with pytest.raises(PolicyError, match=r"holds no observations\.\n  it is no regular file"):
+    with pytest.raises(PolicyError, match=r"no observations\.\n  It is a pipe, not a regular"):
         read_observations(path, make())
 
 

@@ -52,7 +52,9 @@ def test_a_damaged_pt_file_is_refused(tmp_path: Path, awkward: Make) -> None:
     whole = path.read_bytes()
     for size in (0, 1, 4, 100, len(whole) // 2, len(whole) - 1):
         path.write_bytes(whole[:size])
-        with pytest.raises(PolicyError, match=r"cannot be read as a \.pt file; it may be"):
+        with pytest.raises(
+            PolicyError, match=r"be read as a \.pt file\.\n  It is not a whole file"
+        ):
             load_policy(path)
 
 
@@ -248,3 +250,39 @@ def test_values_are_what_they_look_like(
     write_pt: Make,
 ) -> None:
     test_wrong_values_are_named(tmp_path, suffix, change, message, values, write_json, write_pt)
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"), [("p.json", "pipe"), ("p.pt", "pipe"), ("f.pt", "folder")]
+)
+def test_what_is_no_regular_file_is_named(tmp_path: Path, name: str, kind: str) -> None:
+    path = tmp_path / name
+    path.mkdir() if kind == "folder" else os.mkfifo(path)
+    with pytest.raises(
+        PolicyError, match=f"is no policy file.\n  It is a {kind}, not a regular file"
+    ):
+        load_policy(path)
+
+
+def test_a_policy_of_too_many_gates_is_refused(
+    tmp_path: Path, values: Make, write_json: Make
+) -> None:
+    circuits = [[["h"]] * 100_001, [["h"]] * 100_000]
+    with pytest.raises(PolicyError, match="circuits: more than 200,000 gates"):
+        load_policy(write_json(tmp_path / "p.json", values() | {"circuits": circuits}))
+
+
+def test_one_fault_of_a_long_list_is_enough(tmp_path: Path, values: Make, write_json: Make) -> None:
+    """A million faults, a kilobyte each, are not collected."""
+    for key, value in {"theta": ["x"] * 1000, "weights": [["x"] * 1000] * 2}.items():
+        with pytest.raises(PolicyError) as caught:
+            load_policy(write_json(tmp_path / "p.json", values() | {key: value}))
+        assert len(str(caught.value).splitlines()) == 2
+
+
+def test_tensors_of_too_many_numbers_are_refused(
+    tmp_path: Path, values: Make, write_pt: Make
+) -> None:
+    large = torch.zeros(1_000_001, dtype=torch.uint8)
+    with pytest.raises(PolicyError, match="tensors of more than 1,000,000 numbers"):
+        load_policy(write_pt(tmp_path / "p.pt", values() | {"theta": large}))

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from qcompile.errors import OutputError
-from qcompile.report.film import Film
+from qcompile.report.film import Film, _shrunk
 
 
 @pytest.fixture(autouse=True)
@@ -61,6 +61,27 @@ def test_a_gif_has_every_second_frame_at_half_the_size(tmp_path: Path) -> None:
     assert imageio.v3.imread(path).shape == (5, 32, 48, 3)
     assert imageio.v3.immeta(path)["duration"] == 80  # ms: two frames of a 25th of a second
     assert path.read_bytes()[:6] == b"GIF89a"
+
+
+@pytest.mark.parametrize("line", [20, 21])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_gif_keeps_lines_of_one_pixel(tmp_path: Path, line: int, axis: int) -> None:
+    """As CartPole's track is: black on white, in an even or an odd row."""
+    frame = np.full((64, 96, 3), 255, dtype=np.uint8)
+    np.moveaxis(frame, axis, 0)[line] = 0
+    path = tmp_path / "a.gif"
+    with Film(path) as film:
+        film.add(frame, 30.0)
+    lines = np.moveaxis(imageio.v3.imread(path, index=0), axis, 0)
+    assert abs(int(lines[10].max()) - 128) < 8
+    assert (np.delete(lines, 10, axis=0) > 247).all()
+
+
+def test_a_pixel_of_a_gif_is_the_mean_of_four(tmp_path: Path) -> None:
+    frame = np.zeros((4, 4, 3), dtype=np.uint8)
+    frame[:2, :2, 0] = [[10, 20], [30, 44]]
+    assert _shrunk(frame)[0, 0].tolist() == [26, 0, 0]
+    assert _shrunk(frame[:3, :1])[:, 0, 0].tolist() == [20, 0]
 
 
 @pytest.mark.parametrize("suffix", [".mp4", ".gif"])

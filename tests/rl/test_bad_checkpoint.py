@@ -294,3 +294,60 @@ def test_a_checkpoint_of_another_shape_is_refused(good: bytes, tmp_path: Path) -
         altered(good, path, environment=environment)
         with pytest.raises(EnvironmentMismatchError, match=environment):
             load_checkpoint(path)
+
+
+def test_a_model_that_the_file_does_not_hold_is_not_built(
+    tmp_path: Path, saved_at: SavedAt
+) -> None:
+    """The settings ask for 4 billion numbers; refused before any of them is made."""
+    path = tmp_path / "run.checkpoint"
+    saved_at(1, "CartPole-v1", Settings(model="fcn", hidden=(4,), episodes=6), path)
+    settings = json.loads(torch.load(path, weights_only=True)["settings"])
+    words = {
+        "hidden": ([10_000] * 40, r"Its actor has 30 numbers, by its settings 3,900,\d+,\d+\."),
+        "critic_hidden": ([10_000] * 9, r"Its critic has 25 numbers, by its settings 800,"),
+        "environments": (10_000, r"It has 1 environments, by its settings 10000\."),
+    }
+    for name, (value, message) in words.items():
+        change = {name: value, "horizon": 10}
+        altered(path.read_bytes(), tmp_path / "altered", settings=json.dumps(settings | change))
+        with pytest.raises(TrainingError, match=message):
+            load_checkpoint(tmp_path / "altered")
+
+
+def test_tensors_that_training_would_stumble_over_are_refused(good: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "run.checkpoint"
+    path.write_bytes(good)
+    tensors = torch.load(path, weights_only=True)["tensors"]
+    moments = tensors["optimiser"]["state"][0]
+    wrong = {
+        "optimiser": tensors["optimiser"]
+        | {"state": {0: moments | {"exp_avg": torch.zeros(99)}, 1: moments}},
+        "actor": tensors["actor"] | {"head.bias": torch.full((2,), torch.nan)},
+        "pause": tensors["pause"] | {"best": {"theta": torch.zeros(1)}},
+    }
+    for name, value in wrong.items():
+        altered(good, path, tensors=tensors | {name: value})
+        with pytest.raises(TrainingError):
+            load_checkpoint(path)
+
+
+def test_the_optimiser_keeps_its_own_settings(good: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "run.checkpoint"
+    path.write_bytes(good)
+    tensors = torch.load(path, weights_only=True)["tensors"]
+    for group in tensors["optimiser"]["param_groups"]:
+        group |= {"amsgrad": True, "eps": 1e300, "betas": [9.0, 9.0]}
+    altered(good, path, tensors=tensors)
+    load_checkpoint(path)[0].train()
+
+
+def test_an_episode_that_goes_on_after_its_end_is_refused(good: bytes, tmp_path: Path) -> None:
+    """Episodes of Match-v0 have 20 steps: a million actions are not played."""
+    path = tmp_path / "run.checkpoint"
+    path.write_bytes(good)
+    values = json.loads(torch.load(path, weights_only=True)["plain"])
+    values["collector"]["walks"][0][1] = [0] * 1_000_000
+    altered(good, path, plain=json.dumps(values))
+    with pytest.raises(TrainingError, match="ends before its last action"):
+        load_checkpoint(path)

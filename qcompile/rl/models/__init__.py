@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import torch
@@ -13,7 +14,16 @@ from qcompile.rl.models.surrogate import Surrogate
 from qcompile.rl.models.svqc import SVQC
 from qcompile.rl.settings import Settings
 
-__all__ = ["MVQC", "SVQC", "Surrogate", "make_critic", "make_model", "parameter_count"]
+__all__ = [
+    "MVQC",
+    "SVQC",
+    "Surrogate",
+    "critic_size",
+    "make_critic",
+    "make_model",
+    "model_size",
+    "parameter_count",
+]
 
 _MAKERS = {
     "svqc": SVQC,
@@ -47,13 +57,44 @@ def make_critic(settings: Settings, features: int, generator: torch.Generator) -
     """
     if settings.critic_hidden is None:
         return make_model(settings, features, 1, generator)
-    network = replace(
+    return fully_connected(features, 1, _critic_settings(settings), generator)
+
+
+def _critic_settings(settings: Settings) -> Settings:
+    assert settings.critic_hidden is not None
+    return replace(
         settings,
+        model="fcn",
         hidden=settings.critic_hidden,
         activation="tanh",
         weight_spread=_FIRST_VALUE_SPREAD,
     )
-    return fully_connected(features, 1, network, generator)
+
+
+def model_size(settings: Settings, features: int, outputs: int) -> int:
+    """How many numbers the state of `make_model` has, told without making it."""
+    copies = len(settings.scales)
+    if settings.model in ("fcn", "cnn"):
+        first, kernel, values = (features, 1, 1) if settings.model == "fcn" else (1, 3, features)
+        sizes = [first, *settings.hidden]
+        hidden = sum((kernel * a + 1) * b for a, b in itertools.pairwise(sizes))
+        return hidden + (sizes[-1] * values + 1) * outputs
+    inputs = 3 * copies if settings.layout == "single" else features * copies
+    theta, values = {
+        "svqc parallel": (inputs, inputs),
+        "svqc serial": (inputs, features),
+        "svqc single": (copies, copies),
+        "mvqc parallel": (2 * features * (copies + 1), features),
+        "surrogate parallel": (0, 2 * inputs),
+    }[f"{settings.model} {settings.layout}"]
+    return inputs + theta + (values * settings.reuse + 1) * outputs
+
+
+def critic_size(settings: Settings, features: int) -> int:
+    """How many numbers the state of `make_critic` has, told without making it."""
+    if settings.critic_hidden is None:
+        return model_size(settings, features, 1)
+    return model_size(_critic_settings(settings), features, 1)
 
 
 def parameter_count(model: torch.nn.Module) -> int:

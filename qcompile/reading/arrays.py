@@ -1,0 +1,56 @@
+"""Arrays of numbers: .npy files and tables of text."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from io import BytesIO, StringIO
+from typing import Any
+
+import numpy as np
+from numpy.lib import format as npy
+from numpy.typing import NDArray
+
+from qcompile.reading.files import ContentsError
+from qcompile.reading.text import decode
+
+_HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
+
+
+def read_npy(contents: bytes) -> NDArray[Any]:
+    """The array of a .npy file: real numbers or booleans, as many as its header says.
+
+    Raises:
+        ContentsError: it is no such file, or not whole.
+    """
+    file = BytesIO(contents)
+    try:
+        version = npy.read_magic(file)
+        shape, in_columns, dtype = _HEADERS[version](file)
+    except Exception as error:  # wrong bytes lead numpy's reader into errors of any type
+        raise ContentsError("It is not a whole .npy file.") from error
+    if dtype.kind not in "biuf":
+        raise ContentsError(f"Its entries are of type {ascii(str(dtype))[:60]}, not real numbers.")
+    count, room = math.prod(shape), len(contents) - file.tell()
+    if min(shape, default=0) < 0 or count * dtype.itemsize > room:
+        raise ContentsError(f"Its header promises {count:,} numbers; the file is too short.")
+    try:
+        flat = np.frombuffer(contents, dtype, count, file.tell()) if count else np.empty(0, dtype)
+        return flat.reshape(shape, order="F" if in_columns else "C")
+    except ValueError as error:
+        raise ContentsError("Its header has a shape that no array has.") from error
+
+
+def read_table(contents: bytes) -> NDArray[np.float64]:
+    """The rows and columns of numbers with commas between them.
+
+    Raises:
+        ContentsError: it is no such text.
+    """
+    text = decode(contents)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # an empty table is for the caller to refuse
+            return np.loadtxt(StringIO(text), delimiter=",", ndmin=2)
+    except Exception as error:  # wrong text leads numpy's reader into errors of several types
+        raise ContentsError(str(error).splitlines()[0][:200]) from error
