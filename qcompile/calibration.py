@@ -333,10 +333,14 @@ def load_counts(path: Path) -> Calibration:
     try:
         values = json.loads(read_file(path))
         if isinstance(values, dict):
-            values = {k: v for k, v in values.items() if k not in ("readout", "response", "unfitted")}
+            values = {
+                k: v for k, v in values.items() if k not in ("readout", "response", "unfitted")
+            }
         return Calibration.model_validate_json(json.dumps(values))
     except (OSError, ValueError, RecursionError) as error:
-        raise CalibrationError(f"{path} holds no counts of a calibration.", *explain(error)) from error
+        raise CalibrationError(
+            f"{path} holds no counts of a calibration.", *explain(error)
+        ) from error
 
 
 def is_calibration(path: Path) -> bool:

@@ -70,13 +70,18 @@ DAMAGES: dict[str, Change] = {
     "qubits must be there, each once": lambda c: c.update(qubits=[1, 1, 4]),
     "has no qubit 5": lambda c: c.update(qubits=[1, 2, 5]),
     "a fit has not one entry for each of 2 qubits": lambda c: c.update(qubits=[1, 2]),
-    "a row of counts has not one": lambda c: [row.pop() for row in c["response_counts"]["ones"]],
+    "a row of counts has not one": lambda c: [
+        row.pop() for name in ("prepared", "ones") for row in c["readout_counts"][name]
+    ],
+    "a row of angles_rad has not one angle": lambda c: c["response_counts"]["angles_rad"][2].pop(),
     "one row for each angle": lambda c: c["response_counts"]["ones"].pop(),
     "not the same shape": lambda c: c["readout_counts"]["ones"][0].pop(),
     "1001 ones in 1000 shots": lambda c: c["readout_counts"]["ones"][0].__setitem__(0, 1001),
     "readout_counts.prepared.0.0": lambda c: c["readout_counts"]["prepared"][0].__setitem__(0, 2),
     "readout.p10.1": lambda c: c["readout"]["p10"].__setitem__(1, 1.5),
-    "readout of qubit 2 .* shows less than 0.02": lambda c: c["readout"]["p01"].__setitem__(1, 1),
+    "readout of qubit 2 .* shows less than 0.02": lambda c: c["readout"].update(
+        p10=[0.4, 0.49, 0.4], p01=[0.4, 0.5, 0.4]
+    ),
     "readout of qubit 4 .*0.0099.* less than": lambda c: c["readout"].update(
         p10=[0.5] * 3, p01=[0.4, 0.4, 0.49001]
     ),

@@ -25,7 +25,8 @@ def within_cone(
     `free` (n, 3) are the least without that constraint, `information` (n, 3, 3) what a step away
     from them adds to the misfit. A free curve within the cone is its own answer; cvxpy solves for
     the others. The gap (n,) is an upper bound, in units of chi-square, on what a curve is above its
-    least misfit; a curve whose gap is above `most`, or nan, is solved for by a second solver, alone.
+    least misfit. A curve whose gap is above `most`, or nan, is solved for again, alone, by a second
+    solver.
     """
     size = _size(free)
     curves = free / np.maximum(size, 1.0)[:, None]

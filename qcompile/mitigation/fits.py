@@ -20,7 +20,7 @@ PRIOR_SHOTS = 8.0
 """What all qubits together say of a qubit's readout weighs as much as so many shots of its own."""
 
 _MOST_GAP = 1e-3
-"""In units of chi-square: a fit that is nearer to the best one than 0.03 standard errors is kept."""
+"""In units of chi-square: a fit is kept that is within 0.03 standard errors of the best one."""
 _EXACT = 1e8
 """The weight of exact probabilities: they are taken to be known to 1e-4 of <Z>."""
 
@@ -96,7 +96,7 @@ def fit_response(
     if lost := qubits[~(gaps <= _MOST_GAP)].tolist():
         raise CalibrationError(
             f"No solver finds the response curve of qubit {listed(list(map(str, lost)))}.",
-            "The counts are kept: `qcompile calibrate --from FILE --qubits ...` fits those of the others.",
+            "`qcompile calibrate --from FILE --qubits ...` fits the counts of the others.",
         )
     if shots is None:
         covariance = np.zeros_like(covariance)

@@ -76,7 +76,8 @@ def calibrate(
         readout_counts = ReadoutCounts(prepared=_plain(prepared), ones=_plain(ones), shots=shots)
     if "response" in parts:
         on_circuit(of - len(angles_rad), of)
-        ones = _ones(executor, _turn(qubits, executor.device), angles_rad, shots)
+        orders, own = np.unique(angles_rad, axis=1, return_inverse=True)
+        ones = _ones(executor, _turn(qubits, executor.device, own.ravel()), orders, shots)
         response_counts = ResponseCounts(
             angles_rad=_plain(angles_rad), ones=_plain(ones), shots=shots
         )
@@ -170,7 +171,7 @@ def patterns(qubits: int) -> IntArray:
 def _ones(
     executor: Executor, executable: Executable, turns: FloatArray | None, shots: int | None
 ) -> FloatArray:
-    """Ones (rows, qubits), or without shots probabilities, for one row or for turns (rows, qubits)."""
+    """Ones (rows, qubits), or without shots probabilities, for one row or for turns (rows, n)."""
     x, theta = _NOTHING if turns is None else (turns, _NOTHING[1])
     if shots is None:
         return np.asarray((1.0 - executor.expectation(executable, x, theta)) / 2.0)
@@ -185,10 +186,10 @@ def _prepare(prepared: IntArray, qubits: IntArray, device: Device) -> Executable
     return replace(compiled, qubits=np.tile(qubits, len(prepared)), rounds=rounds)
 
 
-def _turn(qubits: IntArray, device: Device) -> Executable:
-    """sx rz(x_i) sx, or rx(x_i), on the i-th of `qubits`."""
-    inputs = tuple(f"x{i}" for i in range(len(qubits)))
-    program = Program(tuple(_turned(Angle.symbol(name), device) for name in inputs), inputs)
+def _turn(qubits: IntArray, device: Device, own: IntArray) -> Executable:
+    """sx rz(a) sx, or rx(a), on every one of `qubits`; `own` has the number of the input a."""
+    inputs = tuple(f"x{order}" for order in range(own.max() + 1))
+    program = Program(tuple(_turned(Angle.symbol(inputs[i]), device) for i in own), inputs)
     return Executable(program, program, device, 2, qubits, np.zeros_like(qubits))
 
 

@@ -152,8 +152,9 @@ def _scatter(calibration: Calibration) -> FloatArray:
 
 def _check_tilt(tilted: NDArray[np.intp]) -> None:
     if tilted.size:
+        which = listed([str(q) for q in np.unique(tilted)])
         raise CalibrationError(
-            f"The response of qubit {listed([str(q) for q in np.unique(tilted)])} is turned by more "
+            f"The response of qubit {which} is turned by more "
             f"than {MOST_TILT_RAD} rad: one measured <Z> then belongs to two ideal ones.",
             "Bend the angles instead (--predistort), or use --mitigation readout or other qubits.",
         )
