@@ -338,9 +338,7 @@ def load_counts(path: Path) -> Calibration:
             }
         return Calibration.model_validate_json(json.dumps(values))
     except (OSError, ValueError, RecursionError) as error:
-        raise CalibrationError(
-            f"{path} holds no counts of a calibration.", *explain(error)
-        ) from error
+        raise CalibrationError(f"{path} holds no counts to fit.", *explain(error)) from error
 
 
 def is_calibration(path: Path) -> bool:

@@ -1,4 +1,4 @@
-"""Mitigation: measured, fitted once (with cvxpy where a constraint binds), undone in closed form."""
+"""Mitigation: measured, fitted once (by cvxpy where a constraint binds), undone in closed form."""
 
 from qcompile.mitigation.drift import Drift, measure_drift
 from qcompile.mitigation.measure import (

@@ -139,7 +139,7 @@ def test_a_bad_fit_is_told_in_words(qcompile: Call, monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(measure, "_ones", drifting)
     answer = qcompile(*LIMA)
     assert (answer.code, answer.err) == (0, "")
-    assert "qubit 3: its response is no curve b + c cos(a) + s sin(a)" in answer.out
+    assert "The response of qubit 3 is not a curve of its own angle alone, or" in answer.out
     assert answer.out.count("p-value") == 1
 
 
