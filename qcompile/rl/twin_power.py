@@ -30,6 +30,7 @@ EFFECT = 0.05
 POWER = 0.9
 """It finds that on any one qubit at least this often."""
 _LEAST_ROWS, _MOST_ROWS = 4, 16
+_LEAST_SHOTS = 256
 _MOST_SHOTS = 4
 """Times the shots of the calibration: beyond that its own errors are all that is seen."""
 _MOST_EXECUTIONS = 60_000
@@ -97,7 +98,7 @@ class TwinShown:
         return np.asarray(np.maximum(1.0 - self.expected**2, 1.0 / shots) / shots)
 
     def powers(self, shots: int, effect: float) -> FloatArray:
-        """How often a check finds `effect` with the first row, the first two, ..., (rows, qubits)."""
+        """How often a check of the first row, the first two, ... finds `effect`, (rows, qubits)."""
         from scipy.stats import chi2, ncx2
 
         weighed = self.design / self.variance(shots)[..., None]
@@ -178,8 +179,8 @@ def _trials(calibration: Calibration) -> IntArray:
     """Numbers of shots to choose from, each a tenth more than the last."""
     counts = calibration.response_counts
     measured = 8192 if counts is None or counts.shots is None else counts.shots
-    most = min(_MOST_SHOTS * measured, MAX_SHOTS)
-    return np.unique(np.ceil(np.geomspace(16, max(most, 16), 80) / 16).astype(int) * 16)
+    most = max(min(_MOST_SHOTS * measured, MAX_SHOTS), _LEAST_SHOTS)
+    return np.unique(np.ceil(np.geomspace(_LEAST_SHOTS, most, 60) / 16).astype(int) * 16)
 
 
 def _check_curves(executable: Executable) -> None:

@@ -143,6 +143,75 @@ def test_a_bad_fit_is_told_in_words(qcompile: Call, monkeypatch: pytest.MonkeyPa
     assert answer.out.count("p-value") == 1
 
 
+# Kept counts.
+
+
+def test_counts_whose_fits_failed_are_fitted_anew(
+    qcompile: Call, left: Call, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from qcompile.mitigation import cone
+
+    with monkeypatch.context() as failing:
+        nothing = (np.zeros((1, 3)), np.array([np.nan]))
+        failing.setattr(cone, "_solve", lambda *_: nothing)
+        words = ("calibrate", "--backend", "ideal", "--qubits", "0,1,2,3", "--seed", 37)
+        answer = qcompile(*words, "--out", "paid.json")
+    assert answer.code == 1
+    assert "No solver finds the response curve of qubit" in answer.err
+    monkeypatch.setattr("qcompile.mitigation.calibrate", lambda *_, **__: pytest.fail("measured"))
+    answer = qcompile("calibrate", "--from", "paid.json", "--plot", "a.png", "--json")
+    assert (answer.code, answer.err) == (0, "")
+    assert left() == ["a.png", "ideal-calibration.json", "paid.json"]
+    paid, fitted = (load_calibration(Path(name)) for name in ("paid.json", left()[1]))
+    assert paid.response is None
+    assert fitted.response is not None
+    assert (fitted.created, fitted.response_counts) == (paid.created, paid.response_counts)
+    assert answer.json()["file"] == "ideal-calibration.json"
+    assert answer.json()["executions"] == paid.executions
+    assert all(row["contrast"] > 0.999 for row in answer.json()["qubits"])
+
+
+def test_kept_counts_of_some_qubits(qcompile: Call) -> None:
+    assert qcompile(*LIMA, "--out", "a.json").code == 0
+    words = ("calibrate", "--from", "a.json", "--qubits", "1,4")
+    assert qcompile(*words, "--out", "b.json").out.endswith("calibration in b.json\n")
+    assert load_calibration(Path("b.json")).qubits == (1, 4)
+    answer = qcompile(*words, "--out", "a.json")
+    assert (answer.code, answer.out) == (1, "")
+    assert answer.err.startswith("Error: a.json is there already.\n")
+    assert qcompile(*words, "--out", "a.json", "--force").code == 0
+    assert load_calibration(Path("a.json")) == load_calibration(Path("b.json"))
+    answer = qcompile("calibrate", "--from", "a.json", "--qubits", "2", "--out", "c.json")
+    assert (answer.code, answer.out) == (1, "")
+    assert "Qubit 2 has no calibration.\n  Calibrated on fake_lima: 1 4" in answer.err
+
+
+@pytest.mark.usefixtures("nothing_is_measured")
+@pytest.mark.parametrize(
+    "words",
+    [
+        *(("--backend", "fake_lima"), ("--shots", 8192), ("--seed", 1), ("--check", "a.json")),
+        *(("--parts", "readout"), ("--live", "--max-qpu-seconds", 9), ("--policy", "cartpole")),
+        *(("--max-age-hours", 3), ("--max-qpu-seconds", 9)),
+    ],
+    ids=lambda words: words[0],
+)
+def test_fitting_anew_measures_nothing(qcompile: Call, words: tuple[object, ...]) -> None:
+    answer = qcompile("calibrate", "--from", "a.json", *words)
+    assert (answer.code, answer.out) == (2, "")
+    assert f"{words[0]} is for" in answer.err
+
+
+def test_what_has_no_counts_is_not_fitted(qcompile: Call) -> None:
+    Path("a.json").write_text(load_device("fake_lima").to_json())
+    answer = qcompile("calibrate", "--from", "a.json")
+    assert (answer.code, answer.out) == (1, "")
+    assert answer.err.startswith("Error: a.json holds no counts to fit.\n")
+    answer = qcompile("calibrate")
+    assert (answer.code, answer.out) == (2, "")
+    assert "--backend names what to measure" in answer.err
+
+
 # Checks.
 
 

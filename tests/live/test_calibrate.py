@@ -16,6 +16,7 @@ from scipy.stats import norm
 
 from qcompile.calibration import Calibration, load_calibration
 from qcompile.device import Device
+from qcompile.errors import CalibrationError
 from qcompile.execution import OfflineExecutor
 from qcompile.ir import Circuit, Program
 from qcompile.live.connection import Connection
@@ -123,6 +124,53 @@ def test_a_file_that_is_there_is_refused_before_anything_is_sent(runs: Runs) -> 
     assert answer.code == 1
     assert "machine.json is there already." in answer.err
     assert not runs.service.ledger().jobs
+
+
+def test_force_overwrites_the_file_itself(runs: Runs) -> None:
+    """Not a file beside it: nor where another calibration came in between."""
+    Path("machine.json").write_text("old")
+    answer = calibrated(runs, "--force", shots=100)
+    assert answer.code == 0, answer.err
+    assert answer.json()["file"].endswith("/machine.json")
+    first = load_calibration(Path("machine.json"))
+    runs.service.settings.queue_seconds = 0.3
+    runs.service.settings.seed = 5
+    assert calibrated(runs, "--force", "--max-wait-seconds", 0.05, shots=100).code == 1
+    assert load_calibration(Path("machine.json")) == first
+    assert runs.call("resume", "last", "--json").code == 0
+    assert load_calibration(Path("machine.json")).response_counts != first.response_counts
+    assert [path.name for path in Path().glob("*.json")] == ["machine.json"]
+
+
+def test_without_force_a_file_that_came_in_between_is_kept(runs: Runs) -> None:
+    runs.service.settings.queue_seconds = 0.3
+    assert calibrated(runs, "--max-wait-seconds", 0.05, shots=100).code == 1
+    Path("machine.json").write_text("mine")
+    answer = runs.call("resume", "last", "--json")
+    assert answer.code == 0, answer.err
+    assert Path("machine.json").read_text() == "mine"
+    other = Path(answer.json()["file"])
+    assert other.name == f"machine-{answer.json()['run']}.json"
+    assert load_calibration(other).kind == "hardware"
+
+
+def test_counts_that_a_run_kept_are_fitted_anew(
+    runs: Runs, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as failing:
+        failing.setattr("qcompile.mitigation.measure.fit_response", unfit)
+        assert calibrated(runs).code == 1
+    answer = runs.call("calibrate", "--from", "machine.json", "--out", "new.json", "--json")
+    assert answer.code == 0, answer.err
+    kept, found = (load_calibration(Path(name)) for name in ("machine.json", "new.json"))
+    assert kept.response is None
+    assert (found.kind, found.created) == ("hardware", kept.created)
+    assert found.response is not None
+    assert len(runs.service.ledger().jobs) == 1
+
+
+def unfit(*_: Any) -> None:
+    raise CalibrationError("No fit.")
 
 
 def test_a_calibration_goes_on_where_it_stopped(runs: Runs) -> None:
