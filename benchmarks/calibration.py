@@ -120,7 +120,7 @@ def p_values() -> list[Row]:
         executable = qcompile.compile(policy.trained_program, device, importance=policy.importance)
         qubits = np.unique(executable.qubits)
         first = live(qcompile.OfflineExecutor(device, 0), qubits)
-        observations, shots = choose_check(first, policy, wide_observations(policy, first, 0))
+        observations, shots, _ = choose_check(first, policy, wide_observations(policy, first, 0))
         checks, drifts = [], list[np.ndarray]()
         for seed in range(TESTED):
             machine = qcompile.OfflineExecutor(device, seed)
@@ -146,7 +146,9 @@ def power() -> list[Row]:
         moved = Device(**device.model_dump() | {"qubits": tuple(records)})
         twin = live(qcompile.OfflineExecutor(device, seed), qubits)
         if seed % 20 == 0:
-            observations, shots = choose_check(twin, policy, wide_observations(policy, twin, seed))
+            observations, shots, _ = choose_check(
+                twin, policy, wide_observations(policy, twin, seed)
+            )
         machine = qcompile.OfflineExecutor(moved, 10_000 + seed)
         check = check_twin(twin, policy, observations, machine, shots)
         found.append(qubit in check.failed)

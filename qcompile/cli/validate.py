@@ -74,7 +74,8 @@ def command(
     takes the fewest executions that find a p01 of any one qubit raised by --effect with --power.
     With --live on the machine that FILE was measured on, for a few seconds.
     """
-    if power is not None and rows is not None and shots is not None:
+    is_free = rows is None or shots is None
+    if power is not None and not is_free:
         raise click.UsageError(
             "--power chooses --observations and --shots: leave one of the three out."
         )
@@ -90,7 +91,7 @@ def command(
     from qcompile.rl.twin_power import POWER, choose_check
 
     calibration, loaded = load_calibration(file), load_policy(policy)
-    observations, shots = choose_check(
+    observations, shots, least = choose_check(
         calibration,
         loaded,
         wide_observations(loaded, calibration, seed),
@@ -99,6 +100,12 @@ def command(
         power=power or POWER,
         effect=effect,
     )
+    if is_free and least < (power or POWER):
+        click.echo(
+            f"A p01 raised by {effect:g} is found {100 * least:.0f} % of the time at least: {file} "
+            "has too few shots for more. Calibrate with more of them.",
+            err=True,
+        )
     if live is None:
         found: dict[str, Any] = {"file": str(file), "shots": shots}
         found |= _offline(calibration, loaded, observations, backend, shots, seed, effect)

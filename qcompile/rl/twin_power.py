@@ -149,8 +149,10 @@ def choose_check(
     shots: int | None = None,
     power: float = POWER,
     effect: float = EFFECT,
-) -> tuple[FloatArray, int]:
+) -> tuple[FloatArray, int, float]:
     """Observations (rows, features) out of `seen`, and shots, that find `effect` with `power`.
+
+    The third is the power they have, on the qubit where it is least.
 
     Of all that do, those of the fewest executions; rows or shots that are given stay. Where
     _MOST_EXECUTIONS or the calibration's own errors do not allow for that power, it is nearly the
@@ -161,18 +163,17 @@ def choose_check(
     """
     visible = TwinShown.of(calibration, policy, seen).visible()
     order = choose_rows(visible, rows or min(_MOST_ROWS, len(seen)))
-    if rows is not None and shots is not None:
-        return seen[order], shots
-    trials = np.array([shots]) if shots is not None else _trials(calibration)
     chosen = TwinShown.of(calibration, policy, seen[order])
+    trials = np.array([shots]) if shots is not None else _trials(calibration)
     found = np.array([chosen.powers(int(trial), effect).min(axis=1) for trial in trials])
     first = (min(_LEAST_ROWS, len(order)) if rows is None else rows) - 1
     counts, found = np.arange(first, len(order)) + 1, found[:, first:]
     executions = trials[:, None] * counts
     found = np.where(executions <= max(_MOST_EXECUTIONS, executions.min()), found, -1.0)
-    enough = found >= min(power, _WITHIN_REACH * float(found.max()))
+    most = float(found.max())
+    enough = found >= (power if most >= power else _WITHIN_REACH * most)
     trial, row = np.unravel_index(np.where(enough, executions, np.inf).argmin(), found.shape)
-    return seen[order[: counts[row]]], int(trials[trial])
+    return seen[order[: counts[row]]], int(trials[trial]), float(found[trial, row])
 
 
 def _trials(calibration: Calibration) -> IntArray:
