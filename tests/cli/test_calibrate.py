@@ -14,6 +14,9 @@ import pytest
 
 from qcompile.calibration import load_calibration
 from qcompile.device import load_device
+from qcompile.execution import OfflineExecutor
+from qcompile.mitigation import calibrate
+from qcompile.mitigation.measure import RESPONSE_ANGLES_RAD
 
 Call = Callable[..., Any]
 
@@ -227,6 +230,22 @@ def test_a_calibration_that_holds_passes(qcompile: Call, left: Call) -> None:
     found = qcompile(*words, "--json").json()
     assert found["file"] is None
     assert (found["check"]["file"], found["check"]["drifted"]) == ("old.json", [])
+
+
+def test_a_file_of_version_0_1_is_checked_with_its_own_circuits(qcompile: Call) -> None:
+    """All qubits turned alike: else what depends on neighbours would read as drift."""
+    lima = OfflineExecutor(load_device("fake_lima"), 5)
+    alike = np.repeat(RESPONSE_ANGLES_RAD[:, None], 5, axis=1)
+    values = calibrate(lima, np.arange(5), 1000, angles_rad=alike).model_dump(mode="json")
+    values["response_counts"]["angles_rad"] = RESPONSE_ANGLES_RAD.tolist()
+    Path("old.json").write_text(json.dumps(values))
+    words = ("--check", "old.json", "--qubits", "1,3", "--seed", 2, "--out", "new.json", "--json")
+    answer = qcompile("calibrate", "--backend", "fake_lima", *words)
+    assert (answer.code, answer.err) == (0, "")
+    assert answer.json()["check"]["degrees"] == 2 + 8
+    fresh = load_calibration(Path("new.json")).response_counts
+    assert fresh is not None
+    np.testing.assert_array_equal(fresh.angles, alike[:, :2])
 
 
 def test_a_qubit_that_moved_is_found(qcompile: Call) -> None:

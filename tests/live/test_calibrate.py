@@ -7,6 +7,7 @@ import time
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,11 +16,14 @@ from live_runs import Runs
 from scipy.stats import norm
 
 from qcompile.calibration import Calibration, load_calibration
-from qcompile.device import Device
+from qcompile.device import Device, load_device
 from qcompile.errors import CalibrationError
 from qcompile.execution import OfflineExecutor
 from qcompile.ir import Circuit, Program
 from qcompile.live.connection import Connection
+from qcompile.live.measure import CalibrateTask
+from qcompile.live.task import Context
+from qcompile.mitigation.measure import LIVE_ANGLES_RAD
 from qcompile.passes import compile
 
 SHOTS = 2000
@@ -152,6 +156,59 @@ def test_without_force_a_file_that_came_in_between_is_kept(runs: Runs) -> None:
     other = Path(answer.json()["file"])
     assert other.name == f"machine-{answer.json()['run']}.json"
     assert load_calibration(other).kind == "hardware"
+
+
+def test_misfits_are_told_before_anything_is_spent(runs: Runs) -> None:
+    assert calibrated(runs).code == 0
+    values = json.loads(Path("machine.json").read_text())
+    values["response"]["chi_square"] = [500.0] * 5
+    Path("machine.json").write_text(json.dumps(values))
+    words = ("--backend", "fake_lima", "--calibration", "machine.json", "--max-steps", 2)
+    answer = runs.call(
+        *("run", "cartpole", *words, "--episodes", 1, "--shots", 64, "--json"),
+        *("--live", "--max-qpu-seconds", 20, "--yes"),
+    )
+    assert answer.code == 0, answer.err
+    told, spent = answer.err.split("fake_lima: ", 1)
+    assert "machine.json: The response of qubit 0, " in told
+    assert "QPU seconds" in spent
+    assert len(answer.json()["calibration_misfits"]) == 4
+
+
+class Counted:
+    """Jobs that are answered at once from the noise model; `requests` is what was asked for."""
+
+    journal = SimpleNamespace(latest=lambda number: None)
+
+    def __init__(self, device: Device):
+        self.requests: list[Any] = []
+        self._machine = OfflineExecutor(device, 0)
+
+    def ones(self, request: Any) -> np.ndarray:
+        self.requests.append(request)
+        made = request.executable
+        assert made.native.inputs == ("x0",)
+        return self._machine.run(made, request.angles[:, 0], np.zeros(0), request.shots)
+
+
+def test_a_journal_of_version_0_1_goes_on_with_its_own_circuits() -> None:
+    """One angle for each circuit, the same on all qubits."""
+    device, jobs = load_device("fake_lima"), Counted(load_device("fake_lima"))
+    task = CalibrateTask.model_validate(
+        {
+            "backend": "fake_lima",
+            "device": device,
+            "qubits": (0, 3),
+            "shots": 500,
+            "parts": ("response",),
+            "angles_rad": LIVE_ANGLES_RAD.tolist(),
+            "out": None,
+        }
+    )
+    found = task.perform(Context(jobs, lambda words: None))["calibration"]  # type: ignore[arg-type]
+    (request,) = jobs.requests
+    np.testing.assert_array_equal(request.angles[..., 0], LIVE_ANGLES_RAD[:, None].repeat(2, 1))
+    assert found["unfitted"] == []
 
 
 def test_counts_that_a_run_kept_are_fitted_anew(
