@@ -158,8 +158,12 @@ def _offline(
     seed: int,
     effect: float,
 ) -> dict[str, Any]:
+    import numpy as np
+
     from qcompile.execution import open_executor
     from qcompile.rl.twin_check import check_twin
 
-    executor = open_executor(backend or calibration.device, seed)
+    # A stream of its own: `calibrate --seed` with the same number has drawn from that of the number.
+    (fresh,) = np.random.SeedSequence(seed).spawn(1)
+    executor = open_executor(backend or calibration.device, fresh)
     return check_twin(calibration, policy, observations, executor, shots, effect).values()
