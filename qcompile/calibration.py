@@ -6,7 +6,6 @@ import json
 import math
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import datetime
 from functools import cached_property
 from pathlib import Path
@@ -156,35 +155,9 @@ class ResponseFit(_Record):
         contrast = np.einsum("qi,qij,qj->q", along, covariance[:, 1:, 1:], along)
         return np.asarray(np.sqrt(np.maximum(contrast, covariance[:, 0, 0])))
 
-    def polar(self, sign: float) -> PolarCurves:
-        """The curves in the ideal polar angle w, a = w for `sign` 1 and w + pi for -1."""
-        b, c, s = (np.array(self.curves) * [1.0, sign, sign]).T
-        side = np.where(c < 0.0, -1.0, 1.0)
-        contrast, tilt = side * np.hypot(c, s), np.arctan2(side * s, side * c)
-        jacobian = np.zeros((len(b), 3, 3))  # of (offset, contrast, tilt) by (b, c, s)
-        jacobian[:, 0, 0] = 1.0
-        jacobian[:, 1, 1:] = sign * np.stack([c, s], axis=1) / contrast[:, None]
-        jacobian[:, 2, 1:] = sign * np.stack([-s, c], axis=1) / contrast[:, None] ** 2
-        covariance = jacobian @ self._covariance @ jacobian.transpose(0, 2, 1)
-        return PolarCurves(b, contrast, tilt, covariance)
-
     @property
     def _covariance(self) -> FloatArray:
         return np.array(self.covariance).reshape(-1, 3, 3)
-
-
-@dataclass(frozen=True, eq=False)
-class PolarCurves:
-    """Measured <Z> = offset + contrast cos(w - tilt) of each qubit, w the ideal polar angle.
-
-    Arrays of (qubits,), tilts in [-pi/2, pi/2] radians: contrast is negative where 0 and 1 are
-    swapped. `covariance` (qubits, 3, 3) is that of (offset, contrast, tilt).
-    """
-
-    offset: FloatArray
-    contrast: FloatArray
-    tilt: FloatArray
-    covariance: FloatArray
 
 
 def _is_covariance(matrix: FloatArray) -> bool:

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
-from click.core import ParameterSource
 
 from qcompile.cli.calibrate_check import MAX_AGE_HOURS, comparable, comparison, failures
+from qcompile.cli.calibrate_from import refit
+from qcompile.cli.calibrate_outputs import check_fitted, check_out, check_plot, show_calibration
 from qcompile.cli.live_options import Live, live_options, spend
 from qcompile.cli.options import (
     PARTS,
@@ -19,7 +20,6 @@ from qcompile.cli.options import (
     Qubits,
     Shots,
     check_distinct,
-    echo_json,
     json_option,
 )
 
@@ -100,13 +100,13 @@ def command(
     fits counts again that are there.
     """
     if from_file is not None:
-        _refit(ctx, from_file, qubits, out, force, plot, as_json)
+        refit(ctx, from_file, qubits, out, force, plot, as_json)
         return
     if backend is None:
         raise click.UsageError("--backend names what to measure; --from FILE fits kept counts.")
     if qubits is not None and policy is not None:
         raise click.UsageError("--qubits and --policy exclude each other: both name the qubits.")
-    _check_plot(plot)
+    check_plot(plot)
     if max_age_hours is not None and check is None:
         raise click.UsageError("--max-age-hours is for --check: nothing else looks at the age.")
     if force and check is not None and out is None:
@@ -153,7 +153,7 @@ def command(
     if out is None and check is None:
         out = Path(f"{device.name}-calibration.json")
     check_distinct({"--out": out, "--plot": plot})
-    _check_out(out, force)
+    check_out(out, force)
     if plot is not None:
         check_writable(plot)
 
@@ -193,7 +193,7 @@ def command(
         if out is not None:
             calibration.save(out)
         values = calibration_values(calibration) | {"file": None if out is None else str(out)}
-    _check_fitted(calibration, out)
+    check_fitted(calibration, out)
     failed: list[str] = []
     if old is not None:
         drift = measure_drift(old, calibration)
@@ -209,91 +209,11 @@ def command(
         failed = failures(values, max_age_hours or MAX_AGE_HOURS)
     last = [comparison(values)] if old is not None else []
     paid = [charged(values)] if live is not None else []
-    _show(calibration, values, out, plot, as_json, last, paid)
+    show_calibration(calibration, values, out, plot, as_json, last, paid)
     if failed:
         raise CalibrationError(
             f"{check} no longer holds.", *failed, f"Use a new one: --backend {backend} --out FILE"
         )
-
-
-def _refit(
-    ctx: click.Context,
-    from_file: Path,
-    qubits: tuple[int, ...] | None,
-    out: Path | None,
-    force: bool,
-    plot: Path | None,
-    as_json: bool,
-) -> None:
-    """Fit the counts of a file anew: nothing is measured, and nothing spent."""
-    allowed = {"from_file", "qubits", "out", "force", "plot", "as_json"}
-    for param in ctx.command.params:
-        source = ctx.get_parameter_source(str(param.name))
-        if param.name not in allowed and source is ParameterSource.COMMANDLINE:
-            raise click.UsageError(
-                f"{param.opts[0]} is for a measurement: --from measures nothing."
-            )
-    _check_plot(plot)
-    check_distinct({"--from": from_file, "--plot": plot})
-    from qcompile.calibration import load_counts
-    from qcompile.mitigation import fit_counts
-    from qcompile.report.calibration_values import calibration_values
-
-    counted = load_counts(from_file)
-    out = out or Path(f"{counted.backend}-calibration.json")
-    check_distinct({"--out": out, "--plot": plot})
-    _check_out(out, force)
-    calibration = fit_counts(counted, qubits)
-    calibration.save(out)
-    _check_fitted(calibration, out)
-    values = calibration_values(calibration) | {"file": str(out)}
-    _show(calibration, values, out, plot, as_json)
-
-
-def _show(
-    calibration: Calibration,
-    values: dict[str, Any],
-    out: Path | None,
-    plot: Path | None,
-    as_json: bool,
-    found: Sequence[str] = (),
-    paid: Sequence[str] = (),
-) -> None:
-    """Draw the calibration where it is wanted, and print it with the lines `found` and `paid`."""
-    from qcompile.errors import CalibrationError
-    from qcompile.mitigation.misfit import misfit_words
-    from qcompile.output import write_file
-    from qcompile.report.calibration import draw_calibration
-    from qcompile.report.calibration_values import print_calibration
-
-    if plot is not None:
-        try:
-            write_file(plot, draw_calibration(calibration))
-        except KeyboardInterrupt:
-            where = "" if out is None else f" The calibration is in {out}."
-            raise CalibrationError(f"Interrupted: {plot} was not drawn.{where}") from None
-    if as_json:
-        echo_json(values)
-        return
-    print_calibration(values)
-    written = [
-        f"{what} in {path}" for what, path in (("calibration", out), ("picture", plot)) if path
-    ]
-    for line in (*misfit_words(values["calibration_misfits"]), *found, *written, *paid):
-        click.echo(line)
-
-
-def _check_fitted(calibration: Calibration, out: Path | None) -> None:
-    from qcompile.errors import CalibrationError
-
-    if calibration.unfitted:
-        where = "Nothing was kept" if out is None else f"The counts are in {out}"
-        raise CalibrationError(f"Not everything could be fitted. {where}.", *calibration.unfitted)
-
-
-def _check_plot(plot: Path | None) -> None:
-    if plot is not None and plot.suffix != ".png":
-        raise click.BadParameter(f"{plot} must end with .png.", param_hint="'--plot'")
 
 
 def _qubits(
@@ -322,17 +242,3 @@ def _qubits(
         placed = compile(loaded.trained_program, device, 2, loaded.importance).qubits
         return sorted(set(placed.tolist()))
     return sorted(device.usable) if old is None else old.qubits
-
-
-def _check_out(out: Path | None, force: bool) -> None:
-    from qcompile.errors import OutputError
-    from qcompile.output import check_writable
-
-    if out is None:
-        return
-    if out.is_file() and not force:
-        raise OutputError(
-            f"{out} is there already.",
-            "It may have been paid for: choose another with --out, or overwrite it with --force.",
-        )
-    check_writable(out)

@@ -163,7 +163,7 @@ def _offline(
     from qcompile.execution import open_executor
     from qcompile.rl.twin_check import check_twin
 
-    # A stream of its own: `calibrate --seed` with the same number has drawn from that of the number.
+    # A stream of its own: `calibrate --seed` draws from that of the number itself.
     (fresh,) = np.random.SeedSequence(seed).spawn(1)
     executor = open_executor(backend or calibration.device, fresh)
     return check_twin(calibration, policy, observations, executor, shots, effect).values()

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from qcompile.calibration import Calibration
 from qcompile.errors import CalibrationError
 from qcompile.mitigation.misfit import misfits
+from qcompile.mitigation.polar import polar_curves
 from qcompile.passes import Executable
 from qcompile.validation import listed
 
@@ -126,7 +127,7 @@ def response_mitigation(
             *calibration.unfitted,
             _instead("readout", calibration.readout, "response"),
         )
-    polar = fit.polar(math.cos(executable.angle_offset_rad))
+    polar = polar_curves(fit, math.cos(executable.angle_offset_rad))
     offset, contrast, tilt = (of[rows] for of in (polar.offset, polar.contrast, polar.tilt))
     covariance = polar.covariance[rows] * _scatter(calibration)[rows, None, None]
     # A tilt within its error costs more than it brings.

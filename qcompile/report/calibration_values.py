@@ -9,6 +9,7 @@ import numpy as np
 
 from qcompile.calibration import Calibration, ReadoutFit, ResponseFit
 from qcompile.mitigation.misfit import misfits, p_values
+from qcompile.mitigation.polar import polar_curves
 from qcompile.report.tables import plural, print_table
 
 
@@ -57,7 +58,8 @@ def _fit(part: str, fit: ReadoutFit | ResponseFit, shots: int | None) -> dict[st
 def _response(calibration: Calibration) -> dict[str, list[float]]:
     """Offset, contrast and tilt of every qubit in the ideal polar angle, with standard errors."""
     assert calibration.response is not None
-    curves = calibration.response.polar(1.0 if "rx" in calibration.device.basis_gates else -1.0)
+    sign = 1.0 if "rx" in calibration.device.basis_gates else -1.0
+    curves = polar_curves(calibration.response, sign)
     variances = np.diagonal(curves.covariance, axis1=1, axis2=2)
     errors = np.sqrt(np.maximum(variances, 0.0))  # one that is nothing may be rounded below 0
     return {

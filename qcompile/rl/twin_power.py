@@ -19,6 +19,7 @@ from qcompile.errors import CalibrationError
 from qcompile.execution import TwinExecutor
 from qcompile.limits import MAX_SHOTS
 from qcompile.mitigation.drift import DRIFT_LEVEL
+from qcompile.mitigation.polar import polar_curves
 from qcompile.passes import Executable, compile
 from qcompile.policy import Policy
 
@@ -81,7 +82,7 @@ class TwinShown:
         angles = executable.bind(x, _NO_THETA)
         qubits, own = np.unique(executable.qubits, return_inverse=True)
         rows = calibration.rows(qubits)
-        contrast = fit.polar(math.cos(executable.angle_offset_rad)).contrast[rows]
+        contrast = polar_curves(fit, math.cos(executable.angle_offset_rad)).contrast[rows]
         moves = -np.array(fit.curves)[rows] / contrast[:, None]
         moves[:, 0] = 1.0
         return cls(
