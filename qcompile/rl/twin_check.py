@@ -133,9 +133,8 @@ def wide_observations(policy: Policy, calibration: Calibration, seed: int) -> Fl
     A mixture takes every feature from another step, times one of _STRETCHES: so qubits show parts
     of their curves that they rarely show while the policy plays.
     """
-    deployment = Deployment(
-        policy, TwinExecutor(calibration, seed), shots=1024, mitigation="response", seed=seed
-    )
+    twin = TwinExecutor(calibration, seed)
+    deployment = Deployment(policy, twin, shots=1024, predistort=True, seed=seed)
     kept = _Kept()
     play(deployment, _EPISODES, max_steps=_STEPS, record=kept)
     seen = np.concatenate(kept.observations)

@@ -67,6 +67,18 @@ def test_the_defaults_have_the_power_that_is_wanted(qcompile: Call) -> None:
     assert surer["shots"] * surer["observations"] > found["shots"] * found["observations"]
 
 
+def test_a_twin_that_is_turned_can_be_validated(qcompile: Call) -> None:
+    """Though its response cannot be undone; the device is not turned, and so it fails."""
+    values = json.loads(Path("lima.json").read_text())
+    for curve in values["response"]["curves"]:
+        curve[1:] = [0.5 * curve[1], 0.5 * curve[1]]
+    Path("lima.json").write_text(json.dumps(values))
+    answer = qcompile(*WORDS, "--json")
+    assert answer.code == 1
+    assert answer.json()["failed"]
+    assert "is not its machine any more" in answer.err
+
+
 def test_a_power_that_cannot_be_had_is_told(qcompile: Call) -> None:
     answer = qcompile("validate", "lima.json", "--policy", "cartpole", "--effect", 0.01, "--json")
     assert answer.code == 0
