@@ -5,10 +5,10 @@ BIN := $(VENV)/bin
 EPISODES ?= 20
 
 .DEFAULT_GOAL := help
-.PHONY: help run study test lint types bench chaos docs clean
+.PHONY: help run study test lint types bench calibrations chaos docs clean
 
 help:  ## Show this help
-	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-7s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 run: $(VENV)/run.stamp  ## Land the trained LunarLander policy on ibm_lima's noise model
 	$(BIN)/qcompile run lunarlander --backend ibm_lima --shots 8192 --episodes $(EPISODES)
@@ -31,6 +31,9 @@ bench: $(VENV)/bench.stamp  ## Measure speed and errors beside the peers, in one
 	$(BIN)/python benchmarks/reading.py
 	$(BIN)/python benchmarks/mitigation.py
 	$(BIN)/python benchmarks/training.py
+
+calibrations: $(VENV)/dev.stamp  ## Measure fits, false alarms, p-values and power of calibrations (minutes)
+	$(BIN)/python benchmarks/calibration.py
 
 chaos: $(VENV)/dev.stamp  ## Kill live runs and break their service, and compare (half an hour)
 	$(BIN)/python benchmarks/chaos.py

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
 from collections.abc import Sequence
@@ -28,6 +29,8 @@ LEAST_CONTRAST = 0.02
 """A qubit that shows less of <Z> cannot be undone."""
 MOST_ERROR = 0.1
 """A contrast, or an offset, that is known less well needs more shots."""
+_SURE = 3.0
+"""The sign of a contrast is known where it is so many standard errors."""
 MARK = b'"qcompile-calibration-'
 _ROUNDING = 1e-6
 
@@ -64,12 +67,13 @@ class ReadoutCounts(_Record):
 
 
 class ResponseCounts(_Record):
-    """Ones of each qubit after sx rz(a) sx (rx(a) where it is native), (angles, qubits).
+    """Ones of each qubit after sx rz(a) sx (rx(a) where it is native), (circuits, qubits).
 
-    Without shots `ones` are probabilities.
+    `angles_rad` has the angle of each circuit and qubit, or of each circuit where all qubits were
+    turned alike, as earlier files have it. Without shots `ones` are probabilities.
     """
 
-    angles_rad: tuple[Finite, ...]
+    angles_rad: tuple[Finite, ...] | tuple[tuple[Finite, ...], ...]
     ones: tuple[tuple[Count, ...], ...]
     shots: Shots | None
 
@@ -77,8 +81,18 @@ class ResponseCounts(_Record):
     def _check(self) -> ResponseCounts:
         if len(self.angles_rad) != len(self.ones) or not self.ones:
             raise ValueError("ones has not one row for each angle, of which there is one at least")
+        for angles, ones in zip(self.angles_rad, self.ones, strict=True):
+            if isinstance(angles, tuple) and len(angles) != len(ones):
+                raise ValueError("a row of angles_rad has not one angle for each qubit")
         _check_ones(self.ones, self.shots)
         return self
+
+    @property
+    def angles(self) -> FloatArray:
+        """The angle of each circuit and qubit, (circuits, qubits)."""
+        angles = np.array(self.angles_rad)
+        angles = angles if angles.ndim == 2 else angles[:, None]
+        return np.broadcast_to(angles, np.shape(self.ones)).copy()
 
 
 def _check_ones(ones: tuple[tuple[float, ...], ...], shots: int | None) -> None:
@@ -99,7 +113,7 @@ class ReadoutFit(_Record):
 
     @property
     def contrast(self) -> FloatArray:
-        """How much of <Z> is left of each qubit, (qubits,)."""
+        """How much of <Z> is left of each qubit, (qubits,): negative where 0 and 1 are swapped."""
         return np.asarray(1.0 - np.array(self.p10) - np.array(self.p01))
 
     @property
@@ -160,7 +174,7 @@ def weakness(fit: ReadoutFit | ResponseFit, qubits: Sequence[int]) -> list[str]:
     Numbers are rounded towards the failing side, so that they never read as the limit itself.
     """
     part = "readout" if isinstance(fit, ReadoutFit) else "response"
-    kept, error = fit.contrast, fit.error
+    kept, error = np.abs(fit.contrast), fit.error
     weak = [
         f"{q} ({math.floor(1e4 * c) / 1e4:g})"
         for q, c in zip(qubits, kept, strict=True)
@@ -172,16 +186,17 @@ def weakness(fit: ReadoutFit | ResponseFit, qubits: Sequence[int]) -> list[str]:
             "errors cannot be undone.",
             "Leave it out (`left_out` in the device file), or run with --mitigation none.",
         ]
+    limit = np.minimum(MOST_ERROR, kept / _SURE)
     unknown = [
         f"{q} ({math.ceil(1e3 * e) / 1e3:g})"
-        for q, e in zip(qubits, error, strict=True)
-        if e > MOST_ERROR
+        for q, e, most in zip(qubits, error, limit, strict=True)
+        if e > most
     ]
     if unknown:
-        times = math.ceil(10 * (error.max() / MOST_ERROR) ** 2) / 10
+        times = math.ceil(10 * ((error / limit) ** 2).max()) / 10
+        wanted = f"{MOST_ERROR} of <Z>" if error.max() > MOST_ERROR else "a third of what it shows"
         return [
-            f"Too few shots: the {part} of qubit {listed(unknown)} is not known to {MOST_ERROR} "
-            "of <Z>.",
+            f"Too few shots: the {part} of qubit {listed(unknown)} is not known to {wanted}.",
             f"Take {times:g} times the shots or more.",
         ]
     return []
@@ -281,6 +296,23 @@ def load_calibration(path: Path) -> Calibration:
         return Calibration.model_validate_json(read_json(path))
     except (OSError, ContentsError, ValidationError) as error:
         raise CalibrationError(f"{path} is no calibration.", *explain(error)) from error
+
+
+def load_counts(path: Path) -> Calibration:
+    """The calibration of a file without its fits: its counts, whatever became of them.
+
+    Raises:
+        CalibrationError: there is no such file, or it holds no counts of a calibration.
+    """
+    try:
+        values = json.loads(read_file(path))
+        if isinstance(values, dict):
+            values = {
+                k: v for k, v in values.items() if k not in ("readout", "response", "unfitted")
+            }
+        return Calibration.model_validate_json(json.dumps(values))
+    except (OSError, ValueError, RecursionError) as error:
+        raise CalibrationError(f"{path} holds no counts to fit.", *explain(error)) from error
 
 
 def is_calibration(path: Path) -> bool:

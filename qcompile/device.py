@@ -146,12 +146,15 @@ class Device(_Record):
     def unusable(self) -> dict[int, str]:
         """The qubits that are not used, each with the reason in words.
 
-        They are those of `left_out`, and those that keep less than LEAST_CONTRAST of <Z>; if none
-        keeps as much, all but the best.
+        They are those of `left_out`, and those that keep less than LEAST_CONTRAST of <Z>. If none
+        keeps as much, those whose 0 and 1 are swapped and that keep as much otherwise are used,
+        which need mitigation; if there are none of them, the best alone.
         """
         reasons = dict.fromkeys(sorted(set(self.left_out)), "is in left_out")
         rest = [q for q in range(len(self.qubits)) if q not in reasons]
         weak = [q for q in rest if self._kept(q) < LEAST_CONTRAST]
+        if weak == rest:
+            weak = [q for q in rest if abs(self._kept(q)) < LEAST_CONTRAST]
         if weak == rest and rest:
             weak.remove(min(rest, key=self.mean_square_error))
         reasons |= {q: f"keeps {self._kept(q):.2f} of <Z>" for q in weak}
@@ -172,7 +175,8 @@ class Device(_Record):
 
             (1 - b^2 - k^2 / 3) / (shots g^2)  +  ((b - h) / g)^2  +  (k / g - 1)^2 / 3
 
-        It is infinite where g is not positive. The clipping to [-1, 1] is not counted.
+        It is infinite where g is 0; where 0 and 1 are swapped, g is negative and undoes that too.
+        The clipping to [-1, 1] is not counted.
         """
         record = self.qubits[qubit]
         shift, contrast = record.p01 - record.p10, record.contrast
@@ -181,7 +185,7 @@ class Device(_Record):
         _, along, added = left_after("rx" if self._has_rx else "x", record)
         one = added - along  # r_z of |1> as the calibration prepares it
         h, g = shift + contrast * (1 + one) / 2, contrast * (1 - one) / 2
-        if g <= 0:
+        if g == 0:
             return math.inf
         variance = (1 - b**2 - k**2 / 3) / (REFERENCE_SHOTS * g**2)
         return variance + ((b - h) / g) ** 2 + (k / g - 1) ** 2 / 3

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Callable
 from datetime import datetime, timedelta, timezone
@@ -12,7 +13,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from qcompile.calibration import Calibration, is_calibration, load_calibration
+from qcompile.calibration import (
+    Calibration,
+    is_calibration,
+    load_calibration,
+    load_counts,
+    weakness,
+)
 from qcompile.device import IDEAL, load_device
 from qcompile.errors import CalibrationError
 from qcompile.execution import OfflineExecutor, load_backend
@@ -29,6 +36,44 @@ def test_a_file_says_what_was_measured(tmp_path: Path, shots: int | None, parts:
     made.save(path)
     assert load_calibration(path) == made
     assert is_calibration(path)
+
+
+def test_an_earlier_file_with_an_angle_for_each_circuit_is_used(tmp_path: Path) -> None:
+    contents = json.loads(LIMA.model_dump_json())
+    angles = [0.0, 1.0, 2.0, 3.0, 0.0, 1.0, 2.0, 3.0]
+    contents["response_counts"]["angles_rad"] = angles
+    (tmp_path / "old.json").write_text(json.dumps(contents))
+    old = load_calibration(tmp_path / "old.json")
+    assert old.response_counts is not None
+    np.testing.assert_array_equal(old.response_counts.angles, np.transpose([angles] * 3))
+    assert old.response == LIMA.response
+
+
+def test_counts_are_read_whatever_became_of_their_fits(tmp_path: Path) -> None:
+    contents = json.loads(LIMA.model_dump_json())
+    bare = LIMA.model_copy(update={"readout": None, "response": None})
+    contents["response"]["curves"][0] = [0, 0, 0]
+    (tmp_path / "a.json").write_text(json.dumps(contents))
+    with pytest.raises(CalibrationError, match="shows less than"):
+        load_calibration(tmp_path / "a.json")
+    assert load_counts(tmp_path / "a.json") == bare
+    for text in ("[1]", "{", "null", '"x"', "[" * 100_000, json.dumps({"readout": {}})):
+        (tmp_path / "a.json").write_text(text)
+        with pytest.raises(CalibrationError, match=r"a\.json holds no counts to fit"):
+            load_counts(tmp_path / "a.json")
+
+
+def test_a_contrast_whose_sign_is_not_known_needs_more_shots() -> None:
+    """0.2 known to 0.09: nine in four of a third of it."""
+    assert LIMA.readout is not None
+    fit = LIMA.readout.model_copy(
+        update={"p10": (0.4,) * 3, "p01": (0.4,) * 3, "p10_error": (0.09, 0, 0)}
+    )
+    first, second = weakness(fit, [1, 2, 4])
+    times = math.ceil(10 * (fit.error[0] / (0.2 / 3)) ** 2) / 10
+    assert "the readout of qubit 1 (0.0" in first
+    assert first.endswith("is not known to a third of what it shows.")
+    assert second == f"Take {times:g} times the shots or more."
 
 
 def test_a_calibration_of_the_ideal_device_is_a_file_too(tmp_path: Path) -> None:
@@ -70,13 +115,18 @@ DAMAGES: dict[str, Change] = {
     "qubits must be there, each once": lambda c: c.update(qubits=[1, 1, 4]),
     "has no qubit 5": lambda c: c.update(qubits=[1, 2, 5]),
     "a fit has not one entry for each of 2 qubits": lambda c: c.update(qubits=[1, 2]),
-    "a row of counts has not one": lambda c: [row.pop() for row in c["response_counts"]["ones"]],
+    "a row of counts has not one": lambda c: [
+        row.pop() for name in ("prepared", "ones") for row in c["readout_counts"][name]
+    ],
+    "a row of angles_rad has not one angle": lambda c: c["response_counts"]["angles_rad"][2].pop(),
     "one row for each angle": lambda c: c["response_counts"]["ones"].pop(),
     "not the same shape": lambda c: c["readout_counts"]["ones"][0].pop(),
     "1001 ones in 1000 shots": lambda c: c["readout_counts"]["ones"][0].__setitem__(0, 1001),
     "readout_counts.prepared.0.0": lambda c: c["readout_counts"]["prepared"][0].__setitem__(0, 2),
     "readout.p10.1": lambda c: c["readout"]["p10"].__setitem__(1, 1.5),
-    "readout of qubit 2 .* shows less than 0.02": lambda c: c["readout"]["p01"].__setitem__(1, 1),
+    "readout of qubit 2 .* shows less than 0.02": lambda c: c["readout"].update(
+        p10=[0.4, 0.49, 0.4], p01=[0.4, 0.5, 0.4]
+    ),
     "readout of qubit 4 .*0.0099.* less than": lambda c: c["readout"].update(
         p10=[0.5] * 3, p01=[0.4, 0.4, 0.49001]
     ),

@@ -5,20 +5,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
+from qcompile.cli.calibrate_check import MAX_AGE_HOURS, comparable, comparison, failures
+from qcompile.cli.calibrate_from import refit
+from qcompile.cli.calibrate_outputs import check_fitted, check_out, check_plot, show_calibration
 from qcompile.cli.live_options import Live, live_options, spend
 from qcompile.cli.options import (
-    CLOCK_HOURS,
     PARTS,
     Parts,
     Positive,
     Qubits,
     Shots,
     check_distinct,
-    echo_json,
     json_option,
 )
 
@@ -28,16 +29,18 @@ if TYPE_CHECKING:
     from qcompile.mitigation.measure import Part
 
 
-_MAX_AGE_HOURS = 24.0
-
-
 @click.command("calibrate")
 @click.option(
     "--backend",
-    required=True,
     metavar="NAME",
     help="Device by name or file, calibration file (its twin), or qiskit:NAME; with --live a "
     "machine of IBM's.",
+)
+@click.option(
+    "--from",
+    "from_file",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Measure nothing: fit the counts of this calibration anew, on its --qubits or all.",
 )
 @click.option(
     "--shots", type=Shots(), default=8192, show_default=True, help="Shots of each circuit."
@@ -72,8 +75,11 @@ _MAX_AGE_HOURS = 24.0
 )
 @live_options
 @json_option
+@click.pass_context
 def command(
-    backend: str,
+    ctx: click.Context,
+    backend: str | None,
+    from_file: Path | None,
     shots: int | None,
     qubits: tuple[int, ...] | None,
     policy: str | None,
@@ -90,12 +96,17 @@ def command(
     """Measure the readout and the response of a device's qubits, and fit them.
 
     `run --calibration FILE` mitigates with the file, `run --backend FILE` plays it. With --live
-    IBM's machine of that name is measured, the response alone unless --parts says more.
+    IBM's machine of that name is measured, the response alone unless --parts says more. --from FILE
+    fits counts again that are there.
     """
+    if from_file is not None:
+        refit(ctx, from_file, qubits, out, force, plot, as_json)
+        return
+    if backend is None:
+        raise click.UsageError("--backend names what to measure; --from FILE fits kept counts.")
     if qubits is not None and policy is not None:
         raise click.UsageError("--qubits and --policy exclude each other: both name the qubits.")
-    if plot is not None and plot.suffix != ".png":
-        raise click.BadParameter(f"{plot} must end with .png.", param_hint="'--plot'")
+    check_plot(plot)
     if max_age_hours is not None and check is None:
         raise click.UsageError("--max-age-hours is for --check: nothing else looks at the age.")
     if force and check is not None and out is None:
@@ -115,9 +126,9 @@ def command(
     from qcompile.live.measure import CalibrateTask
     from qcompile.mitigation import calibrate, measure_drift
     from qcompile.mitigation.measure import LIVE_ANGLES_RAD, RESPONSE_ANGLES_RAD
-    from qcompile.output import check_writable, resolved, write_file
-    from qcompile.report.calibration import draw_calibration
-    from qcompile.report.calibration_values import calibration_values, misfits, print_calibration
+    from qcompile.mitigation.orders import angle_orders
+    from qcompile.output import check_writable, resolved
+    from qcompile.report.calibration_values import calibration_values
     from qcompile.report.live import charged, result_values
     from qcompile.report.placement import left_out_words
     from qcompile.report.progress import progress_bar
@@ -133,15 +144,16 @@ def command(
     measured = _qubits(device, qubits, policy, old)
     if qubits is None and policy is None and old is None and device.unusable:
         click.echo(left_out_words(device.unusable), err=True)
-    angles_rad = RESPONSE_ANGLES_RAD if live is None else LIVE_ANGLES_RAD
+    numbers = np.array(measured)
+    angles_rad = angle_orders(RESPONSE_ANGLES_RAD if live is None else LIVE_ANGLES_RAD, numbers)
     if old is not None:
-        parts = _comparable(old, device, measured, parts)
+        parts = comparable(old, device, measured, parts)
         if old.response_counts is not None:
-            angles_rad = np.array(old.response_counts.angles_rad)
+            angles_rad = old.response_counts.angles[:, old.rows(numbers)]
     if out is None and check is None:
         out = Path(f"{device.name}-calibration.json")
     check_distinct({"--out": out, "--plot": plot})
-    _check_out(out, force)
+    check_out(out, force)
     if plot is not None:
         check_writable(plot)
 
@@ -155,7 +167,7 @@ def command(
             qubits=tuple(measured),
             shots=shots,
             parts=parts or ("response",),
-            angles_rad=tuple(angles_rad.tolist()),
+            angles_rad=tuple(map(tuple, angles_rad.tolist())),
             out=None if out is None else str(resolved(out)),
             force=force,
             **live.where,
@@ -170,7 +182,7 @@ def command(
             with progress_bar(f"calibrate {device.name}", 1) as show:
                 calibration = calibrate(
                     executor,
-                    np.array(measured),
+                    numbers,
                     shots,
                     parts=parts or PARTS,
                     angles_rad=angles_rad,
@@ -181,10 +193,8 @@ def command(
         if out is not None:
             calibration.save(out)
         values = calibration_values(calibration) | {"file": None if out is None else str(out)}
-    if calibration.unfitted:
-        where = "Nothing was kept" if out is None else f"The counts are in {out}"
-        raise CalibrationError(f"Not everything could be fitted. {where}.", *calibration.unfitted)
-    failures: list[str] = []
+    check_fitted(calibration, out)
+    failed: list[str] = []
     if old is not None:
         drift = measure_drift(old, calibration)
         age = old.age_hours(datetime.now(UTC))
@@ -196,29 +206,13 @@ def command(
             "chi_square": drift.chi_square.tolist(),
             "p_value": drift.p_value.tolist(),
         }
-        failures = _failures(values, max_age_hours or _MAX_AGE_HOURS)
-    if plot is not None:
-        try:
-            write_file(plot, draw_calibration(calibration))
-        except KeyboardInterrupt:
-            where = "" if out is None else f" The calibration is in {out}."
-            raise CalibrationError(f"Interrupted: {plot} was not drawn.{where}") from None
-    if as_json:
-        echo_json(values)
-    else:
-        print_calibration(values)
-        for line in misfits(values):
-            click.echo(line)
-        if old is not None:
-            click.echo(_comparison(values))
-        for what, path in (("calibration", out), ("picture", plot)):
-            if path is not None:
-                click.echo(f"{what} in {path}")
-        if live is not None:
-            click.echo(charged(values))
-    if failures:
+        failed = failures(values, max_age_hours or MAX_AGE_HOURS)
+    last = [comparison(values)] if old is not None else []
+    paid = [charged(values)] if live is not None else []
+    show_calibration(calibration, values, out, plot, as_json, last, paid)
+    if failed:
         raise CalibrationError(
-            f"{check} no longer holds.", *failures, f"Use a new one: --backend {backend} --out FILE"
+            f"{check} no longer holds.", *failed, f"Use a new one: --backend {backend} --out FILE"
         )
 
 
@@ -248,80 +242,3 @@ def _qubits(
         placed = compile(loaded.trained_program, device, 2, loaded.importance).qubits
         return sorted(set(placed.tolist()))
     return sorted(device.usable) if old is None else old.qubits
-
-
-def _comparable(
-    old: Calibration, device: Device, qubits: Sequence[int], asked: tuple[Part, ...] | None
-) -> tuple[Part, ...]:
-    """The parts to measure; what cannot be compared with `old` is refused before it is measured."""
-    import numpy as np
-
-    from qcompile.errors import CalibrationError
-
-    if old.backend != device.name:
-        raise CalibrationError(
-            f"The calibration is of {old.backend}, the backend is {device.name}.",
-            "Compare calibrations of one device.",
-        )
-    old.rows(np.array(qubits))
-    counts = zip(PARTS, (old.readout_counts, old.response_counts), strict=True)
-    there = {part: found for part, found in counts if found is not None}
-    fits = dict(zip(PARTS, (old.readout, old.response), strict=True))
-    parts = asked or tuple(there)
-    for part in parts:
-        if part not in there:
-            raise CalibrationError(
-                f"The calibration has no counts of the {part}.",
-                f"It has: {', '.join(there) or 'none'}.",
-            )
-        if fits[part] is None:
-            raise CalibrationError(
-                f"The calibration has no fit of its {part}, there is nothing that could hold.",
-                *old.unfitted,
-                "Calibrate anew, into another file.",
-            )
-        if there[part].shots is None:
-            raise CalibrationError("A calibration without shots has no scatter to compare.")
-    return parts
-
-
-def _check_out(out: Path | None, force: bool) -> None:
-    from qcompile.errors import OutputError
-    from qcompile.output import check_writable
-
-    if out is None:
-        return
-    if out.is_file() and not force:
-        raise OutputError(
-            f"{out} is there already.",
-            "It may have been paid for: choose another with --out, or overwrite it with --force.",
-        )
-    check_writable(out)
-
-
-def _failures(values: dict[str, Any], max_age_hours: float) -> list[str]:
-    """Why the calibration that was checked does not hold; empty where it does."""
-    check, lines = values["check"], []
-    if check["age_hours"] < -CLOCK_HOURS:
-        lines.append(
-            f"It is from the future, by {-check['age_hours']:.1f} hours: a clock is wrong."
-        )
-    if check["age_hours"] > max_age_hours:
-        lines.append(f"It is {check['age_hours']:.1f} hours old, more than {max_age_hours:g}.")
-    if check["drifted"]:
-        rows = zip(values["qubits"], check["chi_square"], strict=True)
-        moved = [
-            f"{row['qubit']} ({chi_square:.0f})"
-            for row, chi_square in rows
-            if row["qubit"] in check["drifted"]
-        ]
-        lines.append(
-            f"Drifted: {', '.join(moved)}; in brackets chi-square, {check['degrees']} expected."
-        )
-    return lines
-
-
-def _comparison(values: dict[str, Any]) -> str:
-    check = values["check"]
-    drifted = ", ".join(map(str, check["drifted"])) or "none"
-    return f"{check['file']} is {check['age_hours']:.1f} hours old; drifted qubits: {drifted}"

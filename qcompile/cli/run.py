@@ -192,12 +192,17 @@ def _run_live(live: Live, as_json: bool, copies: int | None, settings: dict[str,
     from qcompile.live.connection import Connection
     from qcompile.live.plan import copies_that_fit, forecast
     from qcompile.live.play import RunTask
+    from qcompile.mitigation.misfit import misfit_words
     from qcompile.report.tables import print_run
 
     connection = Connection(settings["backend"], live.account, live.instance)
     task = RunTask.model_validate({**settings, **live.where, "device": connection.device()})
     task = task.model_copy(update={"copies": copies or copies_that_fit(task)})
-    load = forecast(task).total_load
+    planned = forecast(task)
+    if task.calibration is not None:
+        for words in misfit_words(planned.deployment.misfits):
+            click.echo(f"{task.calibration_file}: {words}", err=True)
+    load = planned.total_load
     summary = spend(task, load, live, connection)
     if as_json:
         echo_json(summary)

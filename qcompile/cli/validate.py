@@ -11,6 +11,11 @@ from qcompile.cli.live_options import Live, live_options, spend
 from qcompile.cli.options import echo_json, json_option
 from qcompile.limits import MAX_SHOTS
 
+_ADVICE = (
+    "Calibrate anew: `qcompile calibrate`. If a new one fails too, the qubits depend on their "
+    "neighbours: use other qubits, or --mitigation readout on the machine."
+)
+
 
 @click.command("validate")
 @click.argument("file", type=click.Path(dir_okay=False, path_type=Path))
@@ -21,16 +26,27 @@ from qcompile.limits import MAX_SHOTS
     "--observations",
     "rows",
     type=click.IntRange(1, 1000),
-    default=4,
-    show_default=True,
-    help="Random ones, of episodes that the policy plays on the twin.",
+    help="How many, from episodes that the policy plays on the twin.  [default: by --power]",
 )
 @click.option(
-    "--shots", type=click.IntRange(1, MAX_SHOTS), default=2048, show_default=True,
-    help="Shots of each circuit.",
-)  # fmt: skip
+    "--shots",
+    type=click.IntRange(1, MAX_SHOTS),
+    help="Shots of each circuit.  [default: by --power]",
+)
 @click.option(
-    "--seed", type=click.IntRange(0), default=0, show_default=True, help="Draws the observations."
+    "--power",
+    type=click.FloatRange(0, 1, min_open=True, max_open=True),
+    help="How often a moved qubit is to be found; chooses observations and shots.  [default: 0.9]",
+)
+@click.option(
+    "--effect",
+    type=click.FloatRange(0, 1, min_open=True),
+    default=0.05,
+    show_default=True,
+    help="How far the p01 of a moved qubit is raised.",
+)
+@click.option(
+    "--seed", type=click.IntRange(0), default=0, show_default=True, help="Draws the episodes."
 )
 @click.option(
     "--backend",
@@ -43,8 +59,10 @@ from qcompile.limits import MAX_SHOTS
 def command(
     file: Path,
     policy: str,
-    rows: int,
-    shots: int,
+    rows: int | None,
+    shots: int | None,
+    power: float | None,
+    effect: float,
     seed: int,
     backend: str | None,
     live: Live | None,
@@ -52,23 +70,45 @@ def command(
 ) -> None:
     """Run a policy's circuits and compare their counts with the twin of the calibration FILE.
 
-    Exit 1 where a qubit contradicts its curve (chi-square, once in a thousand times by chance).
+    Exit 1 where a qubit contradicts its curve (chi-square, once in a thousand times by chance). It
+    takes the fewest executions that find a p01 of any one qubit raised by --effect with --power.
     With --live on the machine that FILE was measured on, for a few seconds.
     """
+    is_free = rows is None or shots is None
+    if power is not None and not is_free:
+        raise click.UsageError(
+            "--power chooses --observations and --shots: leave one of the three out."
+        )
     if live is not None and backend is not None:
         raise click.UsageError("--backend and --live exclude each other: FILE names the machine.")
     from qcompile.calibration import load_calibration
     from qcompile.errors import CalibrationError
+    from qcompile.mitigation.misfit import misfit_words
     from qcompile.policy import load_policy
     from qcompile.policy.files import policy_values
     from qcompile.report.live import charged, print_validation
-    from qcompile.rl.twin_check import random_observations
+    from qcompile.rl.twin_check import wide_observations
+    from qcompile.rl.twin_power import POWER, choose_check
 
     calibration, loaded = load_calibration(file), load_policy(policy)
-    observations = random_observations(loaded, calibration, rows, seed)
+    observations, shots, least = choose_check(
+        calibration,
+        loaded,
+        wide_observations(loaded, calibration, seed),
+        rows=rows,
+        shots=shots,
+        power=power or POWER,
+        effect=effect,
+    )
+    if is_free and least < (power or POWER):
+        click.echo(
+            f"A p01 raised by {effect:g} is found {100 * least:.0f} % of the time at least: {file} "
+            "has too few shots for more. Calibrate with more of them.",
+            err=True,
+        )
     if live is None:
         found: dict[str, Any] = {"file": str(file), "shots": shots}
-        found |= _offline(calibration, loaded, observations, backend, shots, seed)
+        found |= _offline(calibration, loaded, observations, backend, shots, seed, effect)
     else:
         from qcompile.live.connection import Connection
         from qcompile.live.validate import ValidateTask
@@ -91,6 +131,7 @@ def command(
                 "policy": policy_values(loaded),
                 "observations": observations.tolist(),
                 "shots": shots,
+                "effect": effect,
             }
         )
         found = spend(task, task.load, live, connection)
@@ -104,15 +145,25 @@ def command(
         raise CalibrationError(
             f"The twin of {file} is not its machine any more: qubit "
             f"{', '.join(map(str, found['failed']))}.",
-            "Calibrate anew: `qcompile calibrate`.",
+            *(misfit_words(found["calibration_misfits"]) or [_ADVICE]),
         )
 
 
 def _offline(
-    calibration: Any, policy: Any, observations: Any, backend: str | None, shots: int, seed: int
+    calibration: Any,
+    policy: Any,
+    observations: Any,
+    backend: str | None,
+    shots: int,
+    seed: int,
+    effect: float,
 ) -> dict[str, Any]:
+    import numpy as np
+
     from qcompile.execution import open_executor
     from qcompile.rl.twin_check import check_twin
 
-    executor = open_executor(backend or calibration.device, seed)
-    return check_twin(calibration, policy, observations, executor, shots).values()
+    # A stream of its own: `calibrate --seed` draws from that of the number itself.
+    (fresh,) = np.random.SeedSequence(seed).spawn(1)
+    executor = open_executor(backend or calibration.device, fresh)
+    return check_twin(calibration, policy, observations, executor, shots, effect).values()

@@ -37,6 +37,14 @@ class _Episode(_Record):
     length: Annotated[int, Field(ge=1)]
 
 
+class _Misfit(_Record):
+    qubit: Whole
+    part: Literal["readout", "response"]
+    chi_square: Amount
+    degrees: Whole
+    p_value: Amount
+
+
 class _Summary(_Record):
     """The object of `qcompile run --json` for a cell; earlier ones lack the keys with a default."""
 
@@ -48,6 +56,7 @@ class _Summary(_Record):
     mitigation: str
     predistort: Literal[False]
     calibration: str | None
+    calibration_misfits: list[_Misfit] = []
     copies: Literal[1]
     level: int
     greedy: Literal[False]

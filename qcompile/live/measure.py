@@ -20,7 +20,9 @@ from qcompile.mitigation.measure import Part
 class CalibrateTask(Task):
     """Measure `parts` on `qubits`, `shots` of each circuit, into the file `out`, if any.
 
-    A file that is there is overwritten with `force` alone; without, another name is taken.
+    `angles_rad` has the angle of each circuit and qubit; of each circuit alone in journals from
+    before qubits had orders of their own, which go on as they began. A file that is there is
+    overwritten with `force` alone; without, another name is taken.
     """
 
     kind: ClassVar[TaskKind] = "calibrate"
@@ -28,7 +30,7 @@ class CalibrateTask(Task):
     qubits: tuple[int, ...]
     shots: int
     parts: tuple[Part, ...]
-    angles_rad: tuple[float, ...]
+    angles_rad: tuple[float, ...] | tuple[tuple[float, ...], ...]
     out: str | None
     force: bool = False
 
@@ -39,12 +41,15 @@ class CalibrateTask(Task):
 
     def perform(self, context: Context) -> dict[str, Any]:
         """The calibration as plain values."""
+        angles = np.array(self.angles_rad)
+        if angles.ndim == 1:
+            angles = np.repeat(angles[:, None], len(self.qubits), axis=1)
         calibration = calibrate(
             IBMExecutor(self.device, context.jobs),
             np.array(self.qubits),
             self.shots,
             parts=self.parts,
-            angles_rad=np.array(self.angles_rad),
+            angles_rad=angles,
             on_circuit=lambda done, of: context.say(f"circuit {done} of {of}"),
         )
         first = context.jobs.journal.latest(0)

@@ -12,11 +12,15 @@ from qcompile.live.executor import IBMExecutor
 from qcompile.live.journal import TaskKind
 from qcompile.live.task import Context, Task
 from qcompile.policy.files import PolicyFile
-from qcompile.rl.twin_check import check_twin, twin_program
+from qcompile.rl.twin_check import check_twin
+from qcompile.rl.twin_power import EFFECT, twin_program
 
 
 class ValidateTask(Task):
-    """Compare the twin of `calibration` with its machine, on observations (B, features)."""
+    """Compare the twin of `calibration` with its machine, on observations (B, features).
+
+    The power is stated for a p01 that is raised by `effect`.
+    """
 
     kind: ClassVar[TaskKind] = "validate"
 
@@ -25,6 +29,7 @@ class ValidateTask(Task):
     policy: PolicyFile
     observations: list[list[float]]
     shots: int
+    effect: float = EFFECT
 
     @property
     def load(self) -> Workload:
@@ -40,5 +45,6 @@ class ValidateTask(Task):
             np.array(self.observations),
             IBMExecutor(self.device, context.jobs),
             self.shots,
+            self.effect,
         )
         return {"file": self.calibration_file, "shots": self.shots, **found.values()}

@@ -1,7 +1,13 @@
-"""Mitigation: measured and fitted once with cvxpy, applied in closed form."""
+"""Mitigation: measured, fitted once (by cvxpy where a constraint binds), undone in closed form."""
 
 from qcompile.mitigation.drift import Drift, measure_drift
-from qcompile.mitigation.measure import CALIBRATION_SHOTS, calibrate, calibration_workload
+from qcompile.mitigation.measure import (
+    CALIBRATION_SHOTS,
+    calibrate,
+    calibration_workload,
+    fit_counts,
+)
+from qcompile.mitigation.misfit import Misfit, misfits
 from qcompile.mitigation.predistort import predistorted
 from qcompile.mitigation.undo import (
     Mitigation,
@@ -13,11 +19,14 @@ from qcompile.mitigation.undo import (
 __all__ = [
     "CALIBRATION_SHOTS",
     "Drift",
+    "Misfit",
     "Mitigation",
     "calibrate",
     "calibration_workload",
     "check_response_level",
+    "fit_counts",
     "measure_drift",
+    "misfits",
     "predistorted",
     "readout_mitigation",
     "response_mitigation",

@@ -52,18 +52,18 @@ def measure_drift(old: Calibration, fresh: Calibration) -> Drift:
             "Compare calibrations of one device.",
         )
     rows = old.rows(np.array(fresh.qubits))
-    responses = old.response_counts, fresh.response_counts
-    if None not in responses and responses[0].angles_rad != responses[1].angles_rad:  # type: ignore[union-attr]
+    before, after = old.response_counts, fresh.response_counts
+    if before and after and not np.array_equal(before.angles[:, rows], after.angles):
         raise CalibrationError(
             "The calibrations were measured at different angles.",
             "Measure the fresh counts at the angles of the calibration.",
         )
     total, degrees = np.zeros(len(rows)), 0
-    for before, after in zip(_frequencies(old), _frequencies(fresh), strict=True):
-        if before is None or after is None:
+    for was, now in zip(_frequencies(old), _frequencies(fresh), strict=True):
+        if was is None or now is None:
             continue
-        p_before, shots_before = before[0][:, rows], before[1]
-        p_after, shots_after = after
+        p_before, shots_before = was[0][:, rows], was[1]
+        p_after, shots_after = now
         pooled = (p_before * shots_before + p_after * shots_after + 0.5) / (
             shots_before + shots_after + 1
         )

@@ -1,4 +1,4 @@
-"""Fits of counts with cvxpy: constrained least squares, weighted by shot noise."""
+"""Fits of counts: constrained least squares, weighted by shot noise."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from qcompile.calibration import ReadoutFit, ResponseFit, weakness
 from qcompile.errors import CalibrationError
+from qcompile.mitigation.cone import within_cone
+from qcompile.validation import listed
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -17,9 +19,10 @@ _LEAST_SPREAD = 1e-3  # of the angles: else one of b, c and s is hardly measured
 PRIOR_SHOTS = 8.0
 """What all qubits together say of a qubit's readout weighs as much as so many shots of its own."""
 
-# The solver ends at a misfit within 1e-8 of the least; a value at a constraint is then off by the
-# root of that. In these units it is 1e-6.
-_MISFIT_SCALE = 1e4
+_MOST_GAP = 1e-3
+"""In units of chi-square: a fit is kept that is within 0.03 standard errors of the best one."""
+_EXACT = 1e8
+"""The weight of exact probabilities: they are taken to be known to 1e-4 of <Z>."""
 
 
 def fit_readout(
@@ -29,14 +32,12 @@ def fit_readout(
 
     `prepared` (patterns, n) holds the bit each qubit was prepared in. The frequencies of a qubit
     and a bit are averaged over its patterns, so that crosstalk averages in, and drawn to the mean
-    of all qubits with the weight of PRIOR_SHOTS; the least squares are weighted by shot noise.
-    Without shots `ones` are exact probabilities.
+    of all qubits with the weight of PRIOR_SHOTS: least squares, whose solution is a mean of
+    frequencies and so a probability. Without shots `ones` are exact probabilities.
 
     Raises:
         CalibrationError: a qubit tells |0> and |1> apart too little, or too few shots say so.
     """
-    import cvxpy
-
     frequency = ones / (shots or 1)
     trials = np.stack([(prepared == bit).sum(axis=0) for bit in (0, 1)])  # (2, n)
     if not trials.all():
@@ -46,11 +47,8 @@ def fit_readout(
     total = trials * float(shots or 1)
     prior = PRIOR_SHOTS if shots is not None and len(qubits) > 1 else 0.0
     noise = _variance(mean, total)
-    p_one = cvxpy.Variable(mean.shape)
     # The shot noise of an entry weighs its two terms alike, and entries share no term: it cancels.
-    belief = cvxpy.sum(cvxpy.multiply(prior / total, cvxpy.square(p_one - common)))
-    _solve(cvxpy, cvxpy.sum_squares(p_one - mean) + belief, [p_one >= 0, p_one <= 1])
-    fitted = np.clip(p_one.value, 0.0, 1.0)
+    fitted = np.clip((total * mean + prior * common) / (total + prior), 0.0, 1.0)  # of rounding
     errors = np.sqrt(noise / total) if shots is not None else np.zeros_like(mean)
     expected, variance = (np.where(prepared == 1, of[1], of[0]) for of in (mean, noise))
     chi_square = (shots or 0) * ((frequency - expected) ** 2 / variance).sum(axis=0)
@@ -69,46 +67,46 @@ def fit_readout(
 def fit_response(
     angles_rad: FloatArray, ones: FloatArray, shots: int | None, qubits: IntArray
 ) -> ResponseFit:
-    """Curves b + c cos(a) + s sin(a) of the measured <Z>, from ones (angles, n) of `qubits`.
+    """Curves b + c cos(a) + s sin(a) of the measured <Z>, from ones (circuits, n) of `qubits`.
 
-    Least squares weighted by shot noise, under |b| + sqrt(c^2 + s^2) <= 1: <Z> stays in [-1, 1] at
-    every angle (a second-order cone). The covariance is that of the unconstrained fit. Without
-    shots `ones` are exact probabilities.
+    `angles_rad` is (circuits, n), or (circuits,) where all qubits had the same. Least squares
+    weighted by shot noise, under |b| + sqrt(c^2 + s^2) <= 1: <Z> stays in [-1, 1] at every angle
+    (a second-order cone). The covariance is that of the unconstrained fit. Without shots `ones` are
+    exact probabilities.
 
     Raises:
-        CalibrationError: fewer than three angles, a curve that is flat, or too few shots.
+        CalibrationError: angles that do not fix a curve, a curve that is flat, too few shots, or
+            counts to which no solver finds the curve.
     """
-    import cvxpy
-
-    design = np.stack([np.ones_like(angles_rad), np.cos(angles_rad), np.sin(angles_rad)], axis=1)
-    if np.linalg.matrix_rank(design, tol=_LEAST_SPREAD) < 3:
+    angles = angles_rad if angles_rad.ndim == 2 else np.repeat(angles_rad[:, None], len(qubits), 1)
+    design = np.stack([np.ones_like(angles), np.cos(angles), np.sin(angles)], axis=2)
+    if (np.linalg.matrix_rank(design.transpose(1, 0, 2), tol=_LEAST_SPREAD) < 3).any():
         raise CalibrationError(
-            f"{len(angles_rad)} angles do not fix a curve.", "It needs three that differ."
+            f"{len(angles)} angles do not fix a curve.", "It needs three that differ."
         )
     frequency = ones / (shots or 1)
     z = 1.0 - 2.0 * frequency
     weights = (shots or 1) / (4.0 * _variance(frequency, shots or 1.0))  # 1 / variance of z
     if shots is None:
-        weights = np.ones_like(weights)
-    covariance = np.linalg.inv(np.einsum("ki,kn,kj->nij", design, weights, design))
-    free = np.einsum("nij,kj,kn,kn->in", covariance, design, weights, z)
-    # What is sought is how far the constraint moves the curves: the misfit beyond the least is
-    # small and solved to more digits. The qubits share no term, so each may scale its own.
-    move = cvxpy.Variable(free.shape)
-    curves, scaled = free + move, weights / weights.max(axis=0)
-    misfit = cvxpy.sum(cvxpy.multiply(scaled, cvxpy.square(design @ move)))
-    amplitude = cvxpy.norm(curves[1:], axis=0)
-    _solve(cvxpy, misfit, [cvxpy.abs(curves[0]) + amplitude <= 1])
-    fitted = curves.value.T
+        weights = np.full_like(weights, _EXACT)
+    information = np.einsum("kni,kn,knj->nij", design, weights, design)
+    covariance = np.linalg.inv(information)
+    free = np.einsum("nij,knj,kn,kn->ni", covariance, design, weights, z)
+    fitted, gaps = within_cone(free, information, _MOST_GAP)
+    if lost := qubits[~(gaps <= _MOST_GAP)].tolist():
+        raise CalibrationError(
+            f"No solver finds the response curve of qubit {listed(list(map(str, lost)))}.",
+            "`qcompile calibrate --from FILE --qubits ...` fits the counts of the others.",
+        )
     if shots is None:
         covariance = np.zeros_like(covariance)
-    residual = design @ fitted.T - z
+    residual = np.einsum("kni,ni->kn", design, fitted) - z
     chi_square = (weights * residual**2).sum(axis=0) if shots else np.zeros(len(qubits))
     fit = ResponseFit(
         curves=_nested(fitted),
         covariance=_nested(covariance),
         chi_square=tuple(chi_square.tolist()),
-        degrees_of_freedom=len(angles_rad) - 3,
+        degrees_of_freedom=len(angles) - 3,
     )
     _check(fit, qubits)
     return fit
@@ -127,13 +125,6 @@ def _variance(frequency: FloatArray, shots: FloatArray | float) -> FloatArray:
     """p (1 - p) with half a count added to ones and zeros: never 0."""
     p = (frequency * shots + 0.5) / (np.asarray(shots) + 1.0)
     return np.asarray(p * (1.0 - p))
-
-
-def _solve(cvxpy: Any, objective: Any, constraints: list[Any]) -> None:
-    problem = cvxpy.Problem(cvxpy.Minimize(_MISFIT_SCALE * objective), constraints)
-    problem.solve(solver=cvxpy.CLARABEL)
-    if problem.status != "optimal":
-        raise CalibrationError(f"The fit ended with status {problem.status!r}.")
 
 
 def _check(fit: ReadoutFit | ResponseFit, qubits: IntArray) -> None:

@@ -18,6 +18,7 @@ from qcompile.execution.cost import Workload
 from qcompile.execution.executor import Executor
 from qcompile.ir import Angle, Circuit, Gate, Program
 from qcompile.mitigation.fits import fit_readout, fit_response
+from qcompile.mitigation.orders import angle_orders
 from qcompile.passes import Executable, compile
 
 FloatArray = NDArray[np.float64]
@@ -45,9 +46,11 @@ def calibrate(
 
     Readout: every qubit is prepared in |0> and |1> in `patterns`, all in one call of the executor;
     the noise of the gate that prepares |1> counts as readout error. Response: sx rz(a) sx (rx(a)
-    where it is native) at `angles_rad`, in another call. Without shots exact probabilities are
-    fitted. Counts that cannot be fitted are kept, and `unfitted` says why: a qubit cannot be
-    calibrated, or not with so few shots. `on_circuit` gets how many circuits are done, of how many.
+    where it is native) at `angles_rad`, in another call: (angles,), which each qubit sees in an
+    order of its own, or (circuits, qubits) as they stand, for the sorted qubits. Without shots
+    exact probabilities are fitted. Counts that cannot be fitted are kept, and `unfitted` says why:
+    a qubit cannot be calibrated, or not with so few shots. `on_circuit` gets how many circuits are
+    done, of how many.
 
     Raises:
         CalibrationError: no qubit, or one that the device lacks.
@@ -62,38 +65,71 @@ def calibrate(
             else "There is no qubit to calibrate.",
             f"Its qubits are 0 to {known - 1}." if known else "Name one at least.",
         )
+    angles_rad = angle_orders(angles_rad, qubits) if angles_rad.ndim == 1 else angles_rad
     prepared = patterns(len(qubits))
     of = len(prepared) * ("readout" in parts) + len(angles_rad) * ("response" in parts)
     readout_counts = response_counts = None
-    readout = response = None
-    unfitted: list[str] = []
     if "readout" in parts:
         on_circuit(0, of)
         executable = _prepare(prepared, qubits, executor.device)
         ones = _ones(executor, executable, None, shots).reshape(prepared.shape)
-        with _noted(unfitted):
-            readout = fit_readout(prepared, ones, shots, qubits)
         readout_counts = ReadoutCounts(prepared=_plain(prepared), ones=_plain(ones), shots=shots)
     if "response" in parts:
         on_circuit(of - len(angles_rad), of)
-        ones = _ones(executor, _turn(qubits, executor.device), angles_rad, shots)
-        with _noted(unfitted):
-            response = fit_response(angles_rad, ones, shots, qubits)
+        orders, own = np.unique(angles_rad, axis=1, return_inverse=True)
+        ones = _ones(executor, _turn(qubits, executor.device, own.ravel()), orders, shots)
         response_counts = ResponseCounts(
-            angles_rad=tuple(angles_rad.tolist()), ones=_plain(ones), shots=shots
+            angles_rad=_plain(angles_rad), ones=_plain(ones), shots=shots
         )
     on_circuit(of, of)
-    return Calibration(
-        backend=executor.device.name,
-        kind=executor.kind,
-        created=datetime.now(UTC).replace(microsecond=0),
-        device=executor.device,
-        qubits=tuple(qubits.tolist()),
-        readout_counts=readout_counts,
-        readout=readout,
-        response_counts=response_counts,
-        response=response,
-        unfitted=tuple(unfitted),
+    return fit_counts(
+        Calibration(
+            backend=executor.device.name,
+            kind=executor.kind,
+            created=datetime.now(UTC).replace(microsecond=0),
+            device=executor.device,
+            qubits=tuple(qubits.tolist()),
+            readout_counts=readout_counts,
+            response_counts=response_counts,
+        )
+    )
+
+
+def fit_counts(counted: Calibration, qubits: Sequence[int] | None = None) -> Calibration:
+    """The calibration with new fits of its counts, on all its qubits or on these alone.
+
+    Raises:
+        CalibrationError: a qubit has no counts.
+    """
+    wanted = sorted(counted.qubits if qubits is None else set(qubits))
+    rows = counted.rows(np.array(wanted, dtype=np.intp))
+    numbers, unfitted = np.array(wanted), list[str]()
+    readout_counts, response_counts = counted.readout_counts, counted.response_counts
+    readout = response = None
+    if readout_counts is not None:
+        prepared = np.array(readout_counts.prepared)[:, rows]
+        ones = np.array(readout_counts.ones)[:, rows]
+        with _noted(unfitted):
+            readout = fit_readout(prepared, ones, readout_counts.shots, numbers)
+        readout_counts = ReadoutCounts(
+            prepared=_plain(prepared), ones=_plain(ones), shots=readout_counts.shots
+        )
+    if response_counts is not None:
+        angles, ones = response_counts.angles[:, rows], np.array(response_counts.ones)[:, rows]
+        with _noted(unfitted):
+            response = fit_response(angles, ones, response_counts.shots, numbers)
+        response_counts = ResponseCounts(
+            angles_rad=_plain(angles), ones=_plain(ones), shots=response_counts.shots
+        )
+    return counted.model_copy(
+        update={
+            "qubits": tuple(wanted),
+            "readout_counts": readout_counts,
+            "readout": readout,
+            "response_counts": response_counts,
+            "response": response,
+            "unfitted": tuple(unfitted),
+        }
     )
 
 
@@ -135,8 +171,8 @@ def patterns(qubits: int) -> IntArray:
 def _ones(
     executor: Executor, executable: Executable, turns: FloatArray | None, shots: int | None
 ) -> FloatArray:
-    """Ones (rows, qubits), or without shots probabilities, for one row or one angle in each."""
-    x, theta = _NOTHING if turns is None else (turns[:, None], _NOTHING[1])
+    """Ones (rows, qubits), or without shots probabilities, for one row or for turns (rows, n)."""
+    x, theta = _NOTHING if turns is None else (turns, _NOTHING[1])
     if shots is None:
         return np.asarray((1.0 - executor.expectation(executable, x, theta)) / 2.0)
     return executor.run(executable, x, theta, shots).astype(np.float64)
@@ -150,15 +186,17 @@ def _prepare(prepared: IntArray, qubits: IntArray, device: Device) -> Executable
     return replace(compiled, qubits=np.tile(qubits, len(prepared)), rounds=rounds)
 
 
-def _turn(qubits: IntArray, device: Device) -> Executable:
-    """sx rz(x0) sx, or rx(x0), on every one of `qubits`."""
-    angle = Angle.symbol("x0")
-    has_rx = "rx" in device.basis_gates
-    circuit = Circuit(
-        (Gate("rx", angle),) if has_rx else (Gate("sx"), Gate("rz", angle), Gate("sx"))
-    )
-    program = Program((circuit,) * len(qubits), ("x0",))
+def _turn(qubits: IntArray, device: Device, own: IntArray) -> Executable:
+    """sx rz(a) sx, or rx(a), on every one of `qubits`; `own` has the number of the input a."""
+    inputs = tuple(f"x{order}" for order in range(own.max() + 1))
+    program = Program(tuple(_turned(Angle.symbol(inputs[i]), device) for i in own), inputs)
     return Executable(program, program, device, 2, qubits, np.zeros_like(qubits))
+
+
+def _turned(angle: Angle, device: Device) -> Circuit:
+    if "rx" in device.basis_gates:
+        return Circuit((Gate("rx", angle),))
+    return Circuit((Gate("sx"), Gate("rz", angle), Gate("sx")))
 
 
 def _plain(array: NDArray[Any]) -> tuple[tuple[Any, ...], ...]:

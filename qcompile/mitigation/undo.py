@@ -11,10 +11,15 @@ from numpy.typing import NDArray
 
 from qcompile.calibration import Calibration
 from qcompile.errors import CalibrationError
+from qcompile.mitigation.misfit import misfits
+from qcompile.mitigation.polar import polar_curves
 from qcompile.passes import Executable
+from qcompile.validation import listed
 
 FloatArray = NDArray[np.float64]
 
+MOST_TILT_RAD = 0.25
+"""Mitigation may confuse <Z> near a pole that differ by 2 sin(tilt)^2: up to 0.12 at this tilt."""
 _SEEN = 3.0
 
 
@@ -22,9 +27,10 @@ _SEEN = 3.0
 class Mitigation:
     """The measured <Z> of circuit i is offset_i + contrast_i cos(w - tilt_i) for ideal cos(w).
 
-    Arrays of (circuits,); w lies in [0, pi], the polar angle of the ideal Bloch vector. Readout
-    errors alone have no tilt; where it is not 0, two w near a pole show the same <Z>, and the one
-    farther from that pole is taken. `covariance` is that of (offset, contrast, tilt), (circuits, 3,
+    Arrays of (circuits,); w lies in [0, pi], the polar angle of the ideal Bloch vector. Contrasts
+    are negative where 0 and 1 are swapped. Tilts lie in [-pi/2, pi/2]. Readout errors alone have
+    none; where it is not 0, two w near a pole show the same <Z>, and the one farther from that pole
+    is taken. `covariance` is that of (offset, contrast, tilt), (circuits, 3,
     3).
     """
 
@@ -110,8 +116,8 @@ def response_mitigation(
     not tell which, and their mean is undone. `any_side` says that the side is known all the same.
 
     Raises:
-        CalibrationError: the executable is not of level 2, a qubit was not calibrated, or no
-            response was.
+        CalibrationError: the executable is not of level 2, a qubit was not calibrated or is tilted
+            by more than MOST_TILT_RAD without `any_side`, or no response was calibrated.
     """
     check_response_level(executable.level, bent=any_side)
     fit, rows = calibration.response, calibration.rows(executable.qubits)
@@ -121,19 +127,38 @@ def response_mitigation(
             *calibration.unfitted,
             _instead("readout", calibration.readout, "response"),
         )
-    curve, covariance = np.array(fit.curves)[rows], np.array(fit.covariance)[rows]
-    sign = math.cos(executable.angle_offset_rad)
-    b, c, s = curve[:, 0], sign * curve[:, 1], sign * curve[:, 2]
+    polar = polar_curves(fit, math.cos(executable.angle_offset_rad))
+    offset, contrast, tilt = (of[rows] for of in (polar.offset, polar.contrast, polar.tilt))
+    covariance = polar.covariance[rows] * _scatter(calibration)[rows, None, None]
     # A tilt within its error costs more than it brings.
-    seen = np.abs(s) > _SEEN * np.sqrt(covariance[:, 2, 2])
-    s = np.where(seen & (any_side or executable.has_polar_angles), s, 0.0)
-    contrast, tilt = np.hypot(c, s), np.arctan2(s, c)
-    jacobian = np.zeros((len(rows), 3, 3))  # of (offset, contrast, tilt) by (b, c, s)
-    jacobian[:, 0, 0] = 1.0
-    jacobian[:, 1, 1:] = sign * np.stack([c, s], axis=1) / contrast[:, None]
-    jacobian[:, 2, 1:] = sign * np.stack([-s, c], axis=1) / contrast[:, None] ** 2
-    turned = jacobian @ covariance @ jacobian.transpose(0, 2, 1)
-    return Mitigation(b, contrast, tilt, turned)
+    seen = np.abs(tilt) > _SEEN * np.sqrt(covariance[:, 2, 2])
+    if not any_side:
+        _check_tilt(executable.qubits[seen & (np.abs(tilt) > MOST_TILT_RAD)])
+    undone = seen & (any_side or executable.has_polar_angles)
+    contrast = np.where(undone, contrast, contrast * np.cos(tilt))
+    return Mitigation(offset, contrast, np.where(undone, tilt, 0.0), covariance)
+
+
+def _scatter(calibration: Calibration) -> FloatArray:
+    """What the variances of response curves are multiplied by, (qubits,): 1 where the fit is right.
+
+    Counts that scatter about a misfit more than shots do say that much less of its curve: by their
+    chi-square of its degrees of freedom (Birge's ratio).
+    """
+    factor = np.ones(len(calibration.qubits))
+    for found in misfits(calibration, ["response"]):
+        factor[calibration.qubits.index(found.qubit)] = found.chi_square / found.degrees
+    return factor
+
+
+def _check_tilt(tilted: NDArray[np.intp]) -> None:
+    if tilted.size:
+        which = listed([str(q) for q in np.unique(tilted)])
+        raise CalibrationError(
+            f"The response of qubit {which} is turned by more "
+            f"than {MOST_TILT_RAD} rad: one measured <Z> then belongs to two ideal ones.",
+            "Bend the angles instead (--predistort), or use --mitigation readout or other qubits.",
+        )
 
 
 def _instead(other: str, fit: object, part: str) -> str:

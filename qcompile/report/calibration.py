@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qcompile.calibration import Calibration, ReadoutCounts, ResponseCounts
-from qcompile.report.calibration_values import calibration_values, is_misfit
+from qcompile.report.calibration_values import bad_fits, calibration_values
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -84,7 +84,7 @@ def draw_calibration(calibration: Calibration) -> bytes:
             _draw_residuals(next(made), residuals, values)
         if calibration.readout is not None:
             _draw_readout(next(made), values)
-        bad = {row["qubit"] for row in values["qubits"] if is_misfit(row)}
+        bad = {qubit for qubit, _ in bad_fits(values)}
         last = part.axes[-1]
         every = _every(count)
         shown = calibration.qubits[::every]
@@ -127,7 +127,7 @@ def _draw_curve(axes: Axes, calibration: Calibration, index: int, row: dict[str,
     counts = calibration.response_counts
     if counts is not None:
         ones = np.array(counts.ones)[:, index] / (counts.shots or 1)
-        at = np.mod(counts.angles_rad, 2 * np.pi)
+        at = np.mod(counts.angles[:, index], 2 * np.pi)
         axes.plot(
             at, 1 - 2 * ones, "o", color=_ORANGE, markersize=3.5, mec="white", mew=0.4,
             label="measured",
@@ -182,8 +182,8 @@ def _residuals(calibration: Calibration) -> Iterator[tuple[str, FloatArray]]:
 def _fitted(calibration: Calibration, counts: ReadoutCounts | ResponseCounts) -> FloatArray:
     """What the fits say of the frequencies of ones, (circuits, qubits)."""
     if isinstance(counts, ResponseCounts):
-        angles = np.array(counts.angles_rad)
-        curves = [_curve(calibration, index, angles) for index in range(len(calibration.qubits))]
+        angles = counts.angles.T
+        curves = [_curve(calibration, index, own) for index, own in enumerate(angles)]
         return (1 - np.array(curves).T) / 2
     assert calibration.readout is not None
     p10, p01 = np.array(calibration.readout.p10), np.array(calibration.readout.p01)

@@ -10,8 +10,9 @@ from qcompile.calibration import Calibration
 from qcompile.live.journal import Journal, TaskKind
 from qcompile.live.looking import doubts_in_words
 from qcompile.live.perform import costs, resume_command, task_of, where_it_stands
+from qcompile.mitigation.misfit import misfit_words
 from qcompile.report.calibration_values import calibration_values, print_calibration
-from qcompile.report.tables import cost_in_words, print_run, print_table
+from qcompile.report.tables import cost_in_words, plural, print_run, print_table
 from qcompile.terminal import one_line
 
 
@@ -119,15 +120,22 @@ def print_result(kind: TaskKind, result: dict[str, Any]) -> None:
 
 def print_validation(found: dict[str, Any]) -> None:
     """Print what a validation found, a row for each qubit."""
-    columns = ("qubits", "chi_square", "degrees", "p_value")
+    columns = ["qubits", "chi_square", "degrees", "p_value", *["power"] * ("power" in found)]
     print_table(
-        ["qubit", "chi-square", "expected", "p-value", ""],
+        ["qubit", "chi-square", "expected", "p-value", *["power"] * ("power" in found), ""],
         [
             [*row, "fails" if row[0] in found["failed"] else "holds"]
             for row in zip(*(found[column] for column in columns), strict=True)
         ],
         f"Twin of {found['file']} against fresh counts of {found['shots']} shots",
     )
+    if "power" in found:
+        click.echo(
+            f"{plural(found['observations'], 'observation')}: a p01 of one qubit raised by "
+            f"{found['effect']:g} is found {100 * found['least_power']:.0f} % of the time or more"
+        )
+        for words in misfit_words(found["calibration_misfits"]):
+            click.echo(words)
     verdict = "pass" if found["passed"] else "fail"
     click.echo(f"{verdict}; the largest difference of a <Z> is {found['largest_difference']:.3f}")
 

@@ -11,6 +11,7 @@ from rich.cells import cell_len
 from rich.markup import escape
 from rich.table import Table
 
+from qcompile.mitigation.misfit import misfit_words
 from qcompile.report.console import PlainConsole, console
 
 _KINDS = {
@@ -128,6 +129,8 @@ def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
     words = f"{_shots(summary['shots'])}, level {summary['level']}, "
     words += "bent angles" if summary["predistort"] else f"mitigation {summary['mitigation']}"
     yield "settings", words + (f" by {escape(file)}" if (file := summary["calibration"]) else "")
+    for words in misfit_words(summary.get("calibration_misfits", [])):
+        yield "doubtful", words
     if summary["copies"] > 1:
         yield "side by side", plural(summary["copies"], "episode")
     if summary["max_steps"] is not None:
@@ -174,6 +177,9 @@ def print_grid(objects: Sequence[Mapping[str, Any]]) -> None:
             title,
             tight=True,
         )
+        for values in shown:
+            for words in misfit_words(values.get("calibration_misfits", [])):
+                _console().print(escape(f"{values['backend']}: {words}"))
 
 
 def _grid_row(values: Mapping[str, Any], levels: bool) -> list[object]:

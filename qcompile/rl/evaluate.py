@@ -40,6 +40,7 @@ class Deployment:
     `shots` None takes expectations without shot noise. Shot noise, calibration and the sampling
     of actions draw from generators derived from `seed`, so a deployment repeats exactly. With
     `copies` so many episodes share an execution, their circuits side by side on the device.
+    `misfits` are the fits of its calibration that contradict their own counts.
 
     Raises:
         CalibrationError: `mitigation` is not one of MITIGATIONS, or a qubit cannot be calibrated.
@@ -78,6 +79,7 @@ class Deployment:
             copies=copies,
         )
         self.calibration_load = self._measure.calibration_load
+        self.misfits = self._measure.misfits
         self.executor, self.executable = self._measure.executor, self._measure.executable
         self.device = self.executor.device
 
@@ -144,6 +146,7 @@ class RunResult:
             "mitigation": made.mitigation,
             "predistort": made.predistort,
             "calibration": calibration,
+            "calibration_misfits": [misfit.values() for misfit in made.misfits],
             "copies": made.copies,
             "level": made.level,
             "greedy": made.greedy,

@@ -18,10 +18,12 @@ from qcompile.execution import (
 from qcompile.ir import Program
 from qcompile.mitigation import (
     CALIBRATION_SHOTS,
+    Misfit,
     Mitigation,
     calibrate,
     calibration_workload,
     check_response_level,
+    misfits,
     predistorted,
     readout_mitigation,
     response_mitigation,
@@ -40,7 +42,8 @@ class Measurement:
     `shots` None takes expectations without shot noise. `calibration` is measured first where it is
     needed and not given. With `predistort` the angles are bent by the response curves instead of
     undoing them afterwards. `importance` (circuits,) guides the placement. With `copies` so many
-    rows of a batch are run side by side, by one execution.
+    rows of a batch are run side by side, by one execution. `misfits` are the fits it stands on that
+    contradict their own counts.
 
     Raises:
         CalibrationError: `mitigation` is not one of MITIGATIONS or contradicts `predistort`, the
@@ -80,6 +83,7 @@ class Measurement:
             program, executor.device, level, importance, copies=copies
         )
         self.calibration_load = Workload()
+        self.misfits: list[Misfit] = []
         self._mitigation: Mitigation | None = None
         if mitigation == "readout":
             measured = self._calibrated(calibration, "readout")
@@ -90,12 +94,24 @@ class Measurement:
         elif predistort:
             measured = self._calibrated(calibration, "response")
             self.executable = predistorted(self.executable, measured)
+        if isinstance(executor, TwinExecutor):
+            self._look_at(executor.calibration, "response")
         if isinstance(executor, OfflineExecutor):  # its tables are built now, not in the first step
             nothing = np.zeros((0, copies * len(program.inputs)))
             executor.expectation(self.executable, nothing, np.zeros(len(program.parameters)))
 
+    def _look_at(self, calibration: Calibration, part: Part) -> None:
+        """Note the misfits of a part on the qubits of the executable, each once."""
+        found = misfits(calibration, [part], self.executable.qubits.tolist())
+        self.misfits += [one for one in found if one not in self.misfits]
+
     def _calibrated(self, given: Calibration | None, part: Part) -> Calibration:
-        """The calibration given, that of the twin, or one that is measured now."""
+        """The calibration given, that of the twin, or one that is measured now; looked at."""
+        calibration = self._calibration(given, part)
+        self._look_at(calibration, part)
+        return calibration
+
+    def _calibration(self, given: Calibration | None, part: Part) -> Calibration:
         if given is None and isinstance(self.executor, TwinExecutor):
             given = self.executor.calibration
         if given is None:

@@ -14,17 +14,20 @@ from numpy.typing import NDArray
 from qcompile.calibration import Calibration
 from qcompile.errors import CalibrationError
 from qcompile.execution import Executor, TwinExecutor, expectation_from_ones
+from qcompile.mitigation import Misfit, misfits
 from qcompile.mitigation.drift import DRIFT_LEVEL
-from qcompile.passes import Executable, compile
 from qcompile.policy import Policy
 from qcompile.rl.evaluate import Deployment, Record, play
 from qcompile.rl.lockstep import Act
+from qcompile.rl.twin_power import EFFECT, TwinShown, twin_program
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 _NO_THETA = np.zeros(0)
 _EPISODES = 4
 _STEPS = 500
+_MOST_SEEN = 200
+_STRETCHES = (1, 3, 10, 30)
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +36,9 @@ class TwinCheck:
 
     `qubits`, `chi_square` and `p_value` are (qubits,), `degrees` (qubits,) the numbers of <Z>;
     `failed` are the qubits whose p-value lies below DRIFT_LEVEL divided by their number
-    (Bonferroni). `largest` is the largest difference of a <Z>, in units of <Z>.
+    (Bonferroni). `largest` is the largest difference of a <Z>, in units of <Z>. `power` (qubits,)
+    is how often a p01 of that qubit is found that is raised by `effect`; `misfits` are the
+    curves that contradict the counts they were fitted to.
     """
 
     qubits: IntArray
@@ -41,6 +46,10 @@ class TwinCheck:
     degrees: IntArray
     p_value: FloatArray
     largest: float
+    observations: int
+    effect: float
+    power: FloatArray
+    misfits: list[Misfit]
 
     @property
     def failed(self) -> list[int]:
@@ -57,17 +66,12 @@ class TwinCheck:
             "degrees": self.degrees.tolist(),
             "p_value": self.p_value.tolist(),
             "largest_difference": self.largest,
+            "observations": self.observations,
+            "effect": self.effect,
+            "power": self.power.tolist(),
+            "least_power": float(self.power.min()),
+            "calibration_misfits": [misfit.values() for misfit in self.misfits],
         }
-
-
-def twin_program(calibration: Calibration, policy: Policy) -> tuple[TwinExecutor, Executable]:
-    """The twin, and the policy compiled for it at level 2.
-
-    Raises:
-        CalibrationError: the calibration has no curves, or not enough qubits.
-    """
-    twin = TwinExecutor(calibration)
-    return twin, compile(policy.trained_program, twin.device, 2, policy.importance)
 
 
 def check_twin(
@@ -76,11 +80,12 @@ def check_twin(
     observations: FloatArray,
     executor: Executor,
     shots: int,
+    effect: float = EFFECT,
 ) -> TwinCheck:
     """Run the policy's circuits for observations (B, features) and compare with the twin.
 
     The residuals of a qubit have the covariance of shot noise and of its curve, which they share:
-    r' C^-1 r is chi-square distributed where the twin is right.
+    r' C^-1 r is chi-square distributed where the twin is right. The power is stated for `effect`.
 
     Raises:
         CalibrationError: the executor is one of another device, or a circuit lies on no curve.
@@ -91,56 +96,51 @@ def check_twin(
             f"The calibration is of {calibration.backend}, the backend is {own.name}.",
             "Compare a twin with its own device.",
         )
-    fit = calibration.response
-    twin, executable = twin_program(calibration, policy)
-    assert fit is not None  # the twin has curves
-    x = policy.encode(observations)
-    angles = executable.bind(x, _NO_THETA)
-    _check_curves(executable)
-    expected = twin.expectation(executable, x, _NO_THETA)
-    ones = executor.run(replace(executable, device=own), x, _NO_THETA, shots)
+    shown = TwinShown.of(calibration, policy, observations)
+    _, executable = twin_program(calibration, policy)
+    ones = executor.run(
+        replace(executable, device=own), policy.encode(observations), _NO_THETA, shots
+    )
     z = expectation_from_ones(ones, shots)
-    variance = np.maximum(1.0 - expected**2, 1.0 / shots) / shots
-    qubits = np.unique(executable.qubits)
-    rows = calibration.rows(qubits)
+    variance = shown.variance(shots)
     chi_square, degrees = [], []
-    for qubit, row in zip(qubits, rows, strict=True):
-        on = executable.qubits == qubit
-        residual = (z - expected)[:, on].ravel()
-        turns = angles[:, on].ravel()
-        design = np.stack([np.ones_like(turns), np.cos(turns), np.sin(turns)], axis=1)
-        shared = design @ np.array(fit.covariance[row]) @ design.T
-        covariance = shared + np.diag(variance[:, on].ravel())
+    for number, shared in enumerate(shown.covariance):
+        on = shown.own == number
+        residual = (z - shown.expected)[:, on].ravel()
+        design = shown.design[:, on].reshape(-1, 3)
+        covariance = design @ shared @ design.T + np.diag(variance[:, on].ravel())
         chi_square.append(residual @ np.linalg.solve(covariance, residual))
         degrees.append(residual.size)
     from scipy.stats import chi2
 
     found = np.array(chi_square)
-    p_value = chi2.sf(found, degrees)
-    return TwinCheck(qubits, found, np.array(degrees), p_value, float(np.abs(z - expected).max()))
-
-
-def _check_curves(executable: Executable) -> None:
-    for index, gates in enumerate(executable.gate_counts()):
-        if not (gates["rz"] or gates["rx"]):
-            raise CalibrationError(
-                f"Circuit {index} has no rotation: it lies on no curve.",
-                "Validate with another policy.",
-            )
-
-
-def random_observations(
-    policy: Policy, calibration: Calibration, rows: int, seed: int
-) -> FloatArray:
-    """(rows, features): drawn from the steps of episodes that the policy plays on the twin."""
-    deployment = Deployment(
-        policy, TwinExecutor(calibration, seed), shots=1024, mitigation="response", seed=seed
+    return TwinCheck(
+        qubits=shown.qubits,
+        chi_square=found,
+        degrees=np.array(degrees),
+        p_value=chi2.sf(found, degrees),
+        largest=float(np.abs(z - shown.expected).max()),
+        observations=len(observations),
+        effect=effect,
+        power=shown.powers(shots, effect)[-1],
+        misfits=misfits(calibration, ["response"], shown.qubits.tolist()),
     )
+
+
+def wide_observations(policy: Policy, calibration: Calibration, seed: int) -> FloatArray:
+    """(rows, features): steps of episodes that the policy plays on the twin, and mixtures of them.
+
+    A mixture takes every feature from another step, times one of _STRETCHES: so qubits show parts
+    of their curves that they rarely show while the policy plays.
+    """
+    twin = TwinExecutor(calibration, seed)
+    deployment = Deployment(policy, twin, shots=1024, predistort=True, seed=seed)
     kept = _Kept()
     play(deployment, _EPISODES, max_steps=_STEPS, record=kept)
     seen = np.concatenate(kept.observations)
     rng = np.random.default_rng(seed)
-    return seen[rng.choice(len(seen), rows, replace=len(seen) < rows)]
+    seen = seen[rng.choice(len(seen), min(_MOST_SEEN, len(seen)), replace=False)]
+    return np.concatenate([seen, *(times * rng.permuted(seen, axis=0) for times in _STRETCHES)])
 
 
 class _Kept(Record):

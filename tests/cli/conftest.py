@@ -60,6 +60,7 @@ def run_keys() -> set[str]:
         std_reward ci95 solved gates_per_circuit circuits_per_step rounds_per_step executions
         qpu_seconds_estimate env_steps wall_seconds"""
     return {*documented.split(), "greedy", "interrupted", "predistort", "calibration", "copies"} | {
+        "calibration_misfits",
         "jobs",
         "max_steps",
     }

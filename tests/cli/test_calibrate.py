@@ -14,6 +14,9 @@ import pytest
 
 from qcompile.calibration import load_calibration
 from qcompile.device import load_device
+from qcompile.execution import OfflineExecutor
+from qcompile.mitigation import calibrate
+from qcompile.mitigation.measure import RESPONSE_ANGLES_RAD
 
 Call = Callable[..., Any]
 
@@ -139,8 +142,77 @@ def test_a_bad_fit_is_told_in_words(qcompile: Call, monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(measure, "_ones", drifting)
     answer = qcompile(*LIMA)
     assert (answer.code, answer.err) == (0, "")
-    assert "qubit 3: its response is no curve b + c cos(a) + s sin(a)" in answer.out
+    assert "The response of qubit 3 is not a curve of its own angle alone, or" in answer.out
     assert answer.out.count("p-value") == 1
+
+
+# Kept counts.
+
+
+def test_counts_whose_fits_failed_are_fitted_anew(
+    qcompile: Call, left: Call, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from qcompile.mitigation import cone
+
+    with monkeypatch.context() as failing:
+        nothing = (np.zeros((1, 3)), np.array([np.nan]))
+        failing.setattr(cone, "_solve", lambda *_: nothing)
+        words = ("calibrate", "--backend", "ideal", "--qubits", "0,1,2,3", "--seed", 37)
+        answer = qcompile(*words, "--out", "paid.json")
+    assert answer.code == 1
+    assert "No solver finds the response curve of qubit" in answer.err
+    monkeypatch.setattr("qcompile.mitigation.calibrate", lambda *_, **__: pytest.fail("measured"))
+    answer = qcompile("calibrate", "--from", "paid.json", "--plot", "a.png", "--json")
+    assert (answer.code, answer.err) == (0, "")
+    assert left() == ["a.png", "ideal-calibration.json", "paid.json"]
+    paid, fitted = (load_calibration(Path(name)) for name in ("paid.json", left()[1]))
+    assert paid.response is None
+    assert fitted.response is not None
+    assert (fitted.created, fitted.response_counts) == (paid.created, paid.response_counts)
+    assert answer.json()["file"] == "ideal-calibration.json"
+    assert answer.json()["executions"] == paid.executions
+    assert all(row["contrast"] > 0.999 for row in answer.json()["qubits"])
+
+
+def test_kept_counts_of_some_qubits(qcompile: Call) -> None:
+    assert qcompile(*LIMA, "--out", "a.json").code == 0
+    words = ("calibrate", "--from", "a.json", "--qubits", "1,4")
+    assert qcompile(*words, "--out", "b.json").out.endswith("calibration in b.json\n")
+    assert load_calibration(Path("b.json")).qubits == (1, 4)
+    answer = qcompile(*words, "--out", "a.json")
+    assert (answer.code, answer.out) == (1, "")
+    assert answer.err.startswith("Error: a.json is there already.\n")
+    assert qcompile(*words, "--out", "a.json", "--force").code == 0
+    assert load_calibration(Path("a.json")) == load_calibration(Path("b.json"))
+    answer = qcompile("calibrate", "--from", "a.json", "--qubits", "2", "--out", "c.json")
+    assert (answer.code, answer.out) == (1, "")
+    assert "Qubit 2 has no calibration.\n  Calibrated on fake_lima: 1 4" in answer.err
+
+
+@pytest.mark.usefixtures("nothing_is_measured")
+@pytest.mark.parametrize(
+    "words",
+    [
+        *(("--backend", "fake_lima"), ("--shots", 8192), ("--seed", 1), ("--check", "a.json")),
+        *(("--parts", "readout"), ("--live", "--max-qpu-seconds", 9), ("--policy", "cartpole")),
+        *(("--max-age-hours", 3), ("--max-qpu-seconds", 9)),
+    ],
+    ids=lambda words: words[0],
+)
+def test_fitting_anew_measures_nothing(qcompile: Call, words: tuple[object, ...]) -> None:
+    answer = qcompile("calibrate", "--from", "a.json", *words)
+    assert (answer.code, answer.out) == (2, "")
+    assert f"{words[0]} is for" in answer.err
+
+
+def test_what_has_no_counts_is_not_fitted(qcompile: Call) -> None:
+    Path("a.json").write_text(load_device("fake_lima").to_json())
+    answer = qcompile("calibrate", "--from", "a.json")
+    assert (answer.code, answer.out) == (1, "")
+    assert answer.err.startswith("Error: a.json holds no counts to fit.\n")
+    answer = qcompile("calibrate")
+    assert (answer.code, answer.out) == (2, "")
+    assert "--backend names what to measure" in answer.err
 
 
 # Checks.
@@ -158,6 +230,22 @@ def test_a_calibration_that_holds_passes(qcompile: Call, left: Call) -> None:
     found = qcompile(*words, "--json").json()
     assert found["file"] is None
     assert (found["check"]["file"], found["check"]["drifted"]) == ("old.json", [])
+
+
+def test_a_file_of_version_0_1_is_checked_with_its_own_circuits(qcompile: Call) -> None:
+    """All qubits turned alike: else what depends on neighbours would read as drift."""
+    lima = OfflineExecutor(load_device("fake_lima"), 5)
+    alike = np.repeat(RESPONSE_ANGLES_RAD[:, None], 5, axis=1)
+    values = calibrate(lima, np.arange(5), 1000, angles_rad=alike).model_dump(mode="json")
+    values["response_counts"]["angles_rad"] = RESPONSE_ANGLES_RAD.tolist()
+    Path("old.json").write_text(json.dumps(values))
+    words = ("--check", "old.json", "--qubits", "1,3", "--seed", 2, "--out", "new.json", "--json")
+    answer = qcompile("calibrate", "--backend", "fake_lima", *words)
+    assert (answer.code, answer.err) == (0, "")
+    assert answer.json()["check"]["degrees"] == 2 + 8
+    fresh = load_calibration(Path("new.json")).response_counts
+    assert fresh is not None
+    np.testing.assert_array_equal(fresh.angles, alike[:, :2])
 
 
 def test_a_qubit_that_moved_is_found(qcompile: Call) -> None:

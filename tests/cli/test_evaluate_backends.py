@@ -46,6 +46,18 @@ def test_a_twin_beside_its_device(qcompile: Call, policy: Call, calibration: str
     assert table.out.count(" lima.json ") == 2
 
 
+def test_misfits_of_a_calibration_are_told(qcompile: Call, policy: Call, calibration: str) -> None:
+    values = json.loads(Path(calibration).read_text())
+    values["response"]["chi_square"] = [500.0] * 5
+    Path(calibration).write_text(json.dumps(values))
+    words = ("evaluate", policy(), "--backend", calibration, *FEW, "--mitigation", "readout")
+    ideal, twin = qcompile(*words, "--json").json()["results"]
+    assert ideal["calibration_misfits"] == []
+    assert len(twin["calibration_misfits"]) == 4
+    told = " ".join(qcompile(*words).out.split())
+    assert "lima.json: The response of qubit 0, " in told
+
+
 def test_a_twin_is_played_again_when_it_was_measured_again(
     qcompile: Call, policy: Call, calibration: str
 ) -> None:

@@ -72,6 +72,67 @@ def test_an_old_calibration_is_reported(qcompile: Call, policy: Call, calibratio
     assert answer.json()["calibration"] == "old.json"
 
 
+def doubt(file: str, qubits: list[int]) -> None:
+    """Make the response of these qubits a misfit: chi-square 500 for its five degrees."""
+    values = json.loads(Path(file).read_text())
+    for qubit in qubits:
+        values["response"]["chi_square"][values["qubits"].index(qubit)] = 500.0
+    Path(file).write_text(json.dumps(values))
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("--backend", "fake_lima", "--calibration", "lima.json", "--mitigation", "response"),
+        ("--backend", "fake_lima", "--calibration", "lima.json", "--predistort"),
+        ("--backend", "lima.json", "--mitigation", "response"),
+        ("--backend", "lima.json", "--mitigation", "none"),
+    ],
+    ids=["response", "bent", "twin", "bare twin"],
+)
+def test_misfits_of_the_qubits_in_use_are_told(
+    qcompile: Call, policy: Call, calibration: str, words: tuple[str, ...]
+) -> None:
+    """The policy has four circuits for five qubits."""
+    shown = qcompile("show", policy(), "--backend", calibration, "--json").json()
+    used = sorted({row["qubit"] for row in shown["circuits"]})
+    (unused,) = {*range(5)} - {*used}
+    doubt(calibration, [used[1], unused])
+    words = ("run", "tiny.json", *words, "--episodes", "1", "--max-steps", "2")
+    found = qcompile(*words, "--json").json()["calibration_misfits"]
+    assert [(misfit["qubit"], misfit["part"]) for misfit in found] == [(used[1], "response")]
+    assert 0 < found[0]["p_value"] < 1e-90
+    told = " ".join(qcompile(*words).out.split())
+    assert f"The response of qubit {used[1]} is not a curve of its own angle alone" in told
+    assert "--mitigation readout" in told
+
+
+def test_what_is_not_in_use_is_not_told(qcompile: Call, policy: Call, calibration: str) -> None:
+    doubt(calibration, [0, 1, 2, 3, 4])
+    words = ("run", policy(), *LIMA, "--calibration", calibration, "--max-steps", 2)
+    assert qcompile(*words, "--mitigation", "readout", "--json").json()["calibration_misfits"] == []
+    assert "doubtful" not in qcompile(*words, "--mitigation", "readout").out
+
+
+@pytest.mark.parametrize("words", [("response",), ("readout",), ("none", "--predistort")])
+@pytest.mark.parametrize("gate", ["sx", "rx"])
+def test_a_device_whose_bits_are_swapped_is_undone(
+    qcompile: Call, words: tuple[str, ...], gate: str
+) -> None:
+    """0 is read as 1 and 1 as 0: without mitigation the pole falls in ten steps."""
+    device = json.loads(load_device("fake_lima").to_json())
+    names = {"sx": ["rz", "sx", "x"], "rx": ["rz", "rx"]}[gate]
+    device |= {"name": "swapped", "basis_gates": names}
+    for qubit in device["qubits"]:
+        qubit |= {"p10": 0.97, "p01": 0.96}
+        qubit["gates"] = dict.fromkeys(names[1:], qubit["gates"]["sx"])
+    Path("swapped.json").write_text(json.dumps(device))
+    run = ("run", "cartpole", "--backend", "swapped.json", "--episodes", 2, "--max-steps", 60)
+    found = qcompile(*run, "--mitigation", *words, "--json").json()
+    assert found["mean_reward"] == 60
+    assert qcompile(*run, "--mitigation", "none", "--json").json()["mean_reward"] < 20
+
+
 @pytest.mark.parametrize(
     ("words", "text"),
     [

@@ -32,8 +32,12 @@ def test_the_contract_of_json(qcompile: Call) -> None:
     found = answer.json()
     assert set(found) == {
         *("file", "shots", "passed", "failed", "qubits", "chi_square", "degrees", "p_value"),
-        "largest_difference",
+        *("largest_difference", "observations", "effect", "power", "least_power"),
+        "calibration_misfits",
     }
+    assert (found["observations"], found["effect"]) == (3, 0.05)
+    assert len(found["power"]) == 4
+    assert found["least_power"] == min(found["power"])
     assert (found["file"], found["shots"], found["passed"]) == ("lima.json", 500, True)
     assert found["degrees"] == [3] * 4
     assert len(found["qubits"]) == len(found["p_value"]) == len(found["chi_square"]) == 4
@@ -48,6 +52,53 @@ def test_the_table(qcompile: Call) -> None:
     assert answer.out.count("holds") == 4
     assert "pass; the largest difference of a <Z> is 0." in answer.out
     assert "charged" not in answer.out
+
+
+def test_the_defaults_have_the_power_that_is_wanted(qcompile: Call) -> None:
+    words = ("validate", "lima.json", "--policy", "cartpole")
+    found = qcompile(*words, "--json").json()
+    assert found["least_power"] >= 0.9
+    told = " ".join(qcompile(*words).out.split())
+    share = f"{100 * found['least_power']:.0f} % of the time or more"
+    assert f"observations: a p01 of one qubit raised by 0.05 is found {share}" in told
+    surer = qcompile(*words, "--power", 0.99, "--effect", 0.04, "--json").json()
+    assert surer["least_power"] >= 0.99
+    assert surer["effect"] == 0.04
+    assert surer["shots"] * surer["observations"] > found["shots"] * found["observations"]
+
+
+def test_a_twin_that_is_turned_can_be_validated(qcompile: Call) -> None:
+    """Though its response cannot be undone; the device is not turned, and so it fails."""
+    values = json.loads(Path("lima.json").read_text())
+    for curve in values["response"]["curves"]:
+        curve[1:] = [0.5 * curve[1], 0.5 * curve[1]]
+    Path("lima.json").write_text(json.dumps(values))
+    answer = qcompile(*WORDS, "--json")
+    assert answer.code == 1
+    assert answer.json()["failed"]
+    assert "is not its machine any more" in answer.err
+
+
+def test_a_power_that_cannot_be_had_is_told(qcompile: Call) -> None:
+    answer = qcompile("validate", "lima.json", "--policy", "cartpole", "--effect", 0.01, "--json")
+    assert answer.code == 0
+    share = f"{100 * answer.json()['least_power']:.0f} %"
+    assert answer.err == (
+        f"A p01 raised by 0.01 is found {share} of the time at least: lima.json has too few shots "
+        "for more. Calibrate with more of them.\n"
+    )
+
+
+def test_a_misfit_of_the_calibration_is_told(qcompile: Call) -> None:
+    values = json.loads(Path("lima.json").read_text())
+    values["response"]["chi_square"] = [500.0] * 5
+    Path("lima.json").write_text(json.dumps(values))
+    assert len(qcompile(*WORDS, "--json").json()["calibration_misfits"]) == 4
+    tamper()
+    answer = qcompile(*WORDS)
+    assert answer.code == 1
+    for text in (answer.out, answer.err):
+        assert "is not a curve of its own angle alone" in " ".join(text.split())
 
 
 def test_a_twin_that_does_not_hold_is_printed_and_ends_with_1(qcompile: Call) -> None:
@@ -78,7 +129,11 @@ def test_another_device_and_a_missing_file_are_explained(qcompile: Call) -> None
 
 
 @pytest.mark.parametrize(
-    "words", [("--shots", "exact"), ("--observations", 0), ("--observations", 1001)]
+    "words",
+    [
+        *(("--shots", "exact"), ("--observations", 0), ("--observations", 1001)),
+        *(("--power", 0.5), ("--power", 1), ("--effect", 0)),
+    ],
 )
 def test_wrong_usage(qcompile: Call, words: tuple[object, ...]) -> None:
     answer = qcompile(*WORDS, *words)

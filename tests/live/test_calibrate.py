@@ -7,6 +7,7 @@ import time
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,10 +16,14 @@ from live_runs import Runs
 from scipy.stats import norm
 
 from qcompile.calibration import Calibration, load_calibration
-from qcompile.device import Device
+from qcompile.device import Device, load_device
+from qcompile.errors import CalibrationError
 from qcompile.execution import OfflineExecutor
 from qcompile.ir import Circuit, Program
 from qcompile.live.connection import Connection
+from qcompile.live.measure import CalibrateTask
+from qcompile.live.task import Context
+from qcompile.mitigation.measure import LIVE_ANGLES_RAD
 from qcompile.passes import compile
 
 SHOTS = 2000
@@ -123,6 +128,106 @@ def test_a_file_that_is_there_is_refused_before_anything_is_sent(runs: Runs) -> 
     assert answer.code == 1
     assert "machine.json is there already." in answer.err
     assert not runs.service.ledger().jobs
+
+
+def test_force_overwrites_the_file_itself(runs: Runs) -> None:
+    """Not a file beside it: nor where another calibration came in between."""
+    Path("machine.json").write_text("old")
+    answer = calibrated(runs, "--force", shots=100)
+    assert answer.code == 0, answer.err
+    assert answer.json()["file"].endswith("/machine.json")
+    first = load_calibration(Path("machine.json"))
+    runs.service.settings.queue_seconds = 0.3
+    runs.service.settings.seed = 5
+    assert calibrated(runs, "--force", "--max-wait-seconds", 0.05, shots=100).code == 1
+    assert load_calibration(Path("machine.json")) == first
+    assert runs.call("resume", "last", "--json").code == 0
+    assert load_calibration(Path("machine.json")).response_counts != first.response_counts
+    assert [path.name for path in Path().glob("*.json")] == ["machine.json"]
+
+
+def test_without_force_a_file_that_came_in_between_is_kept(runs: Runs) -> None:
+    runs.service.settings.queue_seconds = 0.3
+    assert calibrated(runs, "--max-wait-seconds", 0.05, shots=100).code == 1
+    Path("machine.json").write_text("mine")
+    answer = runs.call("resume", "last", "--json")
+    assert answer.code == 0, answer.err
+    assert Path("machine.json").read_text() == "mine"
+    other = Path(answer.json()["file"])
+    assert other.name == f"machine-{answer.json()['run']}.json"
+    assert load_calibration(other).kind == "hardware"
+
+
+def test_misfits_are_told_before_anything_is_spent(runs: Runs) -> None:
+    assert calibrated(runs).code == 0
+    values = json.loads(Path("machine.json").read_text())
+    values["response"]["chi_square"] = [500.0] * 5
+    Path("machine.json").write_text(json.dumps(values))
+    words = ("--backend", "fake_lima", "--calibration", "machine.json", "--max-steps", 2)
+    answer = runs.call(
+        *("run", "cartpole", *words, "--episodes", 1, "--shots", 64, "--json"),
+        *("--live", "--max-qpu-seconds", 20, "--yes"),
+    )
+    assert answer.code == 0, answer.err
+    told, spent = answer.err.split("fake_lima: ", 1)
+    assert "machine.json: The response of qubit 0, " in told
+    assert "QPU seconds" in spent
+    assert len(answer.json()["calibration_misfits"]) == 4
+
+
+class Counted:
+    """Jobs that are answered at once from the noise model; `requests` is what was asked for."""
+
+    journal = SimpleNamespace(latest=lambda number: None)
+
+    def __init__(self, device: Device):
+        self.requests: list[Any] = []
+        self._machine = OfflineExecutor(device, 0)
+
+    def ones(self, request: Any) -> np.ndarray:
+        self.requests.append(request)
+        made = request.executable
+        assert made.native.inputs == ("x0",)
+        return self._machine.run(made, request.angles[:, 0], np.zeros(0), request.shots)
+
+
+def test_a_journal_of_version_0_1_goes_on_with_its_own_circuits() -> None:
+    """One angle for each circuit, the same on all qubits."""
+    device, jobs = load_device("fake_lima"), Counted(load_device("fake_lima"))
+    task = CalibrateTask.model_validate(
+        {
+            "backend": "fake_lima",
+            "device": device,
+            "qubits": (0, 3),
+            "shots": 500,
+            "parts": ("response",),
+            "angles_rad": LIVE_ANGLES_RAD.tolist(),
+            "out": None,
+        }
+    )
+    found = task.perform(Context(jobs, lambda words: None))["calibration"]  # type: ignore[arg-type]
+    (request,) = jobs.requests
+    np.testing.assert_array_equal(request.angles[..., 0], LIVE_ANGLES_RAD[:, None].repeat(2, 1))
+    assert found["unfitted"] == []
+
+
+def test_counts_that_a_run_kept_are_fitted_anew(
+    runs: Runs, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as failing:
+        failing.setattr("qcompile.mitigation.measure.fit_response", unfit)
+        assert calibrated(runs).code == 1
+    answer = runs.call("calibrate", "--from", "machine.json", "--out", "new.json", "--json")
+    assert answer.code == 0, answer.err
+    kept, found = (load_calibration(Path(name)) for name in ("machine.json", "new.json"))
+    assert kept.response is None
+    assert (found.kind, found.created) == ("hardware", kept.created)
+    assert found.response is not None
+    assert len(runs.service.ledger().jobs) == 1
+
+
+def unfit(*_: Any) -> None:
+    raise CalibrationError("No fit.")
 
 
 def test_a_calibration_goes_on_where_it_stopped(runs: Runs) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.stats import binom
+from scipy.stats import binom, kstest
 
 from qcompile.calibration import Calibration
 from qcompile.device import Device, load_device
@@ -28,6 +28,7 @@ def test_a_device_that_stays_is_seldom_contradicted() -> None:
     alarms = sum(bool(drift.drifted) for drift in found)
     assert alarms <= binom.isf(1e-6, runs, DRIFT_LEVEL)
     p_values = np.concatenate([drift.p_value for drift in found])
+    assert kstest(p_values, "uniform").pvalue > 1e-3
     for level in (0.5, 0.1, 0.01, 0.001):
         share = np.count_nonzero(p_values < level)
         assert share <= binom.isf(1e-6, p_values.size, level), level

@@ -43,6 +43,22 @@ def test_the_fit_is_the_closed_form(shots: int) -> None:
     np.testing.assert_allclose(found.p01, 1 - by_hand[1], atol=1e-6)
 
 
+def test_the_closed_form_of_the_readout_is_the_least_squares_of_cvxpy() -> None:
+    """Weighted by shot noise, with the prior, within [0, 1]."""
+    import cvxpy
+
+    prepared, ones = pair([5.0, 0.0, 30.0], [190.0, 200.0, 160.0])
+    mean, shots = ones / 200, 200
+    p_one, common = cvxpy.Variable((2, 3)), mean.mean(axis=1, keepdims=True) * np.ones((1, 3))
+    weights = 1 / (((ones + 0.5) / 201) * (1 - (ones + 0.5) / 201))
+    misfit = cvxpy.multiply(weights * shots, cvxpy.square(p_one - mean))
+    prior = cvxpy.multiply(weights * fits.PRIOR_SHOTS, cvxpy.square(p_one - common))
+    constraints = [p_one >= 0, p_one <= 1]
+    cvxpy.Problem(cvxpy.Minimize(cvxpy.sum(misfit + prior)), constraints).solve(solver="CLARABEL")
+    found = fit_readout(prepared, ones, shots, np.arange(3))
+    np.testing.assert_allclose([found.p10, 1 - np.array(found.p01)], p_one.value, atol=1e-5)
+
+
 def test_the_prior_by_hand() -> None:
     """Ones of |0>: 2 and 8 of 40, mean 0.125 of 10 both: (40 * 0.05 + 8 * 0.125) / 48 = 0.0625."""
     prepared, ones = pair([2, 8], [40, 36])

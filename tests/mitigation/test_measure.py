@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +13,8 @@ from qcompile.device import Device, GateCalibration, Qubit, load_device
 from qcompile.errors import CalibrationError, CountsError
 from qcompile.execution import OfflineExecutor
 from qcompile.mitigation import CALIBRATION_SHOTS, calibrate, readout_mitigation
-from qcompile.mitigation.measure import RESPONSE_ANGLES_RAD, patterns
+from qcompile.mitigation.measure import RESPONSE_ANGLES_RAD, fit_counts, patterns
+from qcompile.mitigation.orders import angle_orders
 from qcompile.noise import noise_after, readout_row, rotation_map
 from qcompile.passes import compile
 from qcompile.policy.layouts import parallel
@@ -122,6 +124,65 @@ def test_an_rx_device_prepares_one_with_its_own_rx() -> None:
     # rx(a): r_z = (1 - e) + e (1 - p) cos a, seen as 0.02 + 0.96 r_z.
     by_hand = [0.02 + 0.96 * (1 - e), 0.96 * e * (1 - p), 0.0]
     np.testing.assert_allclose(found.response.curves[0], by_hand, atol=1e-6)
+
+
+class Watched(OfflineExecutor):
+    """Keeps what it is asked to run."""
+
+    asked: list[tuple[Any, Any]]
+
+    def run(self, executable: Any, x: Any, theta: Any, shots: int) -> Any:
+        self.asked.append((executable, x))
+        return super().run(executable, x, theta, shots)
+
+
+def test_each_qubit_sees_its_angles_in_an_order_of_its_own() -> None:
+    """One execution an angle, as ever; the counts stand beside the angles they are of."""
+    watched = Watched(load_device("fake_toronto"), 0)
+    watched.asked = []
+    qubits = np.array([3, 8, 20])
+    found = calibrate(watched, qubits, 5000, parts=["response"])
+    ((executable, x),) = watched.asked
+    assert (len(x), executable.round_count) == (8, 1)
+    assert found.response_counts is not None
+    angles = angle_orders(RESPONSE_ANGLES_RAD, qubits)
+    np.testing.assert_array_equal(found.response_counts.angles, angles)
+    np.testing.assert_array_equal(executable.bind(x, np.zeros(0)), angles)
+    assert len(np.unique(angles, axis=1).T) == 3
+    assert found.response is not None
+    for (b, c, s), own, ones in zip(
+        found.response.curves, angles.T, zip(*found.response_counts.ones, strict=True), strict=True
+    ):
+        shown = 1 - 2 * np.array(ones) / 5000
+        np.testing.assert_allclose(shown, b + c * np.cos(own) + s * np.sin(own), atol=0.08)
+
+
+def test_angles_for_circuit_and_qubit_are_taken_as_they_stand() -> None:
+    """All alike, the circuits are those of earlier versions, which journals go on with."""
+    watched = Watched(load_device("fake_lima"), 0)
+    watched.asked = []
+    alike = np.repeat(RESPONSE_ANGLES_RAD[:, None], 2, axis=1)
+    found = calibrate(watched, np.array([1, 4]), 500, parts=["response"], angles_rad=alike)
+    ((executable, x),) = watched.asked
+    assert executable.native.inputs == ("x0",)
+    np.testing.assert_array_equal(x[:, 0], RESPONSE_ANGLES_RAD)
+    assert found.response_counts is not None
+    np.testing.assert_array_equal(found.response_counts.angles, alike)
+
+
+def test_kept_counts_are_fitted_anew() -> None:
+    """With the same fits, on all qubits or on some."""
+    whole = calibrate(OfflineExecutor(load_device("fake_lima"), 3), np.arange(5), 1000)
+    unfitted = whole.model_copy(update={"readout": None, "response": None, "unfitted": ("why",)})
+    assert fit_counts(unfitted) == whole
+    some = fit_counts(unfitted, [4, 1])
+    assert some.qubits == (1, 4)
+    assert some.response is not None
+    assert whole.response is not None
+    assert some.response.curves == (whole.response.curves[1], whole.response.curves[4])
+    assert some.readout is not None
+    with pytest.raises(CalibrationError, match="Qubit 7 has no calibration"):
+        fit_counts(unfitted, [7])
 
 
 def test_what_cannot_be_calibrated_is_refused_before_anything_is_run() -> None:

@@ -17,7 +17,7 @@ from qcompile.passes import compile
 from qcompile.policy.layouts import parallel
 
 NOTHING = np.zeros(0)
-CURVES = [[0.03, -0.9, 0.05], [-0.05, -0.8, -0.1], [0.0, -1.0, 0.0]]
+CURVES = [[0.03, -0.9, 0.05], [-0.05, 0.8, -0.1], [0.1, 0.2, -0.7]]  # usual, swapped, turned
 
 
 @pytest.mark.parametrize("basis_gates", [("rz", "sx", "x"), ("rz", "rx")])

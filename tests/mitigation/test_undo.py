@@ -186,6 +186,62 @@ def test_response_removes_the_gate_error_that_readout_leaves() -> None:
     assert by_readout.max() > 0.01
 
 
+def test_offset_and_contrast_of_the_readout_are_known_together(made: Made) -> None:
+    """A <Z> read as |0> is depends on p10 alone, one read as |1> is on p01 alone.
+
+    With z = 1 - 2 p10 kept, d<Z> / dp10 = 2 / contrast and d<Z> / dp01 = 0, and the other way.
+    """
+    calibration = made(readout=([0.05], [0.15]))
+    assert calibration.readout is not None
+    readout = calibration.readout.model_copy(update={"p10_error": (0.01,), "p01_error": (0.03,)})
+    calibration = calibration.model_copy(update={"readout": readout})
+    mitigation = readout_mitigation(calibration, on(calibration, 1))
+    v10, v01 = 0.01**2, 0.03**2
+    np.testing.assert_allclose(
+        mitigation.covariance[0],
+        [[v01 + v10, v10 - v01, 0], [v10 - v01, v01 + v10, 0], [0, 0, 0]],
+        atol=1e-18,
+    )
+    errors = mitigation.standard_error(np.array([[0.9], [-0.7]]), 10**14)[:, 0]
+    np.testing.assert_allclose(errors, [2 * 0.01 / 0.8, 2 * 0.03 / 0.8], rtol=1e-4)
+
+
+@pytest.mark.parametrize("basis_gates", [("rz", "sx", "x"), ("rz", "rx")])
+@pytest.mark.parametrize("s", [0.0, 0.08])
+def test_a_response_that_is_swapped_is_undone(
+    made: Made, basis_gates: tuple[str, ...], s: float
+) -> None:
+    """0 and 1 swapped turn the curve by pi: <Z> w shows 0.04 - 0.85 cos(w - tilt)."""
+    sign = 1 if "rx" in basis_gates else -1
+    calibration = made(curves=[[0.04, -sign * 0.85, s]], basis_gates=basis_gates, error=0.001)
+    executable = on(calibration, 1)
+    mitigation = response_mitigation(calibration, executable)
+    assert mitigation.contrast[0] == pytest.approx(-np.hypot(0.85, s))
+    tilt = np.arctan(-s / 0.85 * sign)
+    assert mitigation.tilt[0] == pytest.approx(tilt)
+    w = np.linspace(max(2 * tilt, 0), np.pi + min(2 * tilt, 0), 300)[:, None]
+    a = w + executable.angle_offset_rad
+    shown = 0.04 - sign * 0.85 * np.cos(a) + s * np.sin(a)
+    np.testing.assert_allclose(mitigation.apply(shown), np.cos(w), atol=1e-9)
+    assert (mitigation.standard_error(shown, 1000) > 0).all()
+
+
+def test_a_readout_that_is_swapped_is_undone(made: Made) -> None:
+    """P(0 | 1) = 0.96 and P(1 | 0) = 0.97: |0> is read as -0.94, |1> as 0.92."""
+    calibration = made(readout=([0.97], [0.96]))
+    mitigation = readout_mitigation(calibration, on(calibration, 1))
+    measured = np.array([[-0.94], [0.92], [-0.01]])
+    np.testing.assert_allclose(mitigation.apply(measured)[:, 0], [1, -1, 0], atol=1e-12)
+
+
+@pytest.mark.parametrize("tilt", [0.3, 1.2, np.pi - 0.3, -2.0])
+def test_a_turn_by_which_two_angles_look_alike_is_refused(made: Made, tilt: float) -> None:
+    calibration = made(curves=[[0.0, -0.8 * np.cos(tilt), -0.8 * np.sin(tilt)]], error=0.001)
+    with pytest.raises(CalibrationError, match=r"of qubit 0 is turned by more than 0\.25 rad"):
+        response_mitigation(calibration, on(calibration, 1))
+    assert response_mitigation(calibration, on(calibration, 1), any_side=True).tilt.any()
+
+
 def test_what_was_not_calibrated_is_refused(made: Made) -> None:
     readout, response = made(readout=([0.1], [0.1])), made(curves=[[0.0, -0.9, 0.0]])
     with pytest.raises(CalibrationError, match="holds no assignment matrices"):

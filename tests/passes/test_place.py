@@ -57,7 +57,8 @@ def instant(error: float) -> GateCalibration:
             (1 - 0.8**2 / 3) / (SHOTS * 0.9**2) + (0.1 / 0.9) ** 2 + (0.8 / 0.9 - 1) ** 2 / 3,
         ),
         (read(0.5, 0.5), "rz sx x", np.inf),
-        (read(0.9, 0.9), "rz sx x", np.inf),
+        # Swapped: b = 0 and g = k = -0.8, undone with their sign.
+        (read(0.9, 0.9), "rz sx x", (1 - 0.8**2 / 3) / (SHOTS * 0.8**2)),
     ],
 )
 def test_the_error_of_a_qubit_by_hand(qubit: Qubit, basis: str, by_hand: float) -> None:
@@ -99,6 +100,14 @@ def test_pulses_that_leave_too_little_are_not_used() -> None:
     made = device(poor, fair)
     assert made.usable == (1,)
     assert made.unusable == {0: "keeps 0.77 of <Z>"}
+
+
+def test_swapped_qubits_are_used_where_there_are_no_others() -> None:
+    swapped, weak = read(0.97, 0.96), read(0.4, 0.4)
+    made = device(swapped, weak, swapped)
+    assert made.usable == (0, 2)
+    assert made.unusable == {1: "keeps 0.20 of <Z>"}
+    assert device(swapped, read(0.02, 0.03)).unusable == {0: "keeps -0.93 of <Z>"}
 
 
 def test_what_the_file_leaves_out_comes_first() -> None:

@@ -1,0 +1,171 @@
+"""What calibrations and their tests hold: fits that are lost, false alarms, p-values and power.
+
+Clean devices are noise models, on which every test is right; `Neighbours` is one whose bits are
+read in part from the qubit beside them.
+"""
+
+from __future__ import annotations
+
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from measure import Row, alone, seconds, show, spread
+from scipy.stats import kstest
+
+import qcompile
+from qcompile.calibration import Calibration
+from qcompile.device import IDEAL, Device
+from qcompile.mitigation import calibrate, measure_drift, misfits
+from qcompile.mitigation.measure import LIVE_ANGLES_RAD
+from qcompile.passes import Executable
+from qcompile.rl.twin_check import check_twin, wide_observations
+from qcompile.rl.twin_power import EFFECT, choose_check
+
+NOTHING = np.zeros(0)
+CLEAN = ("fake_lima", "fake_toronto", "fake_lagos")
+FITTED, TESTED = 300, 200
+
+
+class Neighbours:
+    """The noise of a device, where a share of each bit is the bit of the qubit q ^ 1 beside it."""
+
+    kind = "noise-model"
+
+    def __init__(self, device: Device, share: float, seed: int):
+        self.device, self.share, self.rng = device, share, np.random.default_rng(seed)
+        self._alone = qcompile.OfflineExecutor(device)
+        self._beside: WeakKeyDictionary[Executable, np.ndarray] = WeakKeyDictionary()
+
+    def expectation(self, executable: Executable, x: np.ndarray, theta: np.ndarray) -> np.ndarray:
+        z = self._alone.expectation(executable, x, theta)
+        if executable not in self._beside:
+            places = list(zip(executable.qubits.tolist(), executable.rounds.tolist(), strict=True))
+            at = {place: index for index, place in enumerate(places)}
+            self._beside[executable] = np.array([at.get((q ^ 1, r), at[q, r]) for q, r in places])
+        return (1 - self.share) * z + self.share * z[:, self._beside[executable]]
+
+    def run(
+        self, executable: Executable, x: np.ndarray, theta: np.ndarray, shots: int
+    ) -> np.ndarray:
+        p_one = (1 - self.expectation(executable, x, theta)) / 2
+        return self.rng.binomial(shots, np.clip(p_one, 0, 1))
+
+
+def live(executor, qubits, shots: int = 8192) -> Calibration:  # type: ignore[no-untyped-def]
+    """What `calibrate --live` measures."""
+    angles = LIVE_ANGLES_RAD
+    return calibrate(executor, qubits, shots, parts=["response"], angles_rad=angles)
+
+
+def lost() -> list[Row]:
+    """Calibrations without a fit, of perfect qubits: their curves lie on the border of the cone."""
+    rows = []
+    for shots in (1024, 8192):
+        found = [
+            live(qcompile.OfflineExecutor(IDEAL, seed), np.arange(24), shots)
+            for seed in range(FITTED)
+        ]
+        share = 100 * float(np.mean([c.response is None for c in found]))
+        rows.append(spread(f"24 perfect qubits, {shots} shots: fits lost", [share], "%", "0"))
+    for what, device, qubits in (
+        ("24 perfect qubits", IDEAL, np.arange(24)),
+        ("27 of fake_toronto", qcompile.load_device("fake_toronto"), np.arange(27)),
+    ):
+        executor = qcompile.OfflineExecutor(device, 0)
+        times = [seconds(lambda e=executor, q=qubits: live(e, q)) for _ in range(30)]  # type: ignore[misc]
+        rows.append(alone(f"calibrate {what}, six angles", times, 1e3, "ms", ""))
+    return rows
+
+
+def neighbours() -> list[Row]:
+    """How often a calibration is doubted: of clean devices, and where neighbours are seen."""
+    rows = []
+    for name in CLEAN:
+        device = qcompile.load_device(name)
+        qubits = np.array(device.usable)
+        for shots in (1024, 8192):
+            doubted = [
+                bool(misfits(calibrate(qcompile.OfflineExecutor(device, seed), qubits, shots)))
+                for seed in range(FITTED)
+            ]
+            what = f"{name}, clean, {shots} shots: calibrations doubted"
+            rows.append(spread(what, [100 * float(np.mean(doubted))], "%", "0.1"))
+    device, policy = qcompile.load_device("fake_toronto"), qcompile.load_policy("lunarlander")
+    executable = qcompile.compile(policy.trained_program, device, importance=policy.importance)
+    for share in (0.02, 0.05, 0.1, 0.2):
+        found = []
+        for seed in range(30):
+            made = live(Neighbours(device, share, seed), np.unique(executable.qubits))
+            found.append(len({misfit.qubit for misfit in misfits(made)}))
+        what = f"fake_toronto, {100 * share:g} % of each bit the neighbour's: qubits doubted of 24"
+        rows.append(spread(what, [float(count) for count in found], "qubits", ""))
+    return rows
+
+
+def uniform(what: str, p_values: np.ndarray) -> Row:
+    """The p-value of Kolmogorov's and Smirnov's test against the uniform distribution."""
+    return spread(
+        f"{what}: Kolmogorov and Smirnov's p-value of {p_values.size} p-values",
+        [float(kstest(p_values.ravel(), "uniform").pvalue)],
+        "",
+        "> 0.001",
+    )
+
+
+def p_values() -> list[Row]:
+    """Of `validate` and of `calibrate --check`, where nothing moved."""
+    rows = []
+    for name in ("fake_lima", "fake_toronto"):
+        device, policy = qcompile.load_device(name), qcompile.load_policy("lunarlander")
+        executable = qcompile.compile(policy.trained_program, device, importance=policy.importance)
+        qubits = np.unique(executable.qubits)
+        first = live(qcompile.OfflineExecutor(device, 0), qubits)
+        observations, shots, _ = choose_check(first, policy, wide_observations(policy, first, 0))
+        checks, drifts = [], list[np.ndarray]()
+        for seed in range(TESTED):
+            machine = qcompile.OfflineExecutor(device, seed)
+            twin = live(machine, qubits)
+            checks.append(check_twin(twin, policy, observations, machine, shots).p_value)
+            pair = [calibrate(machine, qubits) for _ in range(2)]
+            drifts.append(measure_drift(*pair).p_value)
+        rows.append(uniform(f"validate on {name}, {shots} shots", np.array(checks)))
+        rows.append(uniform(f"--check on {name}, 8192 shots", np.array(drifts)))
+    return rows
+
+
+def power() -> list[Row]:
+    """How often `validate` and `--check` find a p01 of one qubit that is raised by EFFECT."""
+    device, policy = qcompile.load_device("fake_toronto"), qcompile.load_policy("lunarlander")
+    executable = qcompile.compile(policy.trained_program, device, importance=policy.importance)
+    qubits = np.unique(executable.qubits)
+    found, said, named = [], [], []
+    for seed in range(TESTED):
+        qubit = int(qubits[seed % len(qubits)])
+        records = list(device.qubits)
+        records[qubit] = records[qubit].model_copy(update={"p01": records[qubit].p01 + EFFECT})
+        moved = Device(**device.model_dump() | {"qubits": tuple(records)})
+        twin = live(qcompile.OfflineExecutor(device, seed), qubits)
+        if seed % 20 == 0:
+            observations, shots, _ = choose_check(
+                twin, policy, wide_observations(policy, twin, seed)
+            )
+        machine = qcompile.OfflineExecutor(moved, 10_000 + seed)
+        check = check_twin(twin, policy, observations, machine, shots)
+        found.append(qubit in check.failed)
+        named.append(check.failed in ([], [qubit]))
+        said.append(check.power[check.qubits.tolist().index(qubit)])
+    what = f"validate, lunarlander on fake_toronto: a p01 raised by {EFFECT:g} on one of 24 qubits"
+    cost = f"{len(observations)} observations, {shots} shots"
+    return [
+        spread(f"{what}, found ({cost})", [100 * float(np.mean(found))], "%", ">= 90"),
+        spread(f"{what}, power stated", [100 * float(np.mean(said))], "%", ""),
+        spread(f"{what}, no other qubit named", [100 * float(np.mean(named))], "%", ""),
+    ]
+
+
+def rows() -> list[Row]:
+    return [*lost(), *neighbours(), *p_values(), *power()]
+
+
+if __name__ == "__main__":
+    show(rows, "What calibrations and their tests hold.")

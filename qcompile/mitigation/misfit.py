@@ -1,0 +1,96 @@
+"""Fits that contradict their own counts: bits that depend on neighbours, or a device that moved."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qcompile.calibration import Calibration, ReadoutFit, ResponseFit
+from qcompile.mitigation.measure import Part
+from qcompile.validation import listed
+
+MISFIT_LEVEL = 0.001
+"""A calibration whose fits are all right is doubted this often, all its fits together."""
+
+_PARTS: tuple[Part, ...] = ("readout", "response")
+_FOUND: dict[Part, str] = {
+    "readout": "depends on what the other qubits hold",
+    "response": "is not a curve of its own angle alone",
+}
+_ADVICE: dict[Part, str] = {
+    "readout": "Use other qubits, with an unused one between neighbours.",
+    "response": "Use --mitigation readout, which averages over the neighbours, or other qubits, "
+    "with an unused one between neighbours.",
+}
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """A fit of a qubit whose chi-square is that of a right one less than MISFIT_LEVEL often."""
+
+    qubit: int
+    part: Part
+    chi_square: float
+    degrees: int
+    p_value: float
+
+    def values(self) -> dict[str, Any]:
+        """As plain values."""
+        return asdict(self)
+
+
+def p_values(fit: ReadoutFit | ResponseFit) -> NDArray[np.float64]:
+    """How often a right fit has such a chi-square or a larger one, (qubits,); 1 without degrees."""
+    if not fit.degrees_of_freedom:
+        return np.ones(len(fit.chi_square))
+    from scipy.stats import chi2
+
+    return np.asarray(chi2.sf(fit.chi_square, fit.degrees_of_freedom))
+
+
+def misfits(
+    calibration: Calibration, parts: Iterable[Part] = _PARTS, qubits: Iterable[int] | None = None
+) -> list[Misfit]:
+    """The misfits among `parts` of `qubits` (all: None), by part and qubit.
+
+    The level of one fit is MISFIT_LEVEL divided by the number of fits in the calibration
+    (Bonferroni). Exact calibrations have no chi-square, and so no misfits.
+    """
+    fits = {"readout": calibration.readout, "response": calibration.response}
+    there = [fit for fit in fits.values() if fit is not None and fit.degrees_of_freedom]
+    level = MISFIT_LEVEL / max(len(there) * len(calibration.qubits), 1)
+    wanted = set(calibration.qubits if qubits is None else qubits)
+    found = []
+    for part in sorted(set(parts), key=_PARTS.index):
+        fit = fits[part]
+        if fit is None:
+            continue
+        p = p_values(fit)
+        found += [
+            Misfit(
+                calibration.qubits[i], part, fit.chi_square[i], fit.degrees_of_freedom, float(p[i])
+            )
+            for i in np.flatnonzero(p < level)
+            if calibration.qubits[i] in wanted
+        ]
+    return found
+
+
+def misfit_words(found: Sequence[Misfit | dict[str, Any]]) -> list[str]:
+    """A few sentences for each part with misfits: which qubits, what it means, what helps."""
+    plain = [one.values() if isinstance(one, Misfit) else one for one in found]
+    lines = []
+    for part in _PARTS:
+        rows = [row for row in plain if row["part"] == part]
+        if not rows:
+            continue
+        worst = min(row["p_value"] for row in rows)
+        lines.append(
+            f"The {part} of qubit {listed([str(row['qubit']) for row in rows])} {_FOUND[part]}, or "
+            f"the device moved while it was measured (p-value {worst:.0e}). {_ADVICE[part]}"
+        )
+    return lines
