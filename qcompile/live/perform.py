@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import platform
-import shlex
 from collections.abc import Callable
 from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
@@ -21,6 +20,7 @@ from qcompile.errors import (
     QcompileError,
     ReplayError,
 )
+from qcompile.live.commands import folder_option, resume_command
 from qcompile.live.connection import Connection
 from qcompile.live.jobs import Jobs
 from qcompile.live.journal import Journal, TaskKind
@@ -112,13 +112,14 @@ def go_on(
                 raise _explained(error, journal) from error
             finally:
                 jobs.close()
-        if not journal.is_settled:
+        if not journal.charges.are_settled:
             with suppress(KeyboardInterrupt, MissingExtraError):
                 jobs.settle()
         try:
             return task.deliver(finished(journal), out)
         except OutputError as error:
-            hint = f"It is measured and kept: `{_resume(journal)} --out FILE` writes it elsewhere."
+            command = f"`{resume_command(journal)} --out FILE`"
+            hint = f"It is measured and kept: {command} writes it elsewhere."
             raise error.with_hints(hint) from error
 
 
@@ -162,7 +163,7 @@ def versions() -> dict[str, str]:
 
 def _explained(error: QcompileError, journal: Journal) -> QcompileError:
     """The error, with where the run stands and what to do."""
-    export = f"`qcompile runs{_folder(journal)} export {journal.id}` gives what was measured."
+    export = f"`qcompile runs{folder_option(journal)} export {journal.id}` gives what was measured."
     if isinstance(error, ReplayError):
         now = versions()
         other = [
@@ -173,22 +174,11 @@ def _explained(error: QcompileError, journal: Journal) -> QcompileError:
         began = f"It began with {'; '.join(other)}." if other else "The versions are the same."
         return error.with_hints(began, export)
     if isinstance(error, BudgetError):
-        hint = f"`{_resume(journal)} --max-qpu-seconds S` goes on with more."
+        hint = f"`{resume_command(journal)} --max-qpu-seconds S` goes on with more."
     elif isinstance(error, PaidFailureError):
-        hint = f"`{_resume(journal)} --yes` sends it again."
+        hint = f"`{resume_command(journal)} --yes` sends it again."
     elif isinstance(error, LiveError):
-        hint = f"`{_resume(journal)}` goes on."
+        hint = f"`{resume_command(journal)}` goes on."
     else:
         hint = export
     return error.with_hints(where_it_stands(journal), hint)
-
-
-def _resume(journal: Journal) -> str:
-    """The command that goes on with a run."""
-    return f"qcompile resume {journal.id}{_folder(journal)}"
-
-
-def _folder(journal: Journal) -> str:
-    """The option that names the folder of a run, where it is not the usual one."""
-    runs = journal.folder.parent
-    return "" if runs == Path("runs") else f" --runs {shlex.quote(str(runs))}"

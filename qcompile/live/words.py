@@ -7,6 +7,7 @@ import os
 from typing import Any
 
 from qcompile.errors import LiveError
+from qcompile.live.answers import UnreadableAnswerError
 
 PATIENCE_S = 300.0
 """A service that does not answer is asked again for so long."""
@@ -105,6 +106,8 @@ def in_words(error: BaseException) -> LiveError:
     """What happened, without what is secret, and what to try."""
     from qiskit_ibm_runtime.accounts.exceptions import AccountNotFoundError
 
+    if isinstance(error, LookupError | TypeError | AttributeError):  # in the client's reading
+        return UnreadableAnswerError("what was asked or sent")
     words = without_secrets(" ".join(str(error).split()))[:300]
     if isinstance(error, AccountNotFoundError):
         saved = ", ".join(saved_accounts())

@@ -1,0 +1,19 @@
+"""The commands that messages about a run name."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+from qcompile.live.journal import Journal
+
+
+def resume_command(journal: Journal) -> str:
+    """The command that goes on with a run."""
+    return f"qcompile resume {journal.id}{folder_option(journal)}"
+
+
+def folder_option(journal: Journal) -> str:
+    """The option that names the folder of a run, where it is not the usual one."""
+    runs = journal.folder.parent
+    return "" if runs == Path("runs") else f" --runs {shlex.quote(str(runs))}"
