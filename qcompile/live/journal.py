@@ -22,11 +22,11 @@ from typing import Any, Literal, Self, get_args
 import numpy as np
 from filelock import FileLock, Timeout
 
-from qcompile.errors import BudgetError, LiveError
+from qcompile.errors import LiveError
 from qcompile.execution.executor import CountArray, FloatArray
 from qcompile.limits import MAX_QPU_SECONDS
 from qcompile.live import home, schema
-from qcompile.live.charges import Charges
+from qcompile.live.charges import Charges, check_limit
 from qcompile.live.opening import (
     FILE,
     check_pages,
@@ -105,7 +105,7 @@ class Journal:
         Raises:
             BudgetError: the limit is no number of seconds that may be spent.
         """
-        _check_limit(max_qpu_seconds)
+        check_limit(max_qpu_seconds)
         now = datetime.now(UTC)
         words = "".join(c if c.isascii() and c.isalnum() else "-" for c in name)[:12]
         run_id = f"{now:%y%m%d-%H%M%S}-{words}-{secrets.token_hex(2)}"
@@ -186,7 +186,7 @@ class Journal:
         Raises:
             BudgetError: it is no number of seconds that may be spent.
         """
-        _check_limit(max_qpu_seconds)
+        check_limit(max_qpu_seconds)
         self._do("UPDATE run SET max_qpu_seconds = ?", max_qpu_seconds)
 
     @property
@@ -198,16 +198,6 @@ class Journal:
 
     def finish(self, result: dict[str, Any]) -> None:
         self._do("UPDATE run SET result = ?", json.dumps(result))
-
-    @property
-    def is_settled(self) -> bool:
-        """Whether all that IBM has of the run is known, and what it charged for it."""
-        looked_over = bool(self._rows("SELECT 1 FROM looked_over"))
-        return looked_over and not self.charges.doubts() and not self.charges.uncharged()
-
-    def note_looked_over(self) -> None:
-        """IBM has no job of the run but those that are in the journal."""
-        self._do("INSERT INTO looked_over VALUES (?)", datetime.now(UTC).isoformat())
 
     # Its submissions
 
@@ -266,7 +256,6 @@ class Journal:
             self._note(
                 submission, "state = 'sending', sent_at = ?, cap_s = ?", now.isoformat(), cap_s
             )
-            self._do("DELETE FROM looked_over")
         return replace(submission, state="sending", sent_at=now, cap_s=cap_s)
 
     def note_sent(self, submission: Submission, job_id: str) -> None:
@@ -342,11 +331,3 @@ class Journal:
                 f"The run's journal in {self.folder} cannot be read or written: {error}.",
                 "What was sent has its tag in it and is found again, once this is mended.",
             ) from error
-
-
-def _check_limit(max_qpu_seconds: float) -> None:
-    if not 0 < max_qpu_seconds <= MAX_QPU_SECONDS:
-        raise BudgetError(
-            f"A limit of {max_qpu_seconds:g} QPU seconds cannot be kept.",
-            f"Give a number above 0, {MAX_QPU_SECONDS:,.0f} at most.",
-        )

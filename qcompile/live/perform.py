@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import platform
-import shlex
 from collections.abc import Callable
 from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
@@ -21,6 +20,7 @@ from qcompile.errors import (
     QcompileError,
     ReplayError,
 )
+from qcompile.live.commands import export_command, resume_command
 from qcompile.live.connection import Connection
 from qcompile.live.home import here, is_same_place
 from qcompile.live.jobs import Jobs
@@ -118,7 +118,7 @@ def go_on(
                 raise _explained(error, journal) from error
             finally:
                 jobs.close()
-        if not journal.is_settled:
+        if not journal.charges.are_settled:
             with suppress(KeyboardInterrupt, MissingExtraError):
                 jobs.settle()
         if is_from_elsewhere(journal):
@@ -126,7 +126,8 @@ def go_on(
         try:
             return task.deliver(finished(journal), out)
         except OutputError as error:
-            hint = f"It is measured and kept: `{resume_command(journal)} --out FILE` writes it."
+            command = f"`{resume_command(journal)} --out FILE`"
+            hint = f"It is measured and kept: {command} writes it elsewhere."
             raise error.with_hints(hint) from error
 
 
@@ -181,7 +182,7 @@ def finished(journal: Journal) -> dict[str, Any]:
         raise LiveError(
             f"{journal.path} is damaged: its result is wrong.",
             *explain(error, 2),
-            f"`qcompile runs{_folder(journal)} export {_name(journal)}` gives what was measured.",
+            f"`{export_command(journal)}` gives what was measured.",
         ) from error
     return {**found, **costs(journal)}
 
@@ -205,7 +206,7 @@ def versions() -> dict[str, str]:
 
 def _explained(error: QcompileError, journal: Journal) -> QcompileError:
     """The error, with where the run stands and what to do."""
-    export = f"`qcompile runs{_folder(journal)} export {_name(journal)}` gives what was measured."
+    export = f"`qcompile runs{folder_option(journal)} export {name_of(journal)}` gives what was measured."
     if isinstance(error, ReplayError):
         now = versions()
         other = [
@@ -224,19 +225,3 @@ def _explained(error: QcompileError, journal: Journal) -> QcompileError:
     else:
         hint = export
     return error.with_hints(where_it_stands(journal), hint)
-
-
-def resume_command(journal: Journal) -> str:
-    """The command that goes on with a run."""
-    return f"qcompile resume {_name(journal)}{_folder(journal)}"
-
-
-def _name(journal: Journal) -> str:
-    """The name by which the command line finds a run: that of its folder."""
-    return shlex.quote(journal.folder.name)
-
-
-def _folder(journal: Journal) -> str:
-    """The option that names the folder of a run, where it is not the usual one."""
-    runs = journal.folder.parent
-    return "" if runs == Path("runs") else f" --runs {shlex.quote(str(runs))}"

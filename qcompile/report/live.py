@@ -7,9 +7,10 @@ from typing import Any
 import click
 
 from qcompile.calibration import Calibration
+from qcompile.live.commands import resume_command
 from qcompile.live.journal import Journal, TaskKind
 from qcompile.live.looking import doubts_in_words
-from qcompile.live.perform import costs, resume_command, task_of, where_it_stands
+from qcompile.live.perform import costs, task_of, where_it_stands
 from qcompile.report.calibration_values import calibration_values, print_calibration
 from qcompile.report.tables import cost_in_words, print_run, print_table
 from qcompile.terminal import one_line
