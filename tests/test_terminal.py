@@ -112,7 +112,12 @@ def test_what_a_file_says_is_shown_plain(
 
 
 def test_wrong_usage_is_answered_plain(qcompile: Callable[..., Any]) -> None:
-    for words in ((HOSTILE,), ("run", HOSTILE), ("run", "--backend", HOSTILE), ("compile", HOSTILE)):
+    for words in (
+        (HOSTILE,),
+        ("run", HOSTILE),
+        ("run", "--backend", HOSTILE),
+        ("compile", HOSTILE),
+    ):
         answer = qcompile(*words)
         assert answer.code in (1, 2)
         assert not any(map(moves_or_hides, answer.out + answer.err))

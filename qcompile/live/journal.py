@@ -60,14 +60,15 @@ CREATE TABLE step (number INTEGER PRIMARY KEY, observations BLOB, actions BLOB, 
 class Journal:
     """The record of one run in `folder`; `create` starts one. A `with` block closes it.
 
-    It is held by one process at a time: `held` is the block in which it may be written.
+    It is held by one process at a time: `held` is the block in which it may be written. One that is
+    not `checked` serves to read its attributes alone.
 
     Raises:
         LiveError: the folder holds no journal that can be read, here and wherever it is read or
             written.
     """
 
-    def __init__(self, folder: Path):
+    def __init__(self, folder: Path, *, checked: bool = True):
         self.folder, self.path = folder, folder / FILE
         if not self.path.is_file():
             raise LiveError(f"{folder} holds no run.", "`qcompile runs` lists the runs.")
@@ -75,7 +76,8 @@ class Journal:
         try:
             with reading(self.path):
                 self._read()
-            check_values(self._db, self.path)
+            if checked:
+                check_values(self._db, self.path)
         except BaseException:
             self._db.close()
             raise

@@ -95,7 +95,7 @@ def connect(path: Path) -> sqlite3.Connection:
     """A connection that has every write on the disk before it goes on, and reads broken text.
 
     Raises:
-        LiveError: the file is no database, or holds what SQLite would execute.
+        LiveError: the file is no database.
         NeverBegunError: it is empty.
     """
     with reading(path):
@@ -109,9 +109,6 @@ def connect(path: Path) -> sqlite3.Connection:
                 raise NeverBegunError(
                     f"{path} is empty: the run was stopped before it began.", "Remove its folder."
                 )
-            row = db.execute(_EXECUTED).fetchone()
-            if row is not None:
-                raise LiveError(f"{path} is not a journal of qcompile.", _RESTORE)
     except BaseException:
         db.close()
         raise
@@ -122,9 +119,12 @@ def check_values(db: sqlite3.Connection, path: Path) -> None:
     """Nothing, if all rows hold what they may hold; blobs are not read.
 
     Raises:
-        LiveError: one does not; the message names its table and column.
+        LiveError: one does not; the message names its table and column. Or SQLite would execute
+            something that is in the file.
     """
     with reading(path):
+        if db.execute(_EXECUTED).fetchone() is not None:
+            raise LiveError(f"{path} is not a journal of qcompile.", _RESTORE)
         for table, rules in _RIGHT.items():
             tests = " ".join(
                 f"WHEN NOT ifnull({rule.format(column)}, 0) THEN '{column}'"

@@ -257,3 +257,20 @@ def test_nobody_else_can_read_a_run() -> None:
     RUNS.mkdir(mode=0o755)  # the user's own choice stays
     assert stat.S_IMODE(new().folder.stat().st_mode) == 0o700
     assert stat.S_IMODE(RUNS.stat().st_mode) == 0o755
+
+
+def test_the_list_reads_no_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nor steps: a run of a hundred thousand jobs has hundreds of megabytes of them."""
+
+    def read(contents: bytes) -> Any:
+        raise AssertionError("an array was read")
+
+    new()
+    monkeypatch.setattr("qcompile.live.records.to_array", read)
+    [row] = [overview(journal) for journal in journals(RUNS)]
+    assert (row["jobs_done"], row["jobs_open"], row["steps"]) == (3, 0, 3)
+    with (
+        pytest.raises(AssertionError, match="an array was read"),
+        find_journal(RUNS, "last") as run,
+    ):
+        exported(run)
