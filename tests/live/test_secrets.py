@@ -138,7 +138,7 @@ def test_a_traceback_holds_no_key_that_the_service_repeats(
 ) -> None:
     """Of all errors in the chain: on the terminal, and for whoever catches them in Python."""
     monkeypatch.setattr(Service, "submit", refuse)
-    monkeypatch.setattr(sys, "argv", [*"qcompile --traceback run cartpole".split(), *LIVE])
+    monkeypatch.setattr(sys, "argv", ["qcompile", "--traceback", "run", "cartpole", *LIVE])
     with pytest.raises(LiveError) as caught:
         main()
     shown = "".join(traceback.format_exception(caught.value))
