@@ -95,8 +95,9 @@ class Journal:
         self.settings: dict[str, Any] = json_object(row[4])
         self.versions: dict[str, str] = json_object(row[5])
         is_known = _ID.fullmatch(self.id) and self.kind in get_args(TaskKind)
-        if not is_known or self.created.tzinfo is None:
-            raise ValueError("an ID, a kind or a time that no run has")
+        is_text = all(isinstance(version, str) for version in self.versions.values())
+        if not is_known or not is_text or self.created.tzinfo is None:
+            raise ValueError("an ID, a kind, a time or a version that no run has")
 
     @classmethod
     def create(

@@ -30,6 +30,7 @@ from qcompile.live.play import RunTask
 from qcompile.live.results import check_result
 from qcompile.live.task import Context, Task
 from qcompile.live.validate import ValidateTask
+from qcompile.terminal import one_line
 from qcompile.validation import explain
 
 TASKS: dict[TaskKind, type[Task]] = {
@@ -192,11 +193,11 @@ def _explained(error: QcompileError, journal: Journal) -> QcompileError:
     if isinstance(error, ReplayError):
         now = versions()
         other = [
-            f"{name} {was}, now {now.get(name)}"
+            f"{one_line(name, 40)} {one_line(was, 40)}, now {now.get(name)}"
             for name, was in journal.versions.items()
             if now.get(name) != was
         ]
-        began = f"It began with {'; '.join(other)}." if other else "The versions are the same."
+        began = f"It began with {'; '.join(other[:6])}." if other else "The versions are the same."
         return error.with_hints(began, export)
     if isinstance(error, BudgetError):
         hint = f"`{resume_command(journal)} --max-qpu-seconds S` goes on with more."

@@ -76,7 +76,7 @@ WRONG: list[tuple[str, str, object]] = [
     *[("run", "kind", value) for value in (None, "other", b"run")],
     *[("run", "created", value) for value in (None, "soon", 3, "2026-01-01")],
     *[("run", "settings", value) for value in (None, "[]", "{", "[" * 5000, b"{}")],
-    *[("run", "versions", value) for value in (None, "3", "9" * 5000)],
+    *[("run", "versions", value) for value in (None, "3", "9" * 5000, '{"numpy": [2]}')],
     *[("run", "max_qpu_seconds", value) for value in (None, "x", -1.0, b"1")],
     *[("run", "result", value) for value in ("{", "[1]", "[" * 5000)],
     *[("submission", "state", value) for value in (None, "paid", 3)],
