@@ -139,21 +139,25 @@ class Journal:
         Raises:
             LiveError: another process holds it, or it is damaged.
         """
+        lock = FileLock(self.folder / "lock", timeout=0)
         try:
-            with FileLock(self.folder / "lock", timeout=0):
-                check_pages(self._db, self.path)
-                self.move_here(os.getpid())
-                try:
-                    yield
-                finally:
-                    with suppress(LiveError):
-                        self.move_here()
+            lock.acquire()
         except Timeout as error:
             raise LiveError(
                 f"Run {self.id} is going on in another process.", "Wait for it, or stop it."
             ) from error
         except OSError as error:
             raise LiveError(f"{self.folder} cannot be written: {error}.") from error
+        try:
+            check_pages(self._db, self.path)
+            self.move_here(os.getpid())
+            try:
+                yield
+            finally:
+                with suppress(LiveError):
+                    self.move_here()
+        finally:
+            lock.release()
 
     # Where it is at home
 

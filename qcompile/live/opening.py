@@ -176,7 +176,9 @@ def write_journal(folder: Path, fill: Callable[[sqlite3.Connection], None]) -> N
         try:
             with closing(sqlite3.connect(temporary / FILE, isolation_level=None)) as db:
                 db.execute("PRAGMA journal_mode = WAL")
+                db.execute("BEGIN")
                 fill(db)
+                db.execute("COMMIT")
             temporary.rename(folder)
         finally:
             shutil.rmtree(temporary, ignore_errors=True)

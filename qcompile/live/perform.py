@@ -60,7 +60,7 @@ def task_of(journal: Journal) -> Task:
     except (KeyError, ValidationError) as error:
         raise LiveError(
             f"{journal.path} cannot be read by this version of qcompile.",
-            *explain(error),
+            *_why(error),
         ) from error
 
 
@@ -121,6 +121,11 @@ def go_on(
             raise error.with_hints(hint) from error
 
 
+def _why(error: Exception) -> list[str]:
+    """The first faults of a journal's contents, whose names may be of any length."""
+    return [one_line(line, 120) for line in explain(error, 2)]
+
+
 def strangeness(journal: Journal) -> str:
     """Why the run should not be resumed here unasked, in words; empty where it is at home."""
     last, now = journal.home("last"), here(journal.id, journal.folder)
@@ -164,7 +169,7 @@ def finished(journal: Journal) -> dict[str, Any]:
     except ValueError as error:
         raise LiveError(
             f"{journal.path} is damaged: its result is wrong.",
-            *explain(error, 2),
+            *_why(error),
             f"`qcompile runs{_folder(journal)} export {_name(journal)}` gives what was measured.",
         ) from error
     return {**found, **charges(journal)}
