@@ -48,14 +48,14 @@ class Journal:
     """The record of one run in `folder`; `create` starts one. A `with` block closes it.
 
     It is held by one process at a time: `held` is the block in which it may be written. `charges`
-    are what its jobs cost.
+    are what its jobs cost. One that is not `checked` serves to read its attributes alone.
 
     Raises:
         LiveError: the folder holds no journal that can be read, here and wherever it is read or
             written.
     """
 
-    def __init__(self, folder: Path):
+    def __init__(self, folder: Path, *, checked: bool = True):
         self.folder, self.path = folder, folder / FILE
         if not self.path.is_file():
             raise LiveError(f"{folder} holds no run.", "`qcompile runs` lists the runs.")
@@ -63,8 +63,9 @@ class Journal:
         try:
             with reading(self.path):
                 format_ = self._read()
-            check_values(self._db, self.path, format_)
-            if format_ == schema.FIRST_FORMAT:
+            if checked:
+                check_values(self._db, self.path, format_)
+            if checked and format_ == schema.FIRST_FORMAT:
                 with reading(self.path):
                     schema.read_as_now(self._db)
         except BaseException:
@@ -86,8 +87,9 @@ class Journal:
         self.settings: dict[str, Any] = json_object(row[4])
         self.versions: dict[str, str] = json_object(row[5])
         is_known = _ID.fullmatch(self.id) and self.kind in get_args(TaskKind)
-        if not is_known or self.created.tzinfo is None:
-            raise ValueError("an ID, a kind or a time that no run has")
+        is_text = all(isinstance(version, str) for version in self.versions.values())
+        if not is_known or not is_text or self.created.tzinfo is None:
+            raise ValueError("an ID, a kind, a time or a version that no run has")
         return str(row[0])
 
     @classmethod
@@ -137,22 +139,26 @@ class Journal:
         Raises:
             LiveError: another process holds it, or it is damaged.
         """
+        lock = FileLock(self.folder / "lock", timeout=0)
         try:
-            with FileLock(self.folder / "lock", timeout=0):
-                check_pages(self._db, self.path)
-                self._renew()
-                self.move_here(os.getpid())
-                try:
-                    yield
-                finally:
-                    with suppress(LiveError):
-                        self.move_here()
+            lock.acquire()
         except Timeout as error:
             raise LiveError(
                 f"Run {self.id} is going on in another process.", "Wait for it, or stop it."
             ) from error
         except OSError as error:
             raise LiveError(f"{self.folder} cannot be written: {error}.") from error
+        try:
+            check_pages(self._db, self.path)
+            self._renew()
+            self.move_here(os.getpid())
+            try:
+                yield
+            finally:
+                with suppress(LiveError):
+                    self.move_here()
+        finally:
+            lock.release()
 
     def _renew(self) -> None:
         """Have it in the format of today, and nothing remembered that another process changed."""

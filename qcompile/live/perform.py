@@ -30,6 +30,7 @@ from qcompile.live.play import RunTask
 from qcompile.live.results import check_result
 from qcompile.live.task import Context, Task
 from qcompile.live.validate import ValidateTask
+from qcompile.terminal import one_line
 from qcompile.validation import explain
 
 TASKS: dict[TaskKind, type[Task]] = {
@@ -59,7 +60,7 @@ def task_of(journal: Journal) -> Task:
     except (KeyError, ValidationError) as error:
         raise LiveError(
             f"{journal.path} cannot be read by this version of qcompile.",
-            *explain(error),
+            *_why(error),
         ) from error
 
 
@@ -131,6 +132,11 @@ def go_on(
             raise error.with_hints(hint) from error
 
 
+def _why(error: Exception) -> list[str]:
+    """The first faults of a journal's contents, whose names may be of any length."""
+    return [one_line(line, 120) for line in explain(error, 2)]
+
+
 def strangeness(journal: Journal) -> str:
     """Why the run should not be resumed here unasked, in words; empty where it is at home."""
     last, now = journal.home("last"), here(journal.id, journal.folder)
@@ -181,7 +187,7 @@ def finished(journal: Journal) -> dict[str, Any]:
     except ValueError as error:
         raise LiveError(
             f"{journal.path} is damaged: its result is wrong.",
-            *explain(error, 2),
+            *_why(error),
             f"`{export_command(journal)}` gives what was measured.",
         ) from error
     return {**found, **costs(journal)}
@@ -206,15 +212,15 @@ def versions() -> dict[str, str]:
 
 def _explained(error: QcompileError, journal: Journal) -> QcompileError:
     """The error, with where the run stands and what to do."""
-    export = f"`qcompile runs{folder_option(journal)} export {name_of(journal)}` gives what was measured."
+    export = f"`{export_command(journal)}` gives what was measured."
     if isinstance(error, ReplayError):
         now = versions()
         other = [
-            f"{name} {was}, now {now.get(name)}"
+            f"{one_line(name, 40)} {one_line(was, 40)}, now {now.get(name)}"
             for name, was in journal.versions.items()
             if now.get(name) != was
         ]
-        began = f"It began with {'; '.join(other)}." if other else "The versions are the same."
+        began = f"It began with {'; '.join(other[:6])}." if other else "The versions are the same."
         return error.with_hints(began, export)
     if isinstance(error, BudgetError):
         hint = f"`{resume_command(journal)} --max-qpu-seconds S` goes on with more."

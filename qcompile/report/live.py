@@ -87,7 +87,7 @@ def terms(journal: Journal, limit_s: float) -> str:
     instance = "" if task.instance is None else f", instance {one_line(task.instance)}"
     charged_s = costs(journal)["qpu_seconds"]
     return (
-        f"It would go on on {one_line(task.backend)} with {account}{instance}, "
+        f"It would run on {one_line(task.backend)} with {account}{instance}, "
         f"within {limit_s:g} QPU seconds, of which {charged_s:.1f} are charged or may be."
     )
 
