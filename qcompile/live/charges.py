@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from datetime import datetime
+from datetime import UTC, datetime
 from typing import Any
 
+from qcompile.errors import BudgetError
 from qcompile.execution import qpu_seconds
+from qcompile.limits import MAX_QPU_SECONDS
 from qcompile.live.records import Charge
 
 _DOUBTS = "charged_s IS NULL AND job_id IS NULL"
@@ -84,10 +86,24 @@ class Charges:
         """That of the job, if it is known."""
         return next(iter(self.all("job_id = ?", job_id)), None)
 
+    def executions_of(self, number: int) -> int:
+        """Those of job `number` of the run; where it does not have that yet, the most of any."""
+        most = "SELECT max(executions) FROM submission"
+        [[of_number]] = self._rows(f"{most} WHERE number = ?", number)
+        [[of_any]] = self._rows(most) if of_number is None else [[of_number]]
+        return int(of_any or 0)
+
+    @property
+    def are_settled(self) -> bool:
+        """Whether all that IBM has of the run is known, and what it charged for it."""
+        looked_over = bool(self._rows("SELECT 1 FROM looked_over"))
+        return looked_over and not self.doubts() and not self.uncharged()
+
     # How they change
 
     def note_doubt(self, number: int, executions: int, cap_s: float, sent_at: datetime) -> None:
         """A job is being sent: from now on IBM may have it."""
+        self._do("DELETE FROM looked_over")
         self._insert(number, executions, cap_s, sent_at, None)
 
     def drop(self, doubt: Charge) -> None:
@@ -111,6 +127,10 @@ class Charges:
         """IBM has a job of which the journal had nothing."""
         self._insert(number, executions, cap_s, sent_at, job_id)
 
+    def note_looked_over(self) -> None:
+        """IBM has no job of the run but those that are here."""
+        self._do("INSERT INTO looked_over VALUES (?)", datetime.now(UTC).isoformat())
+
     def settle(self, charge: Charge, charged_s: float) -> None:
         """What IBM charged for a job is known now."""
         total_s, worst = self._known()
@@ -123,4 +143,17 @@ class Charges:
             "INSERT INTO charge (number, executions, cap_s, sent_at, job_id, refused) "
             "VALUES (?,?,?,?,?,0)",
             *(value.isoformat() if isinstance(value, datetime) else value for value in values),
+        )
+
+
+def check_limit(max_qpu_seconds: float) -> None:
+    """Nothing, if charges can be held to the limit.
+
+    Raises:
+        BudgetError: it is no number of seconds that may be spent.
+    """
+    if not 0 < max_qpu_seconds <= MAX_QPU_SECONDS:
+        raise BudgetError(
+            f"A limit of {max_qpu_seconds:g} QPU seconds cannot be kept.",
+            f"Give a number above 0, {MAX_QPU_SECONDS:,.0f} at most.",
         )

@@ -11,7 +11,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from qcompile.device import Device
-from qcompile.errors import CountsError
+from qcompile.errors import CountsError, LiveError
 from qcompile.execution import Kind, check_shots, portions
 from qcompile.execution.executor import CountArray, FloatArray, check_device
 from qcompile.execution.packed import REGISTER, PackedRound, count_ones, pack_round
@@ -55,7 +55,20 @@ class IBMExecutor:
         for portion in portions(len(angles), executable.round_count, shots):
             rows = slice(portion.rows.start, portion.rows.stop)
             part = _Request(self, executable, angles[rows], portion.rounds, shots)
-            ones[rows, part.circuits] = self._jobs.ones(part)
+            ones[rows, part.circuits] = self._counts(part)
+        return ones
+
+    def _counts(self, part: _Request) -> CountArray:
+        """The ones of a job, (rows, circuits); those of a journal are held to its shape and shots.
+
+        Raises:
+            LiveError: the journal is damaged.
+        """
+        ones = self._jobs.ones(part)
+        fits = ones.dtype.kind == "i" and ones.shape == (len(part.angles), len(part.circuits))
+        if not fits or ones.min() < 0 or ones.max() > part.shots:
+            path = self._jobs.journal.path
+            raise LiveError(f"{path} is damaged: the counts of a job are wrong.", "Restore a copy.")
         return ones
 
     def expectation(self, executable: Executable, x: FloatArray, theta: FloatArray) -> NoReturn:

@@ -59,7 +59,10 @@ def read(db: sqlite3.Connection, moment: Moment) -> Home | None:
     row = db.execute(
         "SELECT machine, folder, process FROM home WHERE moment = ?", (moment,)
     ).fetchone()
-    return None if row is None else Home(*row)
+    if row is None:
+        return None
+    machine, folder, process = row
+    return Home(machine, folder, process if isinstance(process, int) else None)
 
 
 def note(db: sqlite3.Connection, moment: Moment, home: Home) -> None:

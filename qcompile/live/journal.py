@@ -22,11 +22,11 @@ from typing import Any, Literal, Self, get_args
 import numpy as np
 from filelock import FileLock, Timeout
 
-from qcompile.errors import BudgetError, LiveError
+from qcompile.errors import LiveError
 from qcompile.execution.executor import CountArray, FloatArray
 from qcompile.limits import MAX_QPU_SECONDS
 from qcompile.live import home, schema
-from qcompile.live.charges import Charges
+from qcompile.live.charges import Charges, check_limit
 from qcompile.live.opening import (
     FILE,
     check_pages,
@@ -48,14 +48,14 @@ class Journal:
     """The record of one run in `folder`; `create` starts one. A `with` block closes it.
 
     It is held by one process at a time: `held` is the block in which it may be written. `charges`
-    are what its jobs cost.
+    are what its jobs cost. One that is not `checked` serves to read its attributes alone.
 
     Raises:
         LiveError: the folder holds no journal that can be read, here and wherever it is read or
             written.
     """
 
-    def __init__(self, folder: Path):
+    def __init__(self, folder: Path, *, checked: bool = True):
         self.folder, self.path = folder, folder / FILE
         if not self.path.is_file():
             raise LiveError(f"{folder} holds no run.", "`qcompile runs` lists the runs.")
@@ -63,8 +63,9 @@ class Journal:
         try:
             with reading(self.path):
                 format_ = self._read()
-            check_values(self._db, self.path, format_)
-            if format_ == schema.FIRST_FORMAT:
+            if checked:
+                check_values(self._db, self.path, format_)
+            if checked and format_ == schema.FIRST_FORMAT:
                 with reading(self.path):
                     schema.read_as_now(self._db)
         except BaseException:
@@ -86,8 +87,9 @@ class Journal:
         self.settings: dict[str, Any] = json_object(row[4])
         self.versions: dict[str, str] = json_object(row[5])
         is_known = _ID.fullmatch(self.id) and self.kind in get_args(TaskKind)
-        if not is_known or self.created.tzinfo is None:
-            raise ValueError("an ID, a kind or a time that no run has")
+        is_text = all(isinstance(version, str) for version in self.versions.values())
+        if not is_known or not is_text or self.created.tzinfo is None:
+            raise ValueError("an ID, a kind, a time or a version that no run has")
         return str(row[0])
 
     @classmethod
@@ -105,7 +107,7 @@ class Journal:
         Raises:
             BudgetError: the limit is no number of seconds that may be spent.
         """
-        _check_limit(max_qpu_seconds)
+        check_limit(max_qpu_seconds)
         now = datetime.now(UTC)
         words = "".join(c if c.isascii() and c.isalnum() else "-" for c in name)[:12]
         run_id = f"{now:%y%m%d-%H%M%S}-{words}-{secrets.token_hex(2)}"
@@ -137,22 +139,26 @@ class Journal:
         Raises:
             LiveError: another process holds it, or it is damaged.
         """
+        lock = FileLock(self.folder / "lock", timeout=0)
         try:
-            with FileLock(self.folder / "lock", timeout=0):
-                check_pages(self._db, self.path)
-                self._renew()
-                self.move_here(os.getpid())
-                try:
-                    yield
-                finally:
-                    with suppress(LiveError):
-                        self.move_here()
+            lock.acquire()
         except Timeout as error:
             raise LiveError(
                 f"Run {self.id} is going on in another process.", "Wait for it, or stop it."
             ) from error
         except OSError as error:
             raise LiveError(f"{self.folder} cannot be written: {error}.") from error
+        try:
+            check_pages(self._db, self.path)
+            self._renew()
+            self.move_here(os.getpid())
+            try:
+                yield
+            finally:
+                with suppress(LiveError):
+                    self.move_here()
+        finally:
+            lock.release()
 
     def _renew(self) -> None:
         """Have it in the format of today, and nothing remembered that another process changed."""
@@ -186,7 +192,7 @@ class Journal:
         Raises:
             BudgetError: it is no number of seconds that may be spent.
         """
-        _check_limit(max_qpu_seconds)
+        check_limit(max_qpu_seconds)
         self._do("UPDATE run SET max_qpu_seconds = ?", max_qpu_seconds)
 
     @property
@@ -198,16 +204,6 @@ class Journal:
 
     def finish(self, result: dict[str, Any]) -> None:
         self._do("UPDATE run SET result = ?", json.dumps(result))
-
-    @property
-    def is_settled(self) -> bool:
-        """Whether all that IBM has of the run is known, and what it charged for it."""
-        looked_over = bool(self._rows("SELECT 1 FROM looked_over"))
-        return looked_over and not self.charges.doubts() and not self.charges.uncharged()
-
-    def note_looked_over(self) -> None:
-        """IBM has no job of the run but those that are in the journal."""
-        self._do("INSERT INTO looked_over VALUES (?)", datetime.now(UTC).isoformat())
 
     # Its submissions
 
@@ -266,7 +262,6 @@ class Journal:
             self._note(
                 submission, "state = 'sending', sent_at = ?, cap_s = ?", now.isoformat(), cap_s
             )
-            self._do("DELETE FROM looked_over")
         return replace(submission, state="sending", sent_at=now, cap_s=cap_s)
 
     def note_sent(self, submission: Submission, job_id: str) -> None:
@@ -342,11 +337,3 @@ class Journal:
                 f"The run's journal in {self.folder} cannot be read or written: {error}.",
                 "What was sent has its tag in it and is found again, once this is mended.",
             ) from error
-
-
-def _check_limit(max_qpu_seconds: float) -> None:
-    if not 0 < max_qpu_seconds <= MAX_QPU_SECONDS:
-        raise BudgetError(
-            f"A limit of {max_qpu_seconds:g} QPU seconds cannot be kept.",
-            f"Give a number above 0, {MAX_QPU_SECONDS:,.0f} at most.",
-        )

@@ -14,6 +14,7 @@ from datetime import UTC, datetime, timedelta
 from qcompile.errors import LiveError
 from qcompile.live.answers import RemoteJob
 from qcompile.live.budget import Budget
+from qcompile.live.commands import resume_command
 from qcompile.live.journal import Journal
 from qcompile.live.records import Charge, Submission
 from qcompile.live.remote import RemoteJobs
@@ -47,7 +48,7 @@ def doubts_in_words(journal: Journal) -> list[str]:
     when = f"after {last:%H:%M} UTC" if last > datetime.now(UTC) else "now"
     return [
         f"IBM may have accepted {jobs} not known, of {cap_s:g} s at most; "
-        f"`qcompile resume {journal.id}` {when} settles it."
+        f"`{resume_command(journal)}` {when} settles it."
     ]
 
 
@@ -86,10 +87,10 @@ class Finder:
         jobs = self._jobs_of(attempts)
         unexpected = self._note(jobs)
         failed = {attempt.job_id for attempt in attempts if attempt.state == "failed"}
-        usable = [
+        usable = [  # and none that was cancelled here, as a second one
             job
             for job in jobs
-            if job.id not in failed and (job.id in unexpected or job.is_done or not job.has_ended)
+            if job.id not in failed and (job.id in unexpected or not job.is_cancelled)
         ]
         if not usable:
             return None
@@ -110,9 +111,10 @@ class Finder:
         self._cancel(job for job in jobs if job.id != submission.job_id)
 
     def look_over(self) -> None:
-        """Have every job of the run that IBM lists in the journal, and drop what it must list.
+        """Have the journal know of every job of the run that IBM lists; other doubts are dropped.
 
-        Jobs that are not needed, as the counts of their place are here, are cancelled.
+        But not before IBM must list their jobs. Those jobs are cancelled that are not needed, as
+        the counts of their place are here.
 
         Raises:
             LiveError: what IBM has cannot be told.
@@ -126,7 +128,7 @@ class Finder:
             if settles_at(doubt) <= now:
                 self._journal.charges.drop(doubt)
         if not self._journal.charges.doubts():
-            self._journal.note_looked_over()
+            self._journal.charges.note_looked_over()
 
     def settle_doubts(self) -> bool:
         """Whether any doubt turned out, after some looks; one that soon must is waited for.
@@ -169,7 +171,7 @@ class Finder:
         for job in unexpected:
             number = self._number(job)
             doubts = charges.doubts(number)
-            executions = self._executions(number)
+            executions = charges.executions_of(number)
             if job.cap_s is None:  # it may be that of any doubt, and the longest
                 caps_s = [doubt.cap_s for doubt in doubts] or [self._budget.room_s(executions)]
                 cap_s, same = max(caps_s), sorted(doubts, key=lambda doubt: doubt.cap_s)
@@ -206,11 +208,6 @@ class Finder:
     def _number(self, job: RemoteJob) -> int:
         """The place in the run of one of its jobs."""
         return next(int(match[1]) for tag in job.tags or () if (match := self._tag.fullmatch(tag)))
-
-    def _executions(self, number: int) -> int:
-        """Those of a job of the run; where it does not have that one yet, the most of any."""
-        attempts = self._journal.attempts(number) or self._journal.submissions()
-        return max((attempt.executions for attempt in attempts), default=0)
 
 
 def _preference(job: RemoteJob) -> tuple[bool, bool, str]:

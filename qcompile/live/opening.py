@@ -107,7 +107,7 @@ def connect(path: Path) -> sqlite3.Connection:
     """A connection that has every write on the disk before it goes on, and reads broken text.
 
     Raises:
-        LiveError: the file is no database, or holds what SQLite would execute.
+        LiveError: the file is no database.
         NeverBegunError: it is empty.
     """
     with reading(path):
@@ -121,9 +121,6 @@ def connect(path: Path) -> sqlite3.Connection:
                 raise NeverBegunError(
                     f"{path} is empty: the run was stopped before it began.", "Remove its folder."
                 )
-            row = db.execute(_EXECUTED).fetchone()
-            if row is not None:
-                raise LiveError(f"{path} is not a journal of qcompile.", _RESTORE)
     except BaseException:
         db.close()
         raise
@@ -134,9 +131,12 @@ def check_values(db: sqlite3.Connection, path: Path, format_: str) -> None:
     """Nothing, if all rows hold what they may hold in a journal of this format; blobs are not read.
 
     Raises:
-        LiveError: one does not; the message names its table and column.
+        LiveError: one does not; the message names its table and column. Or SQLite would execute
+            something that is in the file.
     """
     with reading(path):
+        if db.execute(_EXECUTED).fetchone() is not None:
+            raise LiveError(f"{path} is not a journal of qcompile.", _RESTORE)
         right = _RIGHT_AT_FIRST if format_ == schema.FIRST_FORMAT else _RIGHT
         for table, rules in right.items():
             tests = " ".join(
@@ -189,7 +189,9 @@ def write_journal(folder: Path, fill: Callable[[sqlite3.Connection], None]) -> N
         try:
             with closing(sqlite3.connect(temporary / FILE, isolation_level=None)) as db:
                 db.execute("PRAGMA journal_mode = WAL")
+                db.execute("BEGIN")
                 fill(db)
+                db.execute("COMMIT")
             temporary.rename(folder)
         finally:
             shutil.rmtree(temporary, ignore_errors=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import platform
-import shlex
 from collections.abc import Callable
 from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
@@ -21,6 +20,7 @@ from qcompile.errors import (
     QcompileError,
     ReplayError,
 )
+from qcompile.live.commands import export_command, resume_command
 from qcompile.live.connection import Connection
 from qcompile.live.home import here, is_same_place
 from qcompile.live.jobs import Jobs
@@ -30,6 +30,7 @@ from qcompile.live.play import RunTask
 from qcompile.live.results import check_result
 from qcompile.live.task import Context, Task
 from qcompile.live.validate import ValidateTask
+from qcompile.terminal import one_line
 from qcompile.validation import explain
 
 TASKS: dict[TaskKind, type[Task]] = {
@@ -59,7 +60,7 @@ def task_of(journal: Journal) -> Task:
     except (KeyError, ValidationError) as error:
         raise LiveError(
             f"{journal.path} cannot be read by this version of qcompile.",
-            *explain(error),
+            *_why(error),
         ) from error
 
 
@@ -118,7 +119,7 @@ def go_on(
                 raise _explained(error, journal) from error
             finally:
                 jobs.close()
-        if not journal.is_settled:
+        if not journal.charges.are_settled:
             with suppress(KeyboardInterrupt, MissingExtraError):
                 jobs.settle()
         if is_from_elsewhere(journal):
@@ -126,8 +127,14 @@ def go_on(
         try:
             return task.deliver(finished(journal), out)
         except OutputError as error:
-            hint = f"It is measured and kept: `{resume_command(journal)} --out FILE` writes it."
+            command = f"`{resume_command(journal)} --out FILE`"
+            hint = f"It is measured and kept: {command} writes it elsewhere."
             raise error.with_hints(hint) from error
+
+
+def _why(error: Exception) -> list[str]:
+    """The first faults of a journal's contents, whose names may be of any length."""
+    return [one_line(line, 120) for line in explain(error, 2)]
 
 
 def strangeness(journal: Journal) -> str:
@@ -180,8 +187,8 @@ def finished(journal: Journal) -> dict[str, Any]:
     except ValueError as error:
         raise LiveError(
             f"{journal.path} is damaged: its result is wrong.",
-            *explain(error, 2),
-            f"`qcompile runs{_folder(journal)} export {_name(journal)}` gives what was measured.",
+            *_why(error),
+            f"`{export_command(journal)}` gives what was measured.",
         ) from error
     return {**found, **costs(journal)}
 
@@ -205,15 +212,15 @@ def versions() -> dict[str, str]:
 
 def _explained(error: QcompileError, journal: Journal) -> QcompileError:
     """The error, with where the run stands and what to do."""
-    export = f"`qcompile runs{_folder(journal)} export {_name(journal)}` gives what was measured."
+    export = f"`{export_command(journal)}` gives what was measured."
     if isinstance(error, ReplayError):
         now = versions()
         other = [
-            f"{name} {was}, now {now.get(name)}"
+            f"{one_line(name, 40)} {one_line(was, 40)}, now {now.get(name)}"
             for name, was in journal.versions.items()
             if now.get(name) != was
         ]
-        began = f"It began with {'; '.join(other)}." if other else "The versions are the same."
+        began = f"It began with {'; '.join(other[:6])}." if other else "The versions are the same."
         return error.with_hints(began, export)
     if isinstance(error, BudgetError):
         hint = f"`{resume_command(journal)} --max-qpu-seconds S` goes on with more."
@@ -224,19 +231,3 @@ def _explained(error: QcompileError, journal: Journal) -> QcompileError:
     else:
         hint = export
     return error.with_hints(where_it_stands(journal), hint)
-
-
-def resume_command(journal: Journal) -> str:
-    """The command that goes on with a run."""
-    return f"qcompile resume {_name(journal)}{_folder(journal)}"
-
-
-def _name(journal: Journal) -> str:
-    """The name by which the command line finds a run: that of its folder."""
-    return shlex.quote(journal.folder.name)
-
-
-def _folder(journal: Journal) -> str:
-    """The option that names the folder of a run, where it is not the usual one."""
-    runs = journal.folder.parent
-    return "" if runs == Path("runs") else f" --runs {shlex.quote(str(runs))}"

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qcompile.calibration import Calibration
-from qcompile.errors import ReplayError
+from qcompile.errors import LiveError, ReplayError
 from qcompile.live.executor import IBMExecutor
 from qcompile.live.journal import Journal, TaskKind
 from qcompile.live.task import Context, Task
@@ -54,7 +54,8 @@ class RunTask(Task):
             ReplayError: the environment does not repeat what is recorded.
         """
         deployment = self.deploy(IBMExecutor(self.device, context.jobs))
-        steps = Steps(context.jobs.journal, context.say)
+        actions = len(deployment.policy.bias)
+        steps = Steps(context.jobs.journal, actions, context.say)
         result = play(
             deployment,
             self.episodes,
@@ -86,16 +87,19 @@ class Steps:
 
     A recorded step takes its recorded actions. The deployment is asked for them all the same: its
     counts come from the journal, and it draws what it drew then, so the next new step goes on as if
-    nothing had happened.
+    nothing had happened. The actions lie in [0, `actions`).
     """
 
-    def __init__(self, journal: Journal, say: Callable[[str], None] = lambda words: None):
-        self._journal, self._say, self._number = journal, say, 0
+    def __init__(
+        self, journal: Journal, actions: int, say: Callable[[str], None] = lambda words: None
+    ):
+        self._journal, self._actions, self._say, self._number = journal, actions, say, 0
 
     def act(self, act: Act, observations: NDArray[np.float64]) -> NDArray[np.intp]:
         """The actions (B,) for observations (B, features).
 
         Raises:
+            LiveError: the recorded actions are damaged.
             ReplayError: the observations are not those recorded.
         """
         step = self._journal.step(self._number)
@@ -105,8 +109,13 @@ class Steps:
             self._journal.note_actions(self._number, observations, actions)
             return actions
         self._check("observations", step.observations, observations)
-        act(observations)
-        return step.actions.astype(np.intp)
+        drawn, recorded = act(observations), step.actions
+        if recorded.shape != drawn.shape or not np.isin(recorded, range(self._actions)).all():
+            raise LiveError(
+                f"{self._journal.path} is damaged: the actions of step {self._number} are wrong.",
+                "Restore a copy.",
+            )
+        return recorded.astype(np.intp)
 
     def rewards(self, rewards: list[float]) -> None:
         """What the last actions earned.

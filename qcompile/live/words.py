@@ -10,6 +10,7 @@ from contextlib import suppress
 from typing import Any
 
 from qcompile.errors import LiveError
+from qcompile.live.answers import UnreadableAnswerError
 from qcompile.terminal import one_line
 
 PATIENCE_S = 300.0
@@ -111,6 +112,8 @@ def in_words(error: BaseException) -> LiveError:
     """What happened, without what is secret, and what to try."""
     from qiskit_ibm_runtime.accounts.exceptions import AccountNotFoundError
 
+    if isinstance(error, LookupError | TypeError | AttributeError):  # in the client's reading
+        return UnreadableAnswerError("what was asked or sent")
     _clean(error)
     words = said(str(error))
     if isinstance(error, AccountNotFoundError):

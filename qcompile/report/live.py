@@ -7,9 +7,10 @@ from typing import Any
 import click
 
 from qcompile.calibration import Calibration
+from qcompile.live.commands import resume_command
 from qcompile.live.journal import Journal, TaskKind
 from qcompile.live.looking import doubts_in_words
-from qcompile.live.perform import costs, resume_command, task_of, where_it_stands
+from qcompile.live.perform import costs, task_of, where_it_stands
 from qcompile.mitigation.misfit import misfit_words
 from qcompile.report.calibration_values import calibration_values, print_calibration
 from qcompile.report.tables import cost_in_words, plural, print_run, print_table
@@ -87,7 +88,7 @@ def terms(journal: Journal, limit_s: float) -> str:
     instance = "" if task.instance is None else f", instance {one_line(task.instance)}"
     charged_s = costs(journal)["qpu_seconds"]
     return (
-        f"It would go on on {one_line(task.backend)} with {account}{instance}, "
+        f"It would run on {one_line(task.backend)} with {account}{instance}, "
         f"within {limit_s:g} QPU seconds, of which {charged_s:.1f} are charged or may be."
     )
 

@@ -147,7 +147,7 @@ def test_a_finished_run_is_shown_again_without_asking_anybody(
     made.note_sent(paid, "job-a")
     made.note_done(paid, np.array([[1]]))
     settle(made, "job-a", 2.25)
-    made.note_looked_over()
+    made.charges.note_looked_over()
     made.finish(RESULT)
     for words in (("runs", "show"), ("resume",)):
         answer = qcompile(*words, "last")

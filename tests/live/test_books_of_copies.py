@@ -106,6 +106,7 @@ def test_a_copy_that_goes_on_elsewhere_finds_what_the_other_sends_in_between(
         if not other:
             other.append(True)
             with find_journal(Path("copies"), run) as journal:
+                journal.move_here()  # as whoever resumes it there confirms
                 other.append(go_on(journal))
         return job
 
@@ -128,6 +129,7 @@ def test_of_two_copies_that_both_pay_for_a_step_the_last_tells_of_both_jobs(
     def submit(self: Service, body: Any) -> Any:
         if next(count) == 0:
             with find_journal(Path("copies"), run) as journal:
+                journal.move_here()  # as whoever resumes it there confirms
                 go_on(journal)
         return real(self, body)
 

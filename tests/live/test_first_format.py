@@ -76,7 +76,7 @@ def check(journal: Journal) -> None:
     assert journal.jobs_done() == 2
     states = [(made.state, made.charged_s) for made in journal.submissions()]
     assert states == [(row[2], row[5] if row[4] else None) for row in SUBMISSIONS]
-    assert not journal.is_settled
+    assert not journal.charges.are_settled
 
 
 def test_one_is_read_without_being_changed() -> None:

@@ -57,7 +57,7 @@ def test_a_copy_in_another_folder_asks_before_it_sends(
     asked = stopped.call("resume", "last", "--runs", "copy")
     assert asked.code == 1
     assert IN_FOLDER in asked.err
-    assert "It would go on on fake_lima with the usual account, instance crn:v1:" in asked.err
+    assert "It would run on fake_lima with the usual account, instance crn:v1:" in asked.err
     assert "within 60 QPU seconds, of which 0.0 are charged.\n" in asked.err
     assert f"{NOBODY}.\n" in asked.err
     assert sent(stopped) == before

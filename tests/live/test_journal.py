@@ -162,15 +162,15 @@ def test_charges_that_are_not_known_yet_are_learnt_later() -> None:
 def test_a_run_is_settled_once_it_was_looked_over_and_nothing_is_open() -> None:
     journal = new()
     made = journal.intend(0, "d", 10)
-    journal.note_looked_over()
-    assert again(journal).is_settled
+    journal.charges.note_looked_over()
+    assert again(journal).charges.are_settled
     journal.note_sending(made, 5)
     journal.note_sent(made, "job-a")
     journal.note_done(made, np.zeros((1, 1), np.int64))
     charge(journal, "job-a", 1.0)
-    assert not again(journal).is_settled  # something was sent since
-    journal.note_looked_over()
-    assert again(journal).is_settled
+    assert not again(journal).charges.are_settled  # something was sent since
+    journal.charges.note_looked_over()
+    assert again(journal).charges.are_settled
 
 
 def test_what_is_written_is_on_the_disk_before_anything_else_happens() -> None:

@@ -5,12 +5,27 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import traceback
 from pathlib import Path
+from typing import Any
 
 import pytest
 from live_runs import Runs
 from standin import API_KEY, Fault
+from standin.errors import ApiError
 from standin.identity import Identity
+from standin.jobs import FAILED, Job
+from standin.service import Service
+
+from qcompile.cli import main
+from qcompile.errors import LiveError
+
+GIVEN: list[str] = []
+"""Every access token that the service gave away in this test."""
+LIVE = (
+    *("--backend", "fake_lima", "--live", "--yes", "--max-qpu-seconds", "60", "--shots", "256"),
+    *("--episodes", "1", "--max-steps", "1", "--mitigation", "none"),
+)
 
 FAULTS = [
     (Fault.SERVER_ERROR, "POST /jobs"),
@@ -25,16 +40,16 @@ FAULTS = [
 @pytest.fixture
 def tokens(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Every access token that the service gives away."""
-    given: list[str] = []
+    GIVEN.clear()
     real = Identity.token
 
     def token(self: Identity, key: str | None) -> dict[str, object]:
         answer = real(self, key)
-        given.append(str(answer["access_token"]))
+        GIVEN.append(str(answer["access_token"]))
         return answer
 
     monkeypatch.setattr(Identity, "token", token)
-    return given
+    return GIVEN
 
 
 def check(words: list[str], tokens: list[str]) -> None:
@@ -105,14 +120,72 @@ def test_a_key_that_the_service_repeats_is_cut_out(
     runs: Runs, tokens: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """An error that quotes what it was sent."""
-    from standin.errors import ApiError
-    from standin.service import Service
-
-    def submit(self: Service, body: object) -> None:
-        raise ApiError(400, 1517, f"I do not like {API_KEY}.")
-
-    monkeypatch.setattr(Service, "submit", submit)
+    monkeypatch.setattr(Service, "submit", refuse)
     answer = runs.run()
     assert answer.code == 1
     assert "I do not like (token)." in answer.err
     check([answer.out, answer.err], tokens)
+
+
+def refuse(self: Service, body: object) -> None:
+    """An error that quotes the key, an access token and a request's header."""
+    header = "Bearer a-token-of-some-other-kind-0123"
+    raise ApiError(400, 1517, f"I do not like {API_KEY}. Nor {GIVEN[-1]} or {header}.")
+
+
+def test_a_traceback_holds_no_key_that_the_service_repeats(
+    runs: Runs, tokens: list[str], monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    """Of all errors in the chain: on the terminal, and for whoever catches them in Python."""
+    monkeypatch.setattr(Service, "submit", refuse)
+    monkeypatch.setattr(sys, "argv", ["qcompile", "--traceback", "run", "cartpole", *LIVE])
+    with pytest.raises(LiveError) as caught:
+        main()
+    shown = "".join(traceback.format_exception(caught.value))
+    assert shown.count("I do not like (token). Nor (token) or (token)") >= 2
+    capsys.readouterr()
+    sys.excepthook(caught.type, caught.value, caught.tb)
+    on_terminal = capsys.readouterr().err
+    assert on_terminal.startswith("Traceback")
+    check([shown, on_terminal], tokens)
+
+
+def test_a_traceback_of_a_defect_holds_no_token_either(
+    tokens: list[str], capsys: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of an error that nobody expected, with a cause, and with what a terminal would obey."""
+    monkeypatch.setenv("QISKIT_IBM_TOKEN", API_KEY)
+    monkeypatch.setattr(sys, "argv", ["qcompile", "--version"])
+    with pytest.raises(SystemExit):
+        main()
+    try:
+        try:
+            raise ValueError(f"in {API_KEY}\x1b[2J")
+        except ValueError as error:
+            raise KeyError(f"Bearer {API_KEY}") from error
+    except KeyError as error:
+        sys.excepthook(type(error), error, error.__traceback__)
+    shown = capsys.readouterr().err
+    assert "ValueError: in (token)[2J" in shown
+    assert API_KEY not in shown
+
+
+def test_a_reason_that_repeats_the_key_is_kept_and_shown_without_it(
+    runs: Runs, tokens: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In the journal as well, which people send to others."""
+
+    def fail(self: Job) -> None:
+        self.outcome, self.charged, self.reason_code = FAILED, 0.0, 9999
+        self.reason = f"bad {API_KEY} \x1b[31mred\u202e"
+
+    monkeypatch.setattr(Job, "fail", fail)
+    runs.service.faults.chance(Fault.JOB_FAILS, 1.0)
+    answer = runs.run()
+    assert answer.code == 1
+    shown = runs.call("runs", "show", "last")
+    exported = runs.call("runs", "export", "last")
+    assert "bad (token) red" in exported.json()["jobs"][0]["words"]
+    assert "bad (token)" in answer.err
+    assert not {"\x1b", "\u202e"} & set(answer.err + shown.out + exported.out)
+    check([answer.err, shown.out, shown.err, exported.out], tokens)
