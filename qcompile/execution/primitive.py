@@ -150,9 +150,9 @@ def sampler_kind(sampler: Any, backend: Any) -> Kind:
     """What the counts of a sampler for `backend` are worth: "noise-model" or "hardware".
 
     They are those of a noise model where there is no sampler, where it simulates by itself, or
-    where its own backend (without one, `backend`) is a simulator or a fake backend of Aer, Qiskit or
-    qiskit-ibm-runtime, whose local testing mode is one. Anything else may be a machine that somebody
-    pays for, and is called hardware.
+    where its own backend (without one, `backend`) is a simulator or a fake backend of Aer, Qiskit
+    or qiskit-ibm-runtime, whose local testing mode is one. Anything else may be a machine that
+    somebody pays for, and is called hardware.
     """
     own = getattr(sampler, "backend", None)
     own = own() if callable(own) else own

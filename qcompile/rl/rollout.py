@@ -52,8 +52,8 @@ class Collector:
     """Steps `count` environments together and resets each one when its episode ends.
 
     Observations are of `dtype`: float32, or float64 where the environment declares what float32
-    cannot hold. `steps` counts every step taken, `history` has every finished episode. Every episode
-    has a seed of its own, so that an environment is rebuilt by playing its actions again.
+    cannot hold. `steps` counts every step taken, `history` has every finished episode. Every
+    episode has a seed of its own, so that an environment is rebuilt by playing its actions again.
     """
 
     def __init__(self, name: str, count: int, seeds: np.random.SeedSequence):

@@ -83,8 +83,8 @@ class Stepper:
         seen, reward, terminated, truncated, _ = answer
         if type(seen) is not np.ndarray or seen.shape != self._shape or seen.dtype != self.dtype:
             seen = self._vector(seen)
-        if type(reward) is not float:
-            reward = self._number(reward)
+        if type(reward) is not float:  # numpy's own double is a float too, and the usual one
+            reward = float(reward) if isinstance(reward, float) else self._number(reward)
         self.reward += reward
         if not math.isfinite(self.reward):
             raise self.error(
@@ -133,7 +133,7 @@ class Stepper:
         return f"Its space declares numbers of shape {self._shape}."
 
     def _number(self, reward: Any) -> float:
-        if isinstance(reward, int | float | np.generic | np.ndarray):
+        if isinstance(reward, (int, np.generic, np.ndarray)):
             array = np.asarray(reward)
             if array.shape == () and array.dtype.kind in _NUMBERS:
                 return float(array)
@@ -153,9 +153,9 @@ def check_finite(steppers: Sequence[Stepper], observations: NDArray[Any]) -> Non
     Raises:
         EnvironmentStepError: one is not; the message names the first, and its feature.
     """
-    finite = np.isfinite(observations)
-    if not finite.all():
-        row, feature = np.argwhere(~finite)[0]
+    if math.isfinite(np.vdot(observations, observations)):  # the quickest look; it may overflow
+        return
+    for row, feature in np.argwhere(~np.isfinite(observations)):
         value = observations[row, feature]
         raise steppers[row].error(
             f"feature {feature} of the observation is {value}.", "Observations must be finite."
