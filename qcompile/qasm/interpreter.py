@@ -26,6 +26,9 @@ from qcompile.qasm.write import DEFINITIONS
 MOST_GATES = 1_000_000
 """Gates of all circuits. Nested definitions double with every line; more are not written out."""
 
+MOST_MARKED = 4_000_000
+"""Qubits of all resets, barriers and delays together."""
+
 _MOST_INLINED, _MOST_INLINED_GATES = 10_000, 1_000
 """Calls of the file's own gates that are kept written out, and the gates of each."""
 
@@ -64,6 +67,7 @@ class Interpreter:
         self._written_by: dict[int, int] = {}
         self._again: dict[tuple[int, int], None] = {}
         self._marks: list[Mark] = []
+        self._marked = 0
         self._durations: dict[str, str] = {}
         self._barrier_in_gate = False
         self._room = self._steps = MOST_GATES
@@ -355,8 +359,18 @@ class Interpreter:
         """Note a statement on these operands, or on every qubit."""
         named = [q for operand in operands for q in self._resolve(operand, "qubit").positions]
         qubits = tuple(dict.fromkeys(named if operands else self._registers.every_qubit))
-        gates = (None if qubit in self._bit_of else len(self._gates[qubit]) for qubit in qubits)
-        self._marks.append(Mark(text, qubits, tuple(gates)))
+        measured, gates_of = self._bit_of, self._gates.get
+        gates = [None if qubit in measured else len(gates_of(qubit, ())) for qubit in qubits]
+        self._keep(Mark(text, qubits, tuple(gates)))
+
+    def _keep(self, mark: Mark) -> None:
+        self._marks.append(mark)
+        self._marked += len(mark.circuits)
+        if self._marked > MOST_MARKED:
+            raise CircuitError(
+                f"Resets, barriers and delays name more than {MOST_MARKED} qubits in all.",
+                "Remove some of the barriers, or name fewer qubits in each.",
+            )
 
     def _duration(self, expression: Any) -> str | None:
         """A duration as text: a number with its unit, or what was declared as one."""
@@ -374,7 +388,7 @@ class Interpreter:
                     f"{shown(statement)} comes after a gate or a measurement of its qubit.",
                     "qcompile compiles circuits that start in |0>; a reset can only come first.",
                 )
-            self._marks.append(Mark("reset", (qubit,), (0,)))
+            self._keep(Mark("reset", (qubit,), (0,)))
 
     def _measure(self, measurement: Any, target: Any) -> None:
         qubits = self._resolve(measurement.qubit, "qubit")

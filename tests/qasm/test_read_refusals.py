@@ -205,6 +205,13 @@ def test_unsupported_statements_are_named(statement):
     assert first.endswith("is not supported.")
 
 
+def test_barriers_without_end_are_refused(monkeypatch):
+    monkeypatch.setattr("qcompile.qasm.interpreter.MOST_MARKED", 2_000)
+    read("qubit[50] q;\nfor uint i in [1:40] { barrier q; }\n")
+    with pytest.raises(ProgramFileError, match="name more than 2000 qubits in all"):
+        read("qubit[50] q;\nfor uint i in [1:900000] { barrier q; }\n")
+
+
 def test_doubling_definitions_are_refused_before_they_are_written_out():
     gates = [
         "gate g0 a { x a; }",
