@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 import pytest
-
 from passes.test_promises import Random, difference, unitary
+
 from qcompile.ir import FIXED_GATES, ROTATION_GATES, Circuit, Gate, Program
 from qcompile.ir.angle import Angle
 from qcompile.passes.fuse_known import FuseKnown
