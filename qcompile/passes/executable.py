@@ -50,7 +50,8 @@ class Executable:
         """The native angles for x (B, inputs) and theta (parameters,), in radians.
 
         The shape is (B, circuits) at level 2, where a circuit has one rotation at most, and
-        (B, circuits, slots) at levels 0 and 1. A slot that a circuit lacks holds 0.
+        (B, circuits, slots) at levels 0 and 1. A slot that a circuit lacks holds 0. Where angles
+        are so large that adding them would round, they are given modulo 2 pi, exactly.
 
         Raises:
             CircuitError: x or theta has another shape.

@@ -16,7 +16,7 @@ import numpy as np
 
 from qcompile.errors import PolicyError
 from qcompile.ir import NEGLIGIBLE_RAD, Angle, Circuit
-from qcompile.ir.table import AngleTable
+from qcompile.ir.table import AngleTable, are_large
 from qcompile.policy.policy import FloatArray, IntArray, Policy
 from qcompile.simulate import alternating
 
@@ -119,7 +119,9 @@ class Surrogate:
             PolicyError: the observations have too few features.
         """
         x = self.policy.encode(observations)
-        angles = np.broadcast_to(self._table(x, np.empty(0)), (len(x), len(self.forms)))
+        large = are_large(x, np.empty(0), self._table.largest)
+        angles = self._table(x, np.empty(0), large=large)
+        angles = np.broadcast_to(angles, (len(x), len(self.forms)))
         cos, sin = np.cos(angles), np.sin(angles)
         factors, index = self._factors
         values = np.ones((len(x), len(factors) + 1))

@@ -34,6 +34,15 @@ WORDS_3 = frozenset(
     """.split()  # noqa: SIM905
 )
 
+_MODIFIERS = frozenset("inv pow ctrl negctrl".split())  # noqa: SIM905
+_NUMBERS = {
+    "bool": ast.BoolType,
+    "int": ast.IntType,
+    "uint": ast.UintType,
+    "float": ast.FloatType,
+    "angle": ast.AngleType,
+}
+_ASSIGNING = frozenset("+ - * / **".split())  # noqa: SIM905
 _LEVELS = {"+": 1, "-": 1, "*": 2, "/": 2, "**": 4}
 _UNARY_LEVEL = 3
 
@@ -71,7 +80,7 @@ def parse_2(text: str, line: int) -> Any:
 
 def parse_3(text: str, line: int) -> Any:
     """The node of one statement of OpenQASM 3, if it is a common one: a gate or its definition, a
-    measurement, a barrier, a reset, an include.
+    measurement, a barrier, a reset, an include, a number declared or assigned.
 
     Raises:
         ParseError: it is another one, or none.
@@ -141,7 +150,9 @@ class _Parser:
 
     def _statement(self, version: int) -> Any:
         line = self._line
-        node = self._words_of_both() or (self._words_of_2() if version == 2 else None)
+        node = self._words_of_both()
+        if node is None:
+            node = self._words_of_2() if version == 2 else self._words_of_3()
         if node is None:
             node = self._measured_or_applied(version)
         node.span = ast.Span(line, 0, line, 0)
@@ -197,6 +208,50 @@ class _Parser:
                 return ast.BranchingStatement(condition, [self._statement(2)], [])
         return None
 
+    def _words_of_3(self) -> Any:
+        if self._token in _MODIFIERS or self._token == "gphase":
+            return self._modified(self._operand)
+        if self._taken("const"):
+            type, name = self._number_type(), self._identifier()
+            self._take("=")
+            node = ast.ConstantDeclaration(type, name, self._expression())
+            self._take(";")
+            return node
+        if self._token in _NUMBERS:
+            type, name = self._number_type(), self._identifier()
+            value = self._expression() if self._take("=", ";") == "=" else None
+            if value is not None:
+                self._take(";")
+            return ast.ClassicalDeclaration(type, name, value)
+        return None
+
+    def _number_type(self) -> Any:
+        make = _NUMBERS[self._take(*_NUMBERS)]
+        if make is ast.BoolType or not self._taken("["):
+            return make()
+        size = self._expression()
+        self._take("]")
+        return make(size)
+
+    def _modified(self, operand: Callable[[], Any]) -> Any:
+        """A gate or a global phase of OpenQASM 3, with its modifiers."""
+        modifiers = []
+        while self._token in _MODIFIERS:
+            kind, argument = ast.GateModifierName[self._take()], None
+            if self._taken("("):
+                argument = self._expression()
+                self._take(")")
+            self._take("@")
+            modifiers.append(ast.QuantumGateModifier(kind, argument))
+        if not self._taken("gphase"):
+            node = self._gate(self._identifier(), operand)
+            node.modifiers = modifiers
+            return node
+        self._take("(")
+        phase = self._expression()
+        self._take(")")
+        return ast.QuantumPhase(modifiers, phase, self._list(operand, ";"))
+
     def _definition(self) -> Any:
         self._advance()
         name = self._identifier()
@@ -211,6 +266,8 @@ class _Parser:
         line = self._line
         if self._taken("barrier"):
             node: Any = ast.QuantumBarrier(self._items(self._identifier, ";"))
+        elif self._words is WORDS_3:
+            node = self._modified(self._identifier)
         else:
             node = self._gate(self._identifier(), self._identifier)
         node.span = ast.Span(line, 0, line, 0)
@@ -218,14 +275,24 @@ class _Parser:
 
     def _measured_or_applied(self, version: int) -> Any:
         name = self._identifier()
+        if version == 3 and self._token in _ASSIGNING:
+            return self._assignment(name, f"{self._take()}=")
         if version == 3 and self._token in ("=", "["):
             target = self._indexed(name)
+            if target is name and self._text[self._position :].lstrip()[:7] != "measure":
+                return self._assignment(name, "=")
             self._take("=")
             self._take("measure")
             measured = ast.QuantumMeasurement(self._operand())
             self._take(";")
             return ast.QuantumMeasurementStatement(measured, target)
         return self._gate(name, self._operand)
+
+    def _assignment(self, name: Any, operator: str) -> Any:
+        self._take("=")
+        value = self._expression()
+        self._take(";")
+        return ast.ClassicalAssignment(name, ast.AssignmentOperator[operator], value)
 
     def _gate(self, name: Any, operand: Callable[[], Any]) -> Any:
         arguments = self._list(self._expression, ")") if self._taken("(") else []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence, Set
+from itertools import chain
 from typing import Any
 
 import openqasm3
@@ -25,16 +26,19 @@ from qcompile.qasm.write import DEFINITIONS
 MOST_GATES = 1_000_000
 """Gates of all circuits. Nested definitions double with every line; more are not written out."""
 
-MOST_NAMED = 5_000_000
-"""Qubits that barriers, resets, delays and aliases name, all together."""
+MOST_MARKED = 4_000_000
+"""Qubits of all resets, barriers, delays and aliases together."""
 
 _MOST_INLINED, _MOST_INLINED_GATES = 10_000, 1_000
 """Calls of the file's own gates that are kept written out, and the gates of each."""
 
 _INCLUDES = ("stdgates.inc", "qelib1.inc", "hqslib1.inc")
 _COUNTS = {2: "two", 3: "three", 4: "four", 5: "five"}
-_WRITTEN_NAMES = {name for texts in DEFINITIONS.values() for name in texts}
-_WRITTEN_DEFINITIONS = {t for texts in DEFINITIONS.values() for t in texts.values()}
+_WRITTEN = {
+    name: {texts.get(name) for texts in DEFINITIONS.values()}
+    for name in chain.from_iterable(DEFINITIONS.values())
+}
+"""How `write` defines gates of the table: a file that does it so means the table's gate."""
 
 
 class Interpreter:
@@ -63,10 +67,10 @@ class Interpreter:
         self._written_by: dict[int, int] = {}
         self._again: dict[tuple[int, int], None] = {}
         self._marks: list[Mark] = []
+        self._marked = 0
         self._durations: dict[str, str] = {}
         self._barrier_in_gate = False
         self._room = self._steps = MOST_GATES
-        self._names = MOST_NAMED
         self._blocks = Blocks(
             self._variables, self._registers, self._declared, self._run, self._step
         )
@@ -156,7 +160,7 @@ class Interpreter:
             case ast.AliasStatement():
                 name = self._declare(statement.target.name)
                 reference = self._resolve(statement.value)
-                self._keep(len(reference.positions))
+                self._count(len(reference.positions))
                 self._registers.alias(name, reference)
             case ast.QuantumGateDefinition():
                 self._define(statement)
@@ -231,7 +235,9 @@ class Interpreter:
         for names in (arguments, qubits):
             if len(set(names)) != len(names):
                 raise CircuitError(f"Gate {name!r} uses one name twice in its head.")
-        if not (name in _WRITTEN_NAMES and _text(statement) in _WRITTEN_DEFINITIONS):
+        if not (
+            name in _WRITTEN and " ".join(openqasm3.dumps(statement).split()) in _WRITTEN[name]
+        ):
             self._definitions[name] = statement
 
     def _entangles(self, statement: Any) -> CircuitError:
@@ -355,9 +361,21 @@ class Interpreter:
         """Note a statement on these operands, or on every qubit."""
         named = [q for operand in operands for q in self._resolve(operand, "qubit").positions]
         qubits = tuple(dict.fromkeys(named if operands else self._registers.every_qubit))
-        self._keep(len(qubits))
-        gates = (None if qubit in self._bit_of else len(self._gates[qubit]) for qubit in qubits)
-        self._marks.append(Mark(text, qubits, tuple(gates)))
+        measured, gates_of = self._bit_of, self._gates.get
+        gates = [None if qubit in measured else len(gates_of(qubit, ())) for qubit in qubits]
+        self._keep(Mark(text, qubits, tuple(gates)))
+
+    def _keep(self, mark: Mark) -> None:
+        self._marks.append(mark)
+        self._count(len(mark.circuits))
+
+    def _count(self, qubits: int) -> None:
+        self._marked += qubits
+        if self._marked > MOST_MARKED:
+            raise CircuitError(
+                f"Resets, barriers, delays and aliases name more than {MOST_MARKED} qubits in all.",
+                "Remove some of them, or name fewer qubits in each.",
+            )
 
     def _duration(self, expression: Any) -> str | None:
         """A duration as text: a number with its unit, or what was declared as one."""
@@ -375,8 +393,7 @@ class Interpreter:
                     f"{shown(statement)} comes after a gate or a measurement of its qubit.",
                     "qcompile compiles circuits that start in |0>; a reset can only come first.",
                 )
-            self._keep(1)
-            self._marks.append(Mark("reset", (qubit,), (0,)))
+            self._keep(Mark("reset", (qubit,), (0,)))
 
     def _measure(self, measurement: Any, target: Any) -> None:
         qubits = self._resolve(measurement.qubit, "qubit")
@@ -418,15 +435,6 @@ class Interpreter:
                 "Check its nested gate definitions and powers.",
             )
 
-    def _keep(self, qubits: int) -> None:
-        """Count the qubits that barriers, resets and aliases name, which are kept."""
-        self._names -= qubits
-        if self._names < 0:
-            raise CircuitError(
-                f"Barriers, resets, delays and aliases name more than {MOST_NAMED} qubits.",
-                "Leave some of them out.",
-            )
-
     def _step(self) -> None:
         """Count a statement of a body: those without gates double too."""
         self._steps -= 1
@@ -435,10 +443,6 @@ class Interpreter:
                 f"Definitions and loops take more than {MOST_GATES} statements to write out.",
                 "Check those that nest.",
             )
-
-
-def _text(statement: Any) -> str:
-    return " ".join(openqasm3.dumps(statement).split())
 
 
 def joins(statement: Any, entangling: Set[str]) -> bool:

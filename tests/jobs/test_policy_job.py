@@ -18,6 +18,8 @@ from qcompile.ir import Circuit, Program
 from qcompile.jobs.policy_job import export_job, read_observations
 from qcompile.passes import compile
 from qcompile.policy import Encoder, Policy
+from qcompile.qasm import read
+from qcompile.simulate import Simulator
 
 RNG = np.random.default_rng(0)
 OBSERVATIONS = np.vstack([RNG.normal(size=(3, 3)), np.zeros(3), [0.0, 0.3, 1e9]])
@@ -273,3 +275,19 @@ def test_observations_that_are_not_there(tmp_path: Path) -> None:
         PolicyError, match=r"holds no observations\.\n  No such file or directory\n"
     ):
         read_observations(tmp_path / "a.csv", make())
+
+
+@pytest.mark.parametrize("level", [0, 1, 2])
+def test_angles_of_1e308_are_exported(tmp_path: Path, level: int) -> None:
+    mpmath = pytest.importorskip("mpmath")
+    program = Program.of([Circuit.parse("ry(1e308) ry(theta0) rz(1e308)")], 0, 1)
+    encoder = Encoder("arctan", np.zeros(0, dtype=int), np.zeros(0))
+    policy = Policy(
+        "huge", "any", encoder, program, np.array([-1e300]), np.ones((2, 1)), np.zeros(2)
+    )
+    export_job(policy, load_device("ideal"), tmp_path / "job", level=level)
+    text = (tmp_path / "job" / "round0.qasm").read_text()
+    with mpmath.workprec(1500):
+        wanted = float(mpmath.cos(mpmath.mpf(1e308) - mpmath.mpf(1e300)))
+    z = Simulator(read(text).program).expectation(np.zeros((1, 0)), np.zeros(0))
+    assert z[0, 0] == pytest.approx(wanted, abs=1e-12)

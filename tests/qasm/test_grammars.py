@@ -104,6 +104,10 @@ def test_syntax_errors_name_the_line_and_the_word(text, line, token):
         "measure q[0] -> c[1];", "c[1] = measure q[0];", "c = measure q;", "measure q;",
         "reset q;", "barrier q[0], r;", 'include "stdgates.inc";', "rx(θ/2) q;",
         "rx(a*b/c*d) q;", "rx(2*-a) q;", "rx(-(-a)) q;",
+        "inv @ x q;", "pow(1/2.0) @ inv @ U(0, a, 1) q[0];", "ctrl(2) @ gphase(a) q, r;",
+        "gphase(1);", "negctrl @ x q, r;", "gate g(a) b { pow(2) @ x b; gphase(a/2); }",
+        "const angle[32] a = 2.5*pi;", "bool b;", "uint[n+1] a = 3;", "float a = sin(b);",
+        "a = b/2;", "a += 1;", "a **= 2;", "a -= b*2;",
     ],
 )  # fmt: skip
 def test_common_statements_are_the_nodes_of_the_full_parser(text):
@@ -113,7 +117,7 @@ def test_common_statements_are_the_nodes_of_the_full_parser(text):
 @pytest.mark.parametrize(
     "text",
     [
-        "x in[0];", "gphase(1) q;", "inv @ x q;", "float a = 1;", "rx(a ^ b) q;", "x q[0:1];",
+        "x in[0];", "bit b = 1;", "float(a);", "a = b[0];", "a <<= 1;", "rx(a ^ b) q;", "x q[0:1];",
         "rx(1_000) q;", "rx(0x1f) q;", "rx(2ns) q;", "let a = q;", "rx(float(1)) q;", "x q",
         "if (a) x q;", "rx(a % b) q;", "x² q;", "barrier;", "gate g() { }",
     ],

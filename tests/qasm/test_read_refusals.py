@@ -205,6 +205,13 @@ def test_unsupported_statements_are_named(statement):
     assert first.endswith("is not supported.")
 
 
+def test_barriers_without_end_are_refused(monkeypatch):
+    monkeypatch.setattr("qcompile.qasm.interpreter.MOST_MARKED", 2_000)
+    read("qubit[50] q;\nfor uint i in [1:40] { barrier q; }\n")
+    with pytest.raises(ProgramFileError, match="name more than 2000 qubits in all"):
+        read("qubit[50] q;\nfor uint i in [1:900000] { barrier q; }\n")
+
+
 def test_doubling_definitions_are_refused_before_they_are_written_out():
     gates = [
         "gate g0 a { x a; }",
@@ -223,6 +230,9 @@ VALID = [
     "sx q[0];\nmeasure q -> c;\n",
     "gate g a { if (true) { x a; } }\nqubit q;\nbit b = measure $0;\ng q;\nint n = 2;\n"
     "box { delay[2ns] q; }\nctrl @ gphase(pi) q;\ngphase(2) ;\n",
+    "uint[8] u = 3;\nangle[8] v = pi;\nv = 3*v/2;\nu += 2;\nqubit[2] q;\nbit c;\nreset q;\n"
+    "rz(v/2 + u*0.1) q;\npow(0.5) @ U(0.3, v, -v) q[0];\ndelay[10ns] q;\nc = measure q[0];\n"
+    "c = measure q[0];\n",
 ]
 
 PIECES = re.split(
@@ -230,7 +240,8 @@ PIECES = re.split(
     "(|)|[|]|{|}|;|,|@|=|+|-|*|/|^|:|.|$|#|\"|'|\\|\n| |\x00|\ud800|€|π|q|c|x|g|0|1|-1|1e999|0.5|"
     "99999999999|1im|2ns|inv|pow|ctrl|measure|->|gate|qubit|bit|reset|barrier|let|const|input|"
     "output|float|int|include|cx|gphase|U|sin|sqrt|**|++|array[int, 2]|complex|true|&&|$0|$00|box|"
-    "delay|durationof|sizeof|return|pragma",
+    "delay|durationof|sizeof|return|pragma|angle[4] v = 0.3;|uint[8] u = -1;|bool(|int[3](|~|!|<<|"
+    ">=|%|pow(0.5)@|pow(-1e9)@|ctrl@|rotl(u, 3)|v += |u = |delay[1ns] q;|1e308",
 )
 
 
