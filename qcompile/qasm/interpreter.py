@@ -27,7 +27,7 @@ MOST_GATES = 1_000_000
 """Gates of all circuits. Nested definitions double with every line; more are not written out."""
 
 MOST_MARKED = 4_000_000
-"""Qubits of all resets, barriers and delays together."""
+"""Qubits of all resets, barriers, delays and aliases together."""
 
 _MOST_INLINED, _MOST_INLINED_GATES = 10_000, 1_000
 """Calls of the file's own gates that are kept written out, and the gates of each."""
@@ -159,7 +159,9 @@ class Interpreter:
                 self._variables.constant(name, type, statement.init_expression)
             case ast.AliasStatement():
                 name = self._declare(statement.target.name)
-                self._registers.alias(name, self._resolve(statement.value))
+                reference = self._resolve(statement.value)
+                self._count(len(reference.positions))
+                self._registers.alias(name, reference)
             case ast.QuantumGateDefinition():
                 self._define(statement)
             case ast.ForInLoop():
@@ -365,11 +367,14 @@ class Interpreter:
 
     def _keep(self, mark: Mark) -> None:
         self._marks.append(mark)
-        self._marked += len(mark.circuits)
+        self._count(len(mark.circuits))
+
+    def _count(self, qubits: int) -> None:
+        self._marked += qubits
         if self._marked > MOST_MARKED:
             raise CircuitError(
-                f"Resets, barriers and delays name more than {MOST_MARKED} qubits in all.",
-                "Remove some of the barriers, or name fewer qubits in each.",
+                f"Resets, barriers, delays and aliases name more than {MOST_MARKED} qubits in all.",
+                "Remove some of them, or name fewer qubits in each.",
             )
 
     def _duration(self, expression: Any) -> str | None:

@@ -23,8 +23,9 @@ from qcompile.qasm.grammar import (
 from qcompile.qasm.messages import HINTS
 from qcompile.qasm.statements import BLANK, Span
 
-LONGEST_STATEMENT = 1_000_000
-"""Characters of one statement: the full parser takes about a kilobyte for each."""
+LONGEST_STATEMENT = 5_000_000
+_LONGEST_FOR_ANTLR = 100_000
+"""Characters of one statement; the full parser takes about a kilobyte for each."""
 
 _ONLY_3 = WORDS_3 - WORDS_2 - {"gphase"}
 _HEADER = re.compile(r"OPENQASM\s+([0-9]+)(?:\.[0-9]+)?\s*;")
@@ -61,13 +62,10 @@ class Grammar:
             ParseError: it is no statement; its `line` says where.
             RecursionError: it is nested too deeply.
         """
+        if span.word == "/*":
+            raise ParseError(line, "A comment does not end.", "Is its */ missing?")
+        _require_short(span.end - span.start, LONGEST_STATEMENT, line)
         text = self._text[span.start : span.end]
-        if len(text) > LONGEST_STATEMENT:
-            raise ParseError(
-                line,
-                f"A statement of {len(text)} characters is too long.",
-                f"The most is {LONGEST_STATEMENT}. Is a ';' or a bracket missing?",
-            )
         if span.word == "OPENQASM":
             raise ParseError(line, "OPENQASM must be the first word of a file, with one version.")
         try:
@@ -109,6 +107,7 @@ def _parse_fully(text: str, line: int) -> Any:
     """The node of any statement of OpenQASM 3."""
     from openqasm3.parser import QASM3ParsingError, parse
 
+    _require_short(len(text), _LONGEST_FOR_ANTLR, line)
     try:
         # ANTLR prints what it finds to standard error besides raising it.
         with contextlib.redirect_stderr(io.StringIO()):
@@ -128,6 +127,15 @@ def _parse_fully(text: str, line: int) -> Any:
         raise ParseError(line, f"The statement {_shortened(text)!r} cannot be read.")
     _move(statements[0], line - 1)
     return statements[0]
+
+
+def _require_short(length: int, most: int, line: int) -> None:
+    if length > most:
+        raise ParseError(
+            line,
+            f"A statement of {length} characters is too long.",
+            f"The most is {most}. Is a ';' or a bracket missing?",
+        )
 
 
 def _fault(error: Exception, line: int) -> ParseError:

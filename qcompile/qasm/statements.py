@@ -10,7 +10,7 @@ COMMENT = r"//[^\n]*+|/\*(?:[^*]|\*(?!/))*+\*/"
 BLANK = re.compile(rf"(?:\s++|{COMMENT})*+")
 """White space and comments, of any length."""
 
-_STOP = re.compile(rf"{COMMENT}|\"[^\"\n]*+\"|'[^'\n]*+'|[;{{}}]")
+_STOP = re.compile(rf"{COMMENT}|/\*|\"[^\"\n]*+\"|'[^'\n]*+'|[;{{}}]")
 _WORD = re.compile(r"#?[^\W\d]\w*+|\S")
 _ANNOTATION = re.compile(r"@[^\n]*+")
 _LINE = re.compile(r"[^\n]*+")
@@ -22,7 +22,10 @@ _WITH_BODY = frozenset(
 
 
 class Span(NamedTuple):
-    """A statement is text[start:end]; `word` is its first word, behind its annotations."""
+    """A statement is text[start:end]; `word` is its first word, behind its annotations.
+
+    `word` is "/*" where a comment begins that does not end.
+    """
 
     start: int
     end: int
@@ -51,14 +54,18 @@ def _span(text: str, start: int) -> Span:
     word = found[0] if found else ""
     if word.lstrip("#") == "pragma":
         return Span(start, _LINE.match(text, first).end(), word)  # type: ignore[union-attr]
-    return Span(start, _end(text, first, word), word)
+    end = _end(text, first, word)
+    return Span(start, len(text), "/*") if end is None else Span(start, end, word)
 
 
-def _end(text: str, start: int, word: str) -> int:
+def _end(text: str, start: int, word: str) -> int | None:
+    """Where the statement ends; None within a comment."""
     has_body = word in _WITH_BODY
     depth, position = 0, start
     while stop := _STOP.search(text, position):
         mark, position = stop[0], stop.end()
+        if mark == "/*":
+            return None
         if mark == "{":
             if depth == 0 and word == "for" and _SET.search(text, start, stop.start()):
                 position = _closing(text, position)

@@ -37,8 +37,8 @@ def test_many_circuits_of_all_lengths():
 
 def test_rounding_errors_do_not_pile_up():
     rng = np.random.default_rng(0)
-    gates = [Gate(str(n), Angle(float(a))) for n, a in
-             zip(rng.choice(["rx", "ry", "rz"], 5000), rng.uniform(-4, 4, 5000), strict=True)]  # fmt: skip
+    names, angles = rng.choice(["rx", "ry", "rz"], 5000), rng.uniform(-4, 4, 5000)
+    gates = [Gate(str(n), Angle(float(a))) for n, a in zip(names, angles, strict=True)]
     undone = (*gates, *(Gate(g.name, -g.angle) for g in reversed(gates)))
     assert fused(Circuit(undone))[0] == Circuit()
 

@@ -52,7 +52,8 @@ def test_a_subroutine_has_its_own_names():
 
 
 def test_a_subroutine_that_is_not_called_matters_to_nobody():
-    assert circuits("def f(creg c[3]) { }\ndef g(qubit a) -> bit { return measure a; }\nqubit q;\nx q;\n") == ["x"]  # fmt: skip
+    text = "def f(creg c[3]) { }\ndef g(qubit a) -> bit { return measure a; }\nqubit q;\nx q;\n"
+    assert circuits(text) == ["x"]
 
 
 def test_a_box_is_its_statements():
@@ -64,17 +65,17 @@ def test_a_box_is_its_statements():
     [
         ("qubit q;\nfor uint i in [0:2] {\n  h q;\n  nope q;\n}\n", "p:6: Unknown gate 'nope'."),
         ("qubit[2] q;\nfor uint i in [0:2] h q[i];\n", "p:4: Index 2 of q[i] is out of range."),
-        ("qubit[2] q;\nfor uint i in [0:1] {\n\n  cx q[0], q[1];\n}\n", "p:6: cx q[0], q[1] entangles"),
+        ("qubit[2] q;\nfor uint i in [0:1] {\n\n  cx q[0], q[1];\n}\n", "p:6: cx q[0], q[1]"),
         ("qubit q;\nint i;\nfor uint i in [0:1] h q;\n", "p:5: for uint i in [0:1]: 'i' cannot be"),
         ("qubit q;\nfor uint i in [0:0:1] h q;\n", "p:4: The step of"),
         ("qubit q;\nfor uint i in [0:1] { int k = i; }\nrx(k) q;\n", "p:5: Unknown name 'k'."),
         ("qubit q;\nfor uint i in [0:99999999999] { }\n", "p:4: Definitions and loops take more"),
         ("def f(qubit a) {\n  f(a);\n}\nqubit q;\nf(q);\n", "p:4: Subroutine 'f' calls itself."),
-        ("def f(qubit a, float t) { x a; }\nqubit q;\nf(q);\n", "p:5: f takes 2 arguments, found 1."),
+        ("def f(qubit a, float t) { x a; }\nqubit q;\nf(q);\n", "p:5: f takes 2 arguments"),
         ("def f(qubit[2] a) { x a; }\nqubit[3] q;\nf(q);\n", "p:5: 'q' does not fit"),
         ("def f(creg c[3]) { }\nbit[3] c;\nqubit q;\nf(c);\n", "p:6: Subroutine 'f' cannot be"),
         ("def f(qubit a) {\n  x a;\n  nope a;\n}\nqubit q;\nf(q);\n", "p:5: Unknown gate 'nope'."),
-        ("qubit q;\nwhile (true) { x q; }\n", "p:4: The statement 'while (true)' is not supported."),
+        ("qubit q;\nwhile (true) { x q; }\n", "p:4: The statement 'while (true)' is"),
         ("array[int, 2] a = {1, 2};\n", "p:3: The statement 'array[int, 2] a"),
     ],
 )  # fmt: skip
