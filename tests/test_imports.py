@@ -15,8 +15,8 @@ import qcompile
 PACKAGE = Path(qcompile.__file__).parent
 
 ORDER = (
-    {"errors"},
-    {"catalogue", "output", "validation", "limits"},
+    {"errors", "limits"},
+    {"catalogue", "output", "validation"},
     {"reading"},
     {"ir"},
     {"simulate", "qasm", "device"},
