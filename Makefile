@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 EPISODES ?= 20
 
 .DEFAULT_GOAL := help
-.PHONY: help run study test lint types bench calibrations chaos docs clean
+.PHONY: help run study test lint types bench calibrations chaos fuzz docs clean
 
 help:  ## Show this help
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -37,6 +37,9 @@ calibrations: $(VENV)/dev.stamp  ## Measure fits, false alarms, p-values and pow
 
 chaos: $(VENV)/dev.stamp  ## Kill live runs and break their service, and compare (half an hour)
 	$(BIN)/python benchmarks/chaos.py
+
+fuzz: $(VENV)/dev.stamp  ## Feed a million damaged files to every reader (half an hour)
+	$(BIN)/python -W ignore benchmarks/fuzz.py --inputs 1000000
 
 docs: $(VENV)/docs.stamp  ## Build the documentation into site/
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet

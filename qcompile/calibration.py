@@ -20,7 +20,7 @@ from qcompile.errors import CalibrationError
 from qcompile.limits import MAX_SHOTS
 from qcompile.output import write_file
 from qcompile.reading import ContentsError, read_file, read_json
-from qcompile.validation import Line, explain, listed
+from qcompile.validation import Line, Many, explain, listed
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -52,8 +52,8 @@ class ReadoutCounts(_Record):
     Without shots `ones` are probabilities.
     """
 
-    prepared: tuple[tuple[Annotated[int, Field(ge=0, le=1)], ...], ...]
-    ones: tuple[tuple[Count, ...], ...]
+    prepared: Many[Many[Annotated[int, Field(ge=0, le=1)]]]
+    ones: Many[Many[Count]]
     shots: Shots | None
 
     @model_validator(mode="after")
@@ -73,8 +73,8 @@ class ResponseCounts(_Record):
     turned alike, as earlier files have it. Without shots `ones` are probabilities.
     """
 
-    angles_rad: tuple[Finite, ...] | tuple[tuple[Finite, ...], ...]
-    ones: tuple[tuple[Count, ...], ...]
+    angles_rad: Many[Finite] | Many[Many[Finite]]
+    ones: Many[Many[Count]]
     shots: Shots | None
 
     @model_validator(mode="after")
@@ -104,11 +104,11 @@ def _check_ones(ones: tuple[tuple[float, ...], ...], shots: int | None) -> None:
 class ReadoutFit(_Record):
     """p10 = P(1 | 0) and p01 = P(0 | 1) of each qubit, with their standard errors."""
 
-    p10: tuple[Probability, ...]
-    p01: tuple[Probability, ...]
-    p10_error: tuple[Probability, ...]
-    p01_error: tuple[Probability, ...]
-    chi_square: tuple[Count, ...]
+    p10: Many[Probability]
+    p01: Many[Probability]
+    p10_error: Many[Probability]
+    p01_error: Many[Probability]
+    chi_square: Many[Count]
     degrees_of_freedom: Degrees
 
     @property
@@ -128,9 +128,9 @@ class ResponseFit(_Record):
     `chi_square` says how well the curve fits, against `degrees_of_freedom` expected.
     """
 
-    curves: tuple[Triple, ...]
-    covariance: tuple[tuple[Triple, Triple, Triple], ...]
-    chi_square: tuple[Count, ...]
+    curves: Many[Triple]
+    covariance: Many[tuple[Triple, Triple, Triple]]
+    chi_square: Many[Count]
     degrees_of_freedom: Degrees
 
     @model_validator(mode="after")
@@ -214,12 +214,12 @@ class Calibration(_Record):
     kind: Literal["ideal", "noise-model", "measured-response", "hardware"]
     created: AwareDatetime
     device: Device
-    qubits: tuple[Annotated[int, Field(ge=0, le=1_000_000)], ...]
+    qubits: Many[Annotated[int, Field(ge=0, le=1_000_000)]]
     readout_counts: ReadoutCounts | None = None
     readout: ReadoutFit | None = None
     response_counts: ResponseCounts | None = None
     response: ResponseFit | None = None
-    unfitted: tuple[Line, ...] = ()
+    unfitted: Many[Line] = ()
 
     @model_validator(mode="after")
     def _check(self) -> Calibration:

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from qcompile.catalogue import find, names, nearest
 from qcompile.errors import DeviceError
 from qcompile.reading import ContentsError, check_json, read_file
-from qcompile.validation import Line, explain
+from qcompile.validation import Line, Many, explain
 
 IDEAL_NAME = "ideal"
 LEAST_CONTRAST = 0.8
@@ -51,7 +51,7 @@ class Qubit(_Record):
     p01: Probability
     readout_ns: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = None
     gates: dict[GateName, GateCalibration] = {}
-    doubtful: tuple[Line, ...] = ()
+    doubtful: Many[Line] = ()
 
     @property
     def contrast(self) -> float:
@@ -110,13 +110,13 @@ class Device(_Record):
 
     format: Literal["qcompile-device-1"] = "qcompile-device-1"
     name: Annotated[str, Field(pattern=r"^[\w.-]+$", max_length=100)]
-    aliases: tuple[Line, ...] = ()
+    aliases: Many[Line] = ()
     source: Line
     calibrated: Line | None = None
-    basis_gates: tuple[GateName, ...]
-    notes: tuple[Line, ...] = ()
-    qubits: tuple[Qubit, ...] = ()
-    left_out: tuple[int, ...] = ()
+    basis_gates: Many[GateName]
+    notes: Many[Line] = ()
+    qubits: Many[Qubit] = ()
+    left_out: Many[int] = ()
 
     @model_validator(mode="after")
     def _check(self) -> Device:

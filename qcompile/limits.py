@@ -34,5 +34,11 @@ MAX_HISTORY_VALUES = 6 * MAX_VALUES
 MAX_KEYS = 10_000
 """Keys of one JSON object."""
 
-MAX_POLICY_GATES = 200_000
+MAX_POLICY_GATES = 100_000
 """Gates of all circuits of a policy file."""
+
+MAX_ANGLE_LETTERS = 10_000
+"""Letters of one angle of a policy file."""
+
+MAX_QUBITS = 10_000
+"""Qubits of a device file, and entries of every other list of it and of a calibration."""

@@ -5,9 +5,15 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from reprlib import Repr
-from typing import Annotated
+from typing import Annotated, TypeVar
 
-from pydantic import Field, ValidationError
+from pydantic import FailFast, Field, ValidationError
+
+from qcompile.limits import MAX_QUBITS
+
+T = TypeVar("T")
+Many = Annotated[tuple[T, ...], FailFast(), Field(max_length=MAX_QUBITS)]
+"""As many as a device has qubits; of the entries that are wrong the first is told."""
 
 _MOST_LETTERS = 320
 """Of all faults together: what is longer is not read."""
@@ -37,7 +43,8 @@ def explain(error: Exception, most: int = 4) -> list[str]:
     for fault in faults[:most]:
         place = ".".join(map(str, fault["loc"])) or "the file"
         place = _cut(place if place.isprintable() else ascii(place))  # keys are the file's own
-        said = _cut(fault["msg"].removeprefix("Value error, "), 120)  # these words are our own
+        said = fault["msg"].removeprefix("Value error, ")  # these words are our own
+        said = _cut(said.replace("Tuple", "List").replace(" after validation", ""), 120)
         line = f"{place}: {said[0].lower()}{said[1:]} (found {_found(fault['input'])})"
         if lines and len("".join(lines)) + len(line) > _MOST_LETTERS:
             break

@@ -15,8 +15,8 @@ import qcompile
 PACKAGE = Path(qcompile.__file__).parent
 
 ORDER = (
-    {"errors"},
-    {"catalogue", "output", "validation", "limits", "terminal"},
+    {"errors", "limits"},
+    {"catalogue", "output", "validation", "terminal"},
     {"reading"},
     {"ir"},
     {"simulate", "qasm", "device"},

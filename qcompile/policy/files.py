@@ -21,7 +21,7 @@ from pydantic import (
 from qcompile.catalogue import find, names, nearest
 from qcompile.errors import CircuitError, PolicyError
 from qcompile.ir import Circuit, Program
-from qcompile.limits import MAX_POLICY_GATES, MAX_VALUES
+from qcompile.limits import MAX_ANGLE_LETTERS, MAX_POLICY_GATES, MAX_VALUES
 from qcompile.output import write_file
 from qcompile.policy.policy import Encoder, Policy
 from qcompile.reading import CodeError, ContentsError, read_file, read_json, read_torch
@@ -36,7 +36,8 @@ _TENSORS = ("theta", "weights", "bias")
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Natural = Annotated[int, Field(ge=0, le=1_000_000)]
 Numbers = Annotated[list[Number], FailFast()]
-CircuitFile = Annotated[list[Annotated[list[str | Number], FailFast()]], FailFast()]
+Word = Annotated[str, Field(max_length=MAX_ANGLE_LETTERS)]
+CircuitFile = Annotated[list[Annotated[list[Word | Number], FailFast()]], FailFast()]
 """Gates, each a name and its angle."""
 
 

@@ -167,7 +167,7 @@ def test_contradictions_are_wrong_usage(
             "Response curves need level 2, found level 1.\n  They are those of sx rz sx; take "
             "--level 2, or --mitigation readout without --predistort.",
         ),
-        (("--calibration", "bad.json"), "bad.json is no calibration.\n  the file: invalid JSON: "),
+        (("--calibration", "bad.json"), "bad.json is no calibration.\n  It is not JSON: line 1"),
         (("--calibration", "nosuch.json"), "nosuch.json is no calibration.\n"),
         (
             ("--calibration", "two.json"),

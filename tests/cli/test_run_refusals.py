@@ -164,7 +164,7 @@ def test_a_file_that_is_no_json_is_explained(qcompile: Call) -> None:
     Path("bad.json").write_text('{"format": ')
     answer = qcompile("run", "bad.json")
     assert answer.code == 1
-    assert answer.err.startswith("Error: bad.json is no policy file.\n  the file: invalid JSON: ")
+    assert answer.err.startswith("Error: bad.json is no policy file.\n  It is not JSON: line 1")
 
 
 @pytest.mark.parametrize("name", ["nosuch", "folder", "no/such.pt", "x" * 500, "", "ñ💥"])

@@ -267,8 +267,8 @@ def test_what_is_no_regular_file_is_named(tmp_path: Path, name: str, kind: str) 
 def test_a_policy_of_too_many_gates_is_refused(
     tmp_path: Path, values: Make, write_json: Make
 ) -> None:
-    circuits = [[["h"]] * 100_001, [["h"]] * 100_000]
-    with pytest.raises(PolicyError, match="circuits: more than 200,000 gates"):
+    circuits = [[["h"]] * 50_001, [["h"]] * 50_000]
+    with pytest.raises(PolicyError, match="circuits: more than 100,000 gates"):
         load_policy(write_json(tmp_path / "p.json", values() | {"circuits": circuits}))
 
 
