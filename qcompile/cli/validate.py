@@ -13,7 +13,7 @@ from qcompile.limits import MAX_SHOTS
 
 _ADVICE = (
     "Calibrate anew: `qcompile calibrate`. If a new one fails too, the qubits depend on their "
-    "neighbours: use other qubits, or --mitigation readout on the machine."
+    "neighbours: use other qubits, with an unused one between them."
 )
 
 

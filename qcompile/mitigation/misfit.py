@@ -23,8 +23,8 @@ _FOUND: dict[Part, str] = {
 }
 _ADVICE: dict[Part, str] = {
     "readout": "Use other qubits, with an unused one between neighbours.",
-    "response": "Use --mitigation readout, which averages over the neighbours, or other qubits, "
-    "with an unused one between neighbours.",
+    "response": "Use other qubits, with an unused one between neighbours; `calibrate --parts "
+    "readout,response` tells whether it is the readout.",
 }
 
 

@@ -20,6 +20,8 @@ FloatArray = NDArray[np.float64]
 
 MOST_TILT_RAD = 0.25
 """Mitigation may confuse <Z> near a pole that differ by 2 sin(tilt)^2: up to 0.12 at this tilt."""
+_MOST_DOUBTFUL_RAD = math.pi / 4
+"""A neighbour that is read along makes a tilt that is not there: a misfit's is left as it is."""
 _SEEN = 3.0
 
 
@@ -129,12 +131,15 @@ def response_mitigation(
         )
     polar = polar_curves(fit, math.cos(executable.angle_offset_rad))
     offset, contrast, tilt = (of[rows] for of in (polar.offset, polar.contrast, polar.tilt))
-    covariance = polar.covariance[rows] * _scatter(calibration)[rows, None, None]
+    scatter = _scatter(calibration)[rows]
+    covariance = polar.covariance[rows] * scatter[:, None, None]
     # A tilt within its error costs more than it brings.
     seen = np.abs(tilt) > _SEEN * np.sqrt(covariance[:, 2, 2])
+    doubtful = scatter > 1.0
     if not any_side:
-        _check_tilt(executable.qubits[seen & (np.abs(tilt) > MOST_TILT_RAD)])
-    undone = seen & (any_side or executable.has_polar_angles)
+        most = np.where(doubtful, _MOST_DOUBTFUL_RAD, MOST_TILT_RAD)
+        _check_tilt(executable.qubits[seen & (np.abs(tilt) > most)])
+    undone = seen & (any_side or (executable.has_polar_angles & ~doubtful))
     contrast = np.where(undone, contrast, contrast * np.cos(tilt))
     return Mitigation(offset, contrast, np.where(undone, tilt, 0.0), covariance)
 

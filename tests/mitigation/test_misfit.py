@@ -101,8 +101,8 @@ def test_the_words_name_the_qubits_and_what_helps(made: Callable[..., Calibratio
     found = misfits(doubtful(made, [1.0, 100.0, 100.0]))
     (words,) = misfit_words(found)
     assert words.startswith("The response of qubit 1, 2 is not a curve of its own angle alone")
-    assert "--mitigation readout" in words
-    assert "calibrate" not in words.lower()
+    assert "Use other qubits, with an unused one between neighbours" in words
+    assert "--parts readout,response" in words
     assert misfit_words([misfit.values() for misfit in found]) == [words]
 
 
