@@ -12,7 +12,16 @@ from pydantic import FailFast, Field, ValidationError
 from qcompile.limits import MAX_QUBITS
 
 T = TypeVar("T")
-Many = Annotated[tuple[T, ...], FailFast(), Field(max_length=MAX_QUBITS)]
+
+
+class _FirstFault(FailFast):
+    """Hashable, as types in a union must be."""
+
+    def __hash__(self) -> int:
+        return hash(self.fail_fast)
+
+
+Many = Annotated[tuple[T, ...], _FirstFault(), Field(max_length=MAX_QUBITS)]
 """As many as a device has qubits; of the entries that are wrong the first is told."""
 
 _MOST_LETTERS = 320
