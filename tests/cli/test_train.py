@@ -7,7 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import gymnasium
+import numpy as np
 import pytest
+from gymnasium.spaces import Box, Discrete
 
 Call = Callable[..., Any]
 
@@ -174,3 +177,47 @@ Error: Environment 'LunarLander-v3' needs a package that is not installed.
   Box2D is not installed, run `pip ...`
 """
     )
+
+
+class Breaks(gymnasium.Env[Any, Any]):
+    """Its observations are not numbers from the 90th step of its life on; episodes last 20."""
+
+    observation_space = Box(-1, 1, (2,), np.float32)
+    action_space = Discrete(2)
+    life = 0
+
+    def __init__(self, render_mode: str | None = None):
+        self.render_mode = render_mode
+
+    def reset(self, *, seed: int | None = None, options: Any = None) -> Any:
+        super().reset(seed=seed)
+        self.steps = 0
+        return np.zeros(2, np.float32), {}
+
+    def step(self, action: Any) -> Any:
+        self.steps += 1
+        self.life += 1
+        seen = np.full(2, np.nan if self.life == 90 else 0.1, np.float32)
+        return seen, 1.0, self.steps == 20, False, {}
+
+
+def test_an_environment_that_breaks_leaves_the_policy_of_the_last_update(
+    qcompile: Call, left: Call
+) -> None:
+    """Four whole episodes are learned from; the tenth step of the fifth breaks."""
+    gymnasium.register("Breaks-v0", Breaks)
+    try:
+        words = ("train", "Breaks-v0", "--preset", "paper", "--episodes", 9, "--out", "mine.pt")
+        answer = qcompile(*words, "--log", "log.csv", "--checkpoint", "state")
+        assert answer.code == 1
+        assert answer.err.startswith("Error: Breaks-v0, episode of seed ")
+        assert answer.err.endswith(
+            ", step 10: feature 0 of the observation is nan.\n  Observations must be finite.\n"
+            "  The policy as it was after the last whole update is in mine.pt.\n"
+        )
+        assert answer.out.startswith("4 episodes, 89 steps, last 20: 20.0; ")
+        assert left() == ["log.csv", "mine.pt", "state"]
+        assert len(Path("log.csv").read_text().splitlines()) == 5
+        assert qcompile("run", "mine.pt", "--episodes", 2).code == 0
+    finally:
+        del gymnasium.registry["Breaks-v0"]
