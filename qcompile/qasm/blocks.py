@@ -12,7 +12,7 @@ from qcompile.errors import CircuitError
 from qcompile.qasm.expressions import shown
 from qcompile.qasm.gates import require_count
 from qcompile.qasm.registers import Reference, Registers
-from qcompile.qasm.values import INT, Value
+from qcompile.qasm.values import BOOL, INT, Value
 from qcompile.qasm.variables import Variables
 
 
@@ -71,6 +71,15 @@ class Blocks:
             raise CircuitError(f"The step of {shown(node)!r} is 0.")
         first, last = scope.whole_number(node.start), scope.whole_number(node.end)
         return (Value(INT, i) for i in range(first, last + (1 if step > 0 else -1), step))
+
+    def branch(self, statement: Any) -> bool:
+        """Run one side of an `if`; False where its condition is not known, as one on bits is."""
+        try:
+            condition = self._variables.scope.value(statement.condition).to(BOOL)
+        except CircuitError:
+            return False
+        self.body(statement.if_block if condition.number else statement.else_block)
+        return True
 
     def define(self, name: str, statement: Any) -> None:
         """Know a subroutine; None is one that cannot be read, which must not be called."""

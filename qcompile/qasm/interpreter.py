@@ -166,6 +166,8 @@ class Interpreter:
                 self._define(statement)
             case ast.ForInLoop():
                 self._blocks.loop(statement)
+            case ast.BranchingStatement() if self._blocks.branch(statement):
+                pass
             case ast.Box(duration=None):
                 self._blocks.body(statement.body)
             case ast.SubroutineDefinition() | UnreadSubroutine():

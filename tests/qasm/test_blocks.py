@@ -40,6 +40,13 @@ def test_loops_nest_and_their_values_are_numbers():
     assert circuits(text) == ["ry(0.0) rz(x) ry(0.0) rz(2.0*x) rx(3.0)", "ry(0.5) ry(1.0)"]
 
 
+def test_a_condition_on_known_values_chooses_a_side():
+    text = "qubit[3] q;\nfor uint i in [0:2] { if (i == 1) x q[i]; else { h q[i]; } }\n"
+    assert circuits(text) == ["h", "x", "h"]
+    text = "qubit q;\nbit c;\nc = measure q;\nif (c == 1) x q;\n"
+    assert refused(text).startswith("p:6: The statement 'if (c == 1)' is not supported.")
+
+
 def test_a_subroutine_has_its_own_names():
     text = (
         "const float k = 0.5;\nfloat t = 9;\n"

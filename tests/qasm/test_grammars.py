@@ -7,6 +7,7 @@ import random
 import numpy as np
 import pytest
 from openqasm3.parser import parse
+from qasm.test_read import expectations, qiskit_expectations
 
 from qcompile.errors import ProgramFileError
 from qcompile.ir import Circuit
@@ -14,6 +15,7 @@ from qcompile.qasm import Register, read
 from qcompile.qasm.grammar import WORDS_2, WORDS_3, ParseError, parse_3
 
 qiskit_qasm2 = pytest.importorskip("qiskit.qasm2")
+qiskit_qasm3 = pytest.importorskip("qiskit.qasm3")
 
 HEAD = 'OPENQASM 2.0;\ninclude "qelib1.inc";\n'
 ORDINARY = sorted(WORDS_3 - WORDS_2 - {"true", "false", "im", "nop"})
@@ -128,9 +130,26 @@ def test_other_statements_are_left_to_the_full_parser(text):
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_random_openqasm_2_means_what_qiskit_reads(seed):
-    from qasm.test_read import expectations, qiskit_expectations
+def test_random_openqasm_3_means_what_qiskit_reads(seed):
+    rng = random.Random(seed)
+    numbers = ["pi/2", "-π/7", "0.3", "2*(1-.25)", "-3e-1*pi"]
+    lines = [
+        'OPENQASM 3.0;\ninclude "stdgates.inc";\nqubit[3] q;',
+        "gate turn(a, p) u { U(a,-p,p/2) u; h u; inv @ rx(-a*2) u; }\nlet r = q[1:2];",
+    ]
+    for _ in range(30):
+        kind = rng.choice(["h", "t", "sdg", "sx", "rx", "u2", "U", "u3", "turn", "p", "id"])
+        count = {"rx": 1, "p": 1, "u2": 2, "turn": 2, "u3": 3, "U": 3}.get(kind, 0)
+        angles = f"({','.join(rng.choice(numbers) for _ in range(count))})" if count else ""
+        modifier = rng.choice(["", "", "inv @ ", "pow(2) @ "])
+        lines.append(f"{modifier}{kind}{angles} {rng.choice(['q', 'r', 'q[0]', 'r[1]', 'q[2]'])};")
+    text = "\n".join(lines)
+    theirs = qiskit_expectations(qiskit_qasm3.loads(text))
+    np.testing.assert_allclose(expectations(read(text)), theirs, atol=1e-9)
 
+
+@pytest.mark.parametrize("seed", range(20))
+def test_random_openqasm_2_means_what_qiskit_reads(seed):
     rng = random.Random(seed)
     angle = lambda: rng.choice(["pi/2", "-pi^2/7", "0.3", "2*(1-.25)", "sin(0.2)+1", "-3e-1*pi"])  # noqa: E731
     lines = [HEAD + "gate turn(in, p) u { u3(in,-p,p/2) u; h u; rx(-in^2) u; }\nqreg in[3];"]
