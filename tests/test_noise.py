@@ -225,6 +225,23 @@ def test_the_ideal_device_has_no_noise() -> None:
         np.testing.assert_allclose(ours.ravel(), true[:, 0] - true[:, 1], rtol=0, atol=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("text", "gates", "sign"),
+    [("h rz(x0) sx", ("rz", "sx", "x"), 1), ("rx(pi/2) rx(x0)", ("rz", "rx"), -1)],
+)
+def test_the_last_slot_acts_on_a_vector_that_lies_across(
+    text: str, gates: tuple[str, ...], sign: int
+) -> None:
+    """(cos a, sin a, 0), whose y sx turns to z; and Rx(a + pi/2), whose <Z> is -sin(a)."""
+    perfect = Qubit(t1_us=1, t2_us=1, p10=0, p01=0)
+    device = Device(name="perfect", source="by hand", basis_gates=gates, qubits=(perfect,))
+    executable = compile(Program.of([Circuit.parse(text)], inputs=1), device, 0)
+    angle = np.linspace(-3, 3, 7)[:, None]
+    slots = executable.bind_slots(angle, np.zeros(0))
+    ours = NoisyCircuits(executable).expectation(slots)
+    np.testing.assert_allclose(ours, sign * np.sin(angle), atol=1e-14)
+
+
 def test_a_batch_is_its_rows() -> None:
     executable = compile(PROGRAM, load_device("fake_lima"), 1)
     noisy, angles = NoisyCircuits(executable), executable.bind_slots(X, THETA)

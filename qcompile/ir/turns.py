@@ -52,12 +52,12 @@ def reduced_product(factor: FloatArray | float, values: FloatArray | float) -> F
     mantissa_a, exponent_a = np.frexp(factor)
     mantissa_b, exponent_b = np.frexp(values)
     exponent = exponent_a + exponent_b
-    product = mantissa_a * mantissa_b
-    high_a, low_a = _split(mantissa_a)
-    high_b, low_b = _split(mantissa_b)
-    # What the product was rounded by (Dekker, 1971).
-    rest = low_a * low_b - (((product - high_a * high_b) - low_a * high_b) - high_a * low_b)
-    with np.errstate(over="ignore"):
+    with np.errstate(over="ignore", invalid="ignore"):
+        product = mantissa_a * mantissa_b
+        high_a, low_a = _split(mantissa_a)
+        high_b, low_b = _split(mantissa_b)
+        # What the product was rounded by (Dekker, 1971).
+        rest = low_a * low_b - (((product - high_a * high_b) - low_a * high_b) - high_a * low_b)
         top = np.ldexp(product, exponent)
         result = reduced(top) + reduced(np.ldexp(rest, exponent))
     return np.where(np.isfinite(top), result, np.nan)

@@ -80,3 +80,8 @@ def test_large_numbers_are_substituted_exactly():
     for value in (1.7e308, float("inf"), float("nan")):
         with pytest.raises(ValueError, match="not finite"):
             Angle.of("10*x0").substitute({"x0": value})
+
+
+def test_large_terms_that_cancel_are_substituted_exactly():
+    angle = Angle.of("0.1*x0-0.1*x1").substitute({"x0": 1e9 + 1, "x1": 1e9})
+    assert off(angle.constant, exact(0.1)) <= 2e-15

@@ -97,6 +97,18 @@ def test_the_level_is_divided_among_the_fits(made: Callable[..., Calibration]) -
     np.testing.assert_array_equal(p_values(none), 1)
 
 
+def test_the_level_is_divided_among_both_parts(made: Callable[..., Calibration]) -> None:
+    """Six fits with five degrees of freedom: 0.001 / 6 each."""
+    border = chi2.isf(MISFIT_LEVEL / 6, 5)
+    calibration = doubtful(made, [border - 0.1, border + 0.1, 1.0])
+    both = made(readout=([0.01] * 3, [0.02] * 3), curves=[[0.0, -0.9, 0.05]] * 3)
+    assert both.readout is not None
+    chi_square = (1.0, border - 0.1, border + 0.1)
+    readout = both.readout.model_copy(update={"chi_square": chi_square, "degrees_of_freedom": 5})
+    found = misfits(calibration.model_copy(update={"readout": readout}))
+    assert [(misfit.qubit, misfit.part) for misfit in found] == [(2, "readout"), (1, "response")]
+
+
 def test_the_words_name_the_qubits_and_what_helps(made: Callable[..., Calibration]) -> None:
     found = misfits(doubtful(made, [1.0, 100.0, 100.0]))
     (words,) = misfit_words(found)

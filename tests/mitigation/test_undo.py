@@ -251,3 +251,18 @@ def test_what_was_not_calibrated_is_refused(made: Made) -> None:
     with pytest.raises(CalibrationError, match="need level 2, found level 1"):
         response_mitigation(response, on(response, 1, level=1))
     assert readout_mitigation(readout, on(readout, 1, level=0)).contrast[0] == pytest.approx(0.8)
+
+
+@pytest.mark.parametrize("tilt", [0.2, -0.2])
+def test_a_tilt_on_both_sides_is_undone_in_the_mean(tilt: float, made: Made) -> None:
+    """cos(w - tilt) and cos(-w - tilt) are cos(w) cos(tilt) in the mean."""
+    curve = [0.02, -0.9 * np.cos(tilt), -0.9 * np.sin(tilt)]  # of w + pi
+    calibration = made(curves=[curve], error=1e-3)
+    executable = compile(Program.of([Circuit.parse("ry(x0)")], 1), calibration.device)
+    w = np.linspace(0.3, 2.8, 6)
+    measured = 0.02 + 0.9 * np.cos(np.stack([w, -w]) - tilt)
+    mitigation = response_mitigation(calibration, executable)
+    mean = mitigation.apply(measured.reshape(-1, 1)).reshape(2, -1).mean(axis=0)
+    inside = np.abs(measured - 0.02).max(axis=0) < 0.9 * np.cos(tilt)  # elsewhere it is clipped
+    assert inside.sum() >= 3
+    np.testing.assert_allclose(mean[inside], np.cos(w[inside]), atol=1e-12)

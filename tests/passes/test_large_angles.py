@@ -92,3 +92,18 @@ def test_an_angle_that_is_not_finite_is_refused() -> None:
     for level in LEVELS:
         with pytest.raises(CircuitError, match="An angle is not finite"):
             compile(program, IDEAL, level).bind(np.array([[1e308]]), np.zeros(0))
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+@pytest.mark.parametrize("place", ["x", "theta"])
+def test_inputs_and_parameters_that_are_not_finite_are_refused(value: float, place: str) -> None:
+    program = Program.of([Circuit.parse("h ry(x0) rz(x0) ry(theta0)")], 1, 1)
+    x = np.array([[0.1], [value if place == "x" else 0.2]])
+    theta = np.array([value if place == "theta" else 0.3])
+    for level in LEVELS:
+        executable = compile(program, IDEAL, level)
+        for bind in (executable.bind, executable.bind_turns):
+            with pytest.raises(CircuitError, match="An angle is not finite"):
+                bind(x, theta)
+    with pytest.raises(CircuitError, match="An angle is not finite"):
+        Simulator(program).expectation(x, theta)
