@@ -65,6 +65,21 @@ def test_without_readout_nothing_and_x_lie_on_the_curve() -> None:
     assert z[0, 1] == pytest.approx(z[1, 2], abs=1e-12)
 
 
+def test_sx_alone_lies_where_a_quarter_turn_of_the_bound_circuit_does() -> None:
+    """At the angle pi/2 + pi: b - s by hand, and the <Z> of h ry(0) rz(0) ry(0)."""
+    exactly = exact(parts=["response"])
+    assert exactly.response is not None
+    curves = ((0.01, -0.9, 0.05),) * 5
+    response = exactly.response.model_copy(update={"curves": curves})
+    twin = TwinExecutor(exactly.model_copy(update={"response": response}))
+    for texts, gates in ((["sx"], "sx"), (["h ry(x0) rz(x0) ry(theta0)"], "sx rz sx")):
+        program = Program.of(map(Circuit.parse, texts), inputs=1, parameters=1)
+        executable = compile(program, twin.device)
+        assert " ".join(g.name for g in executable.native.circuits[0].gates) == gates
+        z = twin.expectation(executable, np.zeros((1, 1)), np.zeros(1))
+        assert z[0, 0] == pytest.approx(0.01 - 0.05, abs=1e-12)
+
+
 @pytest.mark.parametrize("level", [0, 1])
 def test_other_levels_are_refused(level: int) -> None:
     twin = TwinExecutor(exact())
@@ -104,6 +119,15 @@ def test_circuits_are_placed_on_calibrated_qubits_only() -> None:
     assert set(executable.qubits) <= {1, 3, 4}
     assert executable.round_count == 2
     twin.run(executable, np.zeros((1, 5)), np.zeros(5), 10)
+
+
+def test_qubits_that_the_device_leaves_out_are_left_out_of_its_twin() -> None:
+    """Though they were calibrated: measured on purpose they may be, chosen never."""
+    device = load_device("fake_lima").model_copy(update={"left_out": (1, 2)})
+    calibration = calibrate(OfflineExecutor(device, 0), np.arange(4), 1000, parts=["response"])
+    twin = TwinExecutor(calibration)
+    assert twin.device.left_out == (1, 2, 4)
+    assert set(compile(parallel(5, 1)[0], twin.device).qubits) == {0, 3}
 
 
 def test_a_file_is_opened_as_a_twin(tmp_path: Path) -> None:

@@ -180,6 +180,25 @@ def test_what_is_written_is_on_the_disk_before_anything_else_happens() -> None:
         assert seen._db.execute("PRAGMA synchronous").fetchone() == (2,)
 
 
+def test_what_belongs_together_is_there_wholly_or_not_at_all(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A doubt and the submission that is being sent; a job's id in both of its places."""
+    journal = new()
+    made = journal.intend(0, "d", 10)
+    journal.note_sending(made, 5)
+    before = again(journal).submissions(), again(journal).charges.all()
+
+    def fail(*values: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(journal, "_note", fail)
+    for write in (lambda: journal.note_sending(made, 7), lambda: journal.note_sent(made, "job-a")):
+        with pytest.raises(KeyboardInterrupt):
+            write()
+        assert (again(journal).submissions(), again(journal).charges.all()) == before
+
+
 def test_steps_come_back_as_they_were() -> None:
     journal = new()
     seen = np.array([[1 / 3, np.nan, -np.inf], [0.1, -0.0, 1e-300]])
