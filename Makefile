@@ -31,7 +31,7 @@ bench: $(VENV)/bench.stamp  ## Measure speed and errors beside the peers, in one
 	$(BIN)/python benchmarks/mitigation.py
 	$(BIN)/python benchmarks/training.py
 
-chaos: $(VENV)/dev.stamp  ## Kill live runs and break their service, and compare (half an hour)
+chaos: $(VENV)/dev.stamp  ## Break live runs in every known way, and check what they tell (half an hour)
 	$(BIN)/python benchmarks/chaos.py
 
 docs: $(VENV)/docs.stamp  ## Build the documentation into site/
