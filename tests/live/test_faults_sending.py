@@ -81,7 +81,9 @@ def test_a_restored_copy_finds_what_was_sent_since(runs: Runs, undisturbed: dict
     ):
         with sqlite3.connect(Path(runs_folder) / folder.name / "journal.sqlite") as db:
             db.execute(change)
-    sent_again = runs.call("resume", "last", "--runs", "copies", "--max-wait-seconds", 0.1)
+    sent_again = runs.call(
+        *("resume", "last", "--runs", "copies", "--yes", "--max-wait-seconds", 0.1)
+    )
     assert sent_again.code == 1
     assert len(runs.service.ledger().jobs) == 1
     runs.service.settings.queue_seconds = 0.0
