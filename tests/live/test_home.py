@@ -234,7 +234,8 @@ def test_what_somebody_else_wrote_is_shown_plain(
     for words in (("runs",), ("runs", "show", "last"), ("resume", "last")):
         answer = stopped.call(*words)
         shown = answer.out + answer.err
-        assert "fake_lima spent: 0" in " ".join(shown.split())
+        assert "fake_lima" in shown
+        assert "spent: 0" in shown  # in the same line, or in a cell of the table
         assert not set("\x1b\x07\u202e") & set(shown)
         assert "\nspent" not in shown
     assert stopped.call("runs", "show", "last", "--json").json()["backend"] == hostile
