@@ -35,7 +35,7 @@ bench: $(VENV)/bench.stamp  ## Measure speed and errors beside the peers, in one
 calibrations: $(VENV)/dev.stamp  ## Measure fits, false alarms, p-values and power of calibrations (minutes)
 	$(BIN)/python benchmarks/calibration.py
 
-chaos: $(VENV)/dev.stamp  ## Kill live runs and break their service, and compare (half an hour)
+chaos: $(VENV)/dev.stamp  ## Break live runs in every known way, and check what they tell (half an hour)
 	$(BIN)/python benchmarks/chaos.py
 
 fuzz: $(VENV)/dev.stamp  ## Feed a million damaged files to every reader (half an hour)

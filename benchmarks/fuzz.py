@@ -43,7 +43,7 @@ from qcompile.evaluation.grid import Cell
 from qcompile.execution import DeviceBackend, load_backend
 from qcompile.jobs.policy_job import read_observations
 from qcompile.live.journal import FILE, Journal
-from qcompile.live.perform import finished, task_of
+from qcompile.live.perform import costs, task_of
 from qcompile.live.play import RunTask
 from qcompile.mitigation import calibrate
 from qcompile.passes import compile
@@ -199,7 +199,10 @@ def journals() -> list[bytes]:
         for number in range(3):
             submission = made.note_sending(made.intend(number, "digest", 40), 5)
             made.note_sent(submission, f"job{number}")
-            made.note_done(submission, np.ones((1, 4), dtype=int), 2.5)
+            made.note_done(submission, np.ones((1, 4), dtype=int))
+            charge = made.charges.of_job(f"job{number}")
+            assert charge is not None
+            made.charges.settle(charge, 2.5)
             made.note_actions(number, np.ones((2, 4)), np.ones(2, dtype=int))
             made.note_rewards(number, [1.0, 1.0])
         made._db.execute("PRAGMA journal_mode = DELETE")  # all in one file
@@ -210,7 +213,7 @@ def use_journal(path: Path) -> object:
     """Listed, shown and exported, and its task read."""
     with Journal(path.parent) as journal:
         exported(journal)
-        finished(journal)
+        costs(journal)
         return task_of(journal)
 
 

@@ -113,11 +113,12 @@ def _changed(rng: random.Random, document: Any) -> Any:
 
 
 def _places(value: Any) -> Any:
-    """(holder, key) of everything in it."""
+    """(holder, key) of everything in it; nothing where it holds nothing."""
+    if not isinstance(value, dict | list):
+        return
     for key in value if isinstance(value, dict) else range(len(value)):
         yield value, key
-        if isinstance(value[key], dict | list):
-            yield from _places(value[key])
+        yield from _places(value[key])
 
 
 def _odd(rng: random.Random, value: Any) -> Any:

@@ -26,7 +26,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
 LEAST_CONTRAST = 0.02
-"""A qubit that shows less of <Z> cannot be undone."""
+"""A qubit that shows less of `<Z>` cannot be undone."""
 MOST_ERROR = 0.1
 """A contrast, or an offset, that is known less well needs more shots."""
 _SURE = 3.0
@@ -113,7 +113,7 @@ class ReadoutFit(_Record):
 
     @property
     def contrast(self) -> FloatArray:
-        """How much of <Z> is left of each qubit, (qubits,): negative where 0 and 1 are swapped."""
+        """How much of `<Z>` is left of each qubit, (qubits,); negative where 0 and 1 swap."""
         return np.asarray(1.0 - np.array(self.p10) - np.array(self.p01))
 
     @property
@@ -123,7 +123,7 @@ class ReadoutFit(_Record):
 
 
 class ResponseFit(_Record):
-    """b, c, s of each qubit's measured <Z> = b + c cos(a) + s sin(a), with their covariance.
+    """b, c, s of each qubit's measured `<Z>` = b + c cos(a) + s sin(a), with their covariance.
 
     `chi_square` says how well the curve fits, against `degrees_of_freedom` expected.
     """
@@ -144,7 +144,7 @@ class ResponseFit(_Record):
 
     @property
     def contrast(self) -> FloatArray:
-        """How much of <Z> is left of each qubit, (qubits,)."""
+        """How much of `<Z>` is left of each qubit, (qubits,)."""
         _, c, s = np.array(self.curves).reshape(-1, 3).T
         return np.asarray(np.hypot(c, s))
 

@@ -16,7 +16,7 @@ from qcompile.validation import Line, Many, explain
 
 IDEAL_NAME = "ideal"
 LEAST_CONTRAST = 0.8
-"""A qubit whose pulses and readout leave less of <Z> is not used as long as there are others."""
+"""A qubit whose pulses and readout leave less of `<Z>` is not used as long as there are others."""
 REFERENCE_SHOTS = 1024
 """The shots for which the error of a qubit is stated, and by which qubits are ranked."""
 _FORMAT = "qcompile-device-1"
@@ -55,7 +55,7 @@ class Qubit(_Record):
 
     @property
     def contrast(self) -> float:
-        """1 - p01 - p10: how much of <Z> is left after the readout."""
+        """1 - p01 - p10: how much of `<Z>` is left after the readout."""
         return 1.0 - self.p01 - self.p10
 
 
@@ -146,7 +146,7 @@ class Device(_Record):
     def unusable(self) -> dict[int, str]:
         """The qubits that are not used, each with the reason in words.
 
-        They are those of `left_out`, and those that keep less than LEAST_CONTRAST of <Z>. If none
+        They are those of `left_out`, and those that keep less than LEAST_CONTRAST of `<Z>`. If none
         keeps as much, those whose 0 and 1 are swapped and that keep as much otherwise are used,
         which need mitigation; if there are none of them, the best alone.
         """
@@ -161,17 +161,18 @@ class Device(_Record):
         return dict(sorted(reasons.items()))
 
     def expected_error(self, qubit: int) -> float | None:
-        """The root of `mean_square_error`, in units of <Z>; None where it is infinite."""
+        """The root of `mean_square_error`, in units of `<Z>`; None where it is infinite."""
         error = self.mean_square_error(qubit)
         return math.sqrt(error) if math.isfinite(error) else None
 
     def mean_square_error(self, qubit: int) -> float:
-        """The expected square of the error of <Z> on `qubit` with readout mitigation.
+        """The expected square of the error of `<Z>` on `qubit` with readout mitigation.
 
-        It is that of a circuit at level 2, sx rz sx (or rx), at REFERENCE_SHOTS, averaged over <Z>
-        in [-1, 1]. The measured <Z> is b + k <Z>, by the pulses and the readout; readout mitigation
-        takes it for h + g <Z>, the line through |0> and |1> as they are measured, and undoes that.
-        What remains is shot noise, 1 / g^2 of it, and what the pulses do beyond the calibration:
+        It is that of a circuit at level 2, sx rz sx (or rx), at REFERENCE_SHOTS, averaged over
+        `<Z>` in [-1, 1]. The measured `<Z>` is b + k `<Z>`, by the pulses and the readout; readout
+        mitigation takes it for h + g `<Z>`, the line through |0> and |1> as they are measured, and
+        undoes that. What remains is shot noise, 1 / g^2 of it, and what the pulses do beyond the
+        calibration:
 
             (1 - b^2 - k^2 / 3) / (shots g^2)  +  ((b - h) / g)^2  +  (k / g - 1)^2 / 3
 
@@ -191,7 +192,7 @@ class Device(_Record):
         return variance + ((b - h) / g) ** 2 + (k / g - 1) ** 2 / 3
 
     def _kept(self, qubit: int) -> float:
-        """How much of <Z> the pulses of a circuit and the readout leave."""
+        """How much of `<Z>` the pulses of a circuit and the readout leave."""
         return self.qubits[qubit].contrast * self._pulses(self.qubits[qubit])[0]
 
     def _pulses(self, qubit: Qubit) -> tuple[float, float]:

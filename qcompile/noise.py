@@ -35,7 +35,7 @@ def noise_after(gate: str, qubit: Qubit | None) -> FloatArray:
 
 
 def readout_row(qubit: Qubit | None) -> FloatArray:
-    """(4,): the measured <Z> is this row times (1, r_x, r_y, r_z)."""
+    """(4,): the measured `<Z>` is this row times (1, r_x, r_y, r_z)."""
     if qubit is None:
         return np.array([0.0, 0.0, 0.0, 1.0])
     return np.array([qubit.p01 - qubit.p10, 0.0, 0.0, qubit.contrast])
@@ -71,7 +71,7 @@ class NoisyCircuits:
         self._response = self._curve(*self._start.T) if slots == 1 else None
 
     def expectation(self, angles: FloatArray) -> FloatArray:
-        """The measured <Z> for angles (B, circuits, slots), as `Executable.bind_slots` gives them.
+        """The measured `<Z>` for the angles (B, circuits, slots) of `Executable.bind_slots`.
 
         (B, circuits), exact: no shot noise. With one slot it is the response curve of the qubit,
         b + c cos(a) + s sin(a).

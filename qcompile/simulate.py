@@ -64,7 +64,7 @@ class Simulator:
         return self._xp is np and are_large(x, theta, self._largest)
 
     def expectation(self, x: Array, theta: Array) -> Array:
-        """<Z> of every circuit for every observation, (B, circuits), in [-1, 1]."""
+        """`<Z>` of every circuit for every observation, (B, circuits), in [-1, 1]."""
         batch, x = len(x), self._inputs(x, theta)
         large = self._are_large(x, theta)
         turns: dict[int, tuple[Array, Array]] = {}
@@ -152,7 +152,7 @@ class Definitions:
         return self._only_polar and self._one_each
 
     def polar_cosines(self, x: Array, theta: Array) -> Array:
-        """The cosines of the blocks' polar angles, which are their <Z> from |0>: (B, blocks)."""
+        """The cosines of the blocks' polar angles, which are their `<Z>` from |0>: (B, blocks)."""
         return np.minimum(np.maximum(self._simulator.expectation(x, theta), -1.0), 1.0)
 
     def __call__(self, x: Array, theta: Array) -> Array:
@@ -198,7 +198,7 @@ def _largest(steps: Sequence[_Step]) -> tuple[float, float]:
 
 
 def _seen(steps: Sequence[_Step]) -> list[_Step]:
-    """The steps that <Z> depends on: from the first y that turns to the last one."""
+    """The steps that `<Z>` depends on: from the first y that turns to the last one."""
     kept = [step for step in steps if not step.is_identity]
     while kept and kept[0].axis == "z":
         kept.pop(0)

@@ -13,11 +13,10 @@ sys.path.insert(0, str(BENCHMARKS))
 from fuzz import READERS, Tally, inputs, try_one  # noqa: E402
 
 INPUTS = 40
-FILES = [name for name in READERS if name != "journal"]  # tests/live has its damage
 
 
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize("name", FILES)
+@pytest.mark.parametrize("name", READERS)
 def test_damaged_files_are_refused_in_words(name: str, tmp_path: Path) -> None:
     path, tally = tmp_path / READERS[name].name, Tally()
     for number, contents in inputs(name, 0, range(INPUTS)):

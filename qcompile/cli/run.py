@@ -52,7 +52,7 @@ from qcompile.limits import MAX_EPISODES
 @click.option(
     "--predistort",
     is_flag=True,
-    help="Bend the angles so that the device shows the ideal <Z>, where it can.",
+    help="Bend the angles so that the device shows the ideal `<Z>`, where it can.",
 )
 @click.option(
     "--copies",

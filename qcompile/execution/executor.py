@@ -35,7 +35,7 @@ class Executor(Protocol):
         ...
 
     def expectation(self, executable: Executable, x: FloatArray, theta: FloatArray) -> FloatArray:
-        """The measured <Z> of each circuit without shot noise, (B, circuits)."""
+        """The measured `<Z>` of each circuit without shot noise, (B, circuits)."""
         ...
 
 
@@ -69,7 +69,7 @@ def check_device(executable: Executable, device: Device) -> None:
 
 
 def expectation_from_ones(ones: CountArray, shots: int) -> FloatArray:
-    """Return <Z> estimated from the number of ones.
+    """Return `<Z>` estimated from the number of ones.
 
     `ones` is an integer array of any shape, each entry in [0, shots]; the result has the same
     shape, in [-1, 1]. Its standard error is sqrt((1 - z**2) / shots).

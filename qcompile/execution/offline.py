@@ -39,7 +39,7 @@ class OfflineExecutor:
         return self.rng.binomial(shots, np.minimum(np.maximum(p_one, 0.0), 1.0))
 
     def expectation(self, executable: Executable, x: FloatArray, theta: FloatArray) -> FloatArray:
-        """The measured <Z> of each circuit without shot noise, (B, circuits), readout included.
+        """The measured `<Z>` of each circuit without shot noise, (B, circuits), readout included.
 
         Raises:
             DeviceError: the executable was compiled for another device.

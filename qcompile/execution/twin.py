@@ -26,7 +26,7 @@ IntArray = NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class _Table:
-    """b, c, s (3, circuits); the angle and the <Z> of circuits that have them fixed, else nan."""
+    """b, c, s (3, circuits); the angle and the `<Z>` of circuits that have them fixed, else nan."""
 
     curves: FloatArray
     fixed_rad: FloatArray
@@ -36,7 +36,7 @@ class _Table:
 class TwinExecutor:
     """Runs executables of level 2 on the response curves of a calibration.
 
-    The measured <Z> of sx rz(a) sx, or rx(a), is b + c cos(a) + s sin(a). The empty circuit and x
+    The measured `<Z>` of sx rz(a) sx, or rx(a), is b + c cos(a) + s sin(a). The empty circuit and x
     show what the readout was calibrated with; sx alone, and those two where no readout was
     calibrated, are taken to lie on the curve. A twin is no hardware: it has the noise that was
     measured, not what comes since. The same seed and the same calls give the same counts.
@@ -78,7 +78,7 @@ class TwinExecutor:
         return self.rng.binomial(shots, np.clip(p_one, 0.0, 1.0))
 
     def expectation(self, executable: Executable, x: FloatArray, theta: FloatArray) -> FloatArray:
-        """The measured <Z> of each circuit without shot noise, (B, circuits), readout included.
+        """The measured `<Z>` of each circuit without shot noise, (B, circuits), readout included.
 
         Raises:
             CalibrationError: another level than 2, or a qubit without a curve.
@@ -102,7 +102,7 @@ class TwinExecutor:
         return _Table(self._curves[rows].T, fixed_rad, self._shown(gates, rows))
 
     def _shown(self, gates: list[str], rows: IntArray) -> FloatArray:
-        """(circuits,): the <Z> of the circuits that the readout was calibrated with, else nan."""
+        """(circuits,): the `<Z>` of the circuits that the readout was calibrated with, else nan."""
         shown = np.full(len(gates), math.nan)
         fit = self.calibration.readout
         if fit is not None:

@@ -13,7 +13,7 @@ from qcompile.ir.affine import NotAffineError, affine, sum_of_coefficients
 from qcompile.ir.turns import MODERATE_RAD, reduced, reduced_sum
 
 NEGLIGIBLE_RAD = 1e-13
-"""An angle this close to a special value counts as that value: <Z> moves by less than 1e-12."""
+"""An angle this close to a special value counts as that value: `<Z>` moves by less than 1e-12."""
 
 _PARTS_OF_PI = 48
 _SYMBOL = re.compile(r"[^\W\d]\w*\Z")

@@ -88,7 +88,7 @@ class Definition:
 
     The unitary of `block` is Rz(last) Ry(polar) Rz(first) up to global phase, polar in [0, pi];
     the symbol `name` is the one of these three angles that `part` names. Only the parts of a
-    program's definitions may be left over: cos(polar) is the <Z> of the block from |0>.
+    program's definitions may be left over: cos(polar) is the `<Z>` of the block from |0>.
     """
 
     name: str

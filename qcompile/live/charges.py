@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any
 
 from qcompile.errors import BudgetError
 from qcompile.execution import qpu_seconds
 from qcompile.limits import MAX_QPU_SECONDS
+from qcompile.live.opening import reading
 from qcompile.live.records import Charge
 
 _DOUBTS = "charged_s IS NULL AND job_id IS NULL"
@@ -22,8 +24,10 @@ class Charges:
     than what IBM has charged. Sums of what is charged are kept, and not made anew for each job.
     """
 
-    def __init__(self, do: Callable[..., object], rows: Callable[..., list[tuple[Any, ...]]]):
-        self._do, self._rows = do, rows
+    def __init__(
+        self, path: Path, do: Callable[..., object], rows: Callable[..., list[tuple[Any, ...]]]
+    ):
+        self._path, self._do, self._rows = path, do, rows
         self._sums: tuple[float, float] | None = None
 
     def forget_sums(self) -> None:
@@ -67,7 +71,8 @@ class Charges:
         rows = self._rows(
             f"SELECT {Charge.COLUMNS} FROM charge WHERE {where} ORDER BY row", *values
         )
-        return [Charge.of_row(row) for row in rows]
+        with reading(self._path):
+            return [Charge.of_row(row) for row in rows]
 
     def doubts(self, number: int | None = None) -> list[Charge]:
         """Jobs that IBM may have accepted and that are not known, of job `number` or of all."""

@@ -30,14 +30,23 @@ class Connection:
 
     It is opened when it is first used. Without `instance`, and where the account names none, only
     instances of the free Open Plan are considered. A request that submits a job is never repeated
-    by the client: it might submit twice. `submissions` counts those that left this machine.
+    by the client: it might submit twice. `submissions` counts those that left this machine. An
+    answer is waited for `patience_s`, by default QCOMPILE_PATIENCE_SECONDS.
     """
 
-    def __init__(self, backend: str, account: str | None = None, instance: str | None = None):
+    def __init__(
+        self,
+        backend: str,
+        account: str | None = None,
+        instance: str | None = None,
+        *,
+        patience_s: float | None = None,
+    ):
         if not backend:
             raise LiveError("The backend has no name.", "Name a machine of the account.")
         self.name, self._account, self._instance = backend, account, instance
-        self._patience_s = seconds_setting("QCOMPILE_PATIENCE_SECONDS", words.PATIENCE_S)
+        usual_s = seconds_setting("QCOMPILE_PATIENCE_SECONDS", words.PATIENCE_S)
+        self._patience_s = usual_s if patience_s is None else patience_s
         self._service: Any = None
         self._backend: Any = None
         self.submissions = 0

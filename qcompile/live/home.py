@@ -15,6 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from qcompile.reading import decode, read_file
+
 Moment = Literal["began", "last"]
 """Where a run began, and where it was resumed last."""
 
@@ -76,5 +78,5 @@ def _machine() -> str:
     """What this machine is known by: its name, and its own ID, where it has one."""
     own = ""
     with suppress(OSError, ValueError):
-        own = _MACHINE_ID.read_text().strip()
+        own = decode(read_file(_MACHINE_ID)).strip()
     return f"{platform.node()}\n{own}"

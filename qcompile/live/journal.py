@@ -71,7 +71,7 @@ class Journal:
         except BaseException:
             self._db.close()
             raise
-        self.charges = Charges(self._do, self._rows)
+        self.charges = Charges(self.path, self._do, self._rows)
         self._jobs_done: int | None = None
 
     def _read(self) -> str:

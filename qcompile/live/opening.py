@@ -99,7 +99,8 @@ def reading(path: Path) -> Iterator[None]:
             raise
         raise LiveError(f"{path}: {error}") from error
     except (sqlite3.Error, ValueError, TypeError, RecursionError, OverflowError) as error:
-        why = str(error).rstrip(".") if isinstance(error, sqlite3.Error) else "it is damaged"
+        words = " ".join(str(error).split())[:200].rstrip(".")
+        why = words if isinstance(error, sqlite3.Error) else "it is damaged"
         raise LiveError(f"{path} cannot be read: {why}.", _RESTORE) from error
 
 

@@ -74,8 +74,9 @@ def go_on(
 ) -> dict[str, Any]:
     """Do what is left of the run; what it found, with its id and what was charged.
 
-    `show` gets how many jobs are done, and words. A finished run gives its result again; only where
-    it was not known yet what IBM has of it and charges for it, IBM is asked. `pay_again` sends a
+    `show` gets how many jobs are done, and words. A finished run gives its result again, and asks
+    IBM once more what it has of the run and charges for it; where all of that was known, it does
+    not wait for an answer. `pay_again` sends a
     job again that was charged and gave no counts. `out` is another file for a calibration than the
     one it has; without it none is written where the run began on another machine.
 
@@ -101,7 +102,10 @@ def go_on(
             step = words
             say("")
 
-        connection = Connection(task.backend, task.account, task.instance)
+        is_settled = journal.result is not None and journal.charges.are_settled
+        connection = Connection(
+            task.backend, task.account, task.instance, patience_s=0 if is_settled else None
+        )
         jobs = Jobs(
             journal,
             connection,
@@ -119,9 +123,8 @@ def go_on(
                 raise _explained(error, journal) from error
             finally:
                 jobs.close()
-        if not journal.charges.are_settled:
-            with suppress(KeyboardInterrupt, MissingExtraError):
-                jobs.settle()
+        with suppress(KeyboardInterrupt, MissingExtraError):
+            jobs.settle()
         if is_from_elsewhere(journal):
             task = task.without_file()
         try:

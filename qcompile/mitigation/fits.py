@@ -22,7 +22,7 @@ PRIOR_SHOTS = 8.0
 _MOST_GAP = 1e-3
 """In units of chi-square: a fit is kept that is within 0.03 standard errors of the best one."""
 _EXACT = 1e8
-"""The weight of exact probabilities: they are taken to be known to 1e-4 of <Z>."""
+"""The weight of exact probabilities: they are taken to be known to 1e-4 of `<Z>`."""
 
 
 def fit_readout(
@@ -67,10 +67,10 @@ def fit_readout(
 def fit_response(
     angles_rad: FloatArray, ones: FloatArray, shots: int | None, qubits: IntArray
 ) -> ResponseFit:
-    """Curves b + c cos(a) + s sin(a) of the measured <Z>, from ones (circuits, n) of `qubits`.
+    """Curves b + c cos(a) + s sin(a) of the measured `<Z>`, from ones (circuits, n) of `qubits`.
 
     `angles_rad` is (circuits, n), or (circuits,) where all qubits had the same. Least squares
-    weighted by shot noise, under |b| + sqrt(c^2 + s^2) <= 1: <Z> stays in [-1, 1] at every angle
+    weighted by shot noise, under |b| + sqrt(c^2 + s^2) <= 1: `<Z>` stays in [-1, 1] at every angle
     (a second-order cone). The covariance is that of the unconstrained fit. Without shots `ones` are
     exact probabilities.
 

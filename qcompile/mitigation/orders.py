@@ -31,7 +31,7 @@ def angle_orders(angles_rad: FloatArray, qubits: IntArray) -> FloatArray:
 
 
 def strangeness(orders: FloatArray) -> FloatArray:
-    """How badly <Z> of a qubit with order j fits a curve of one with order i, (orders, orders).
+    """How badly `<Z>` of a qubit with order j fits a curve of one with order i, (orders, orders).
 
     `orders` is (orders, angles). It is the chi-square of one shot, by the shot noise of a usual
     qubit: a bit that copies a share e of its neighbour's adds shots e^2 times as much.

@@ -14,7 +14,7 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class PolarCurves:
-    """Measured <Z> = offset + contrast cos(w - tilt) of each qubit, w the ideal polar angle.
+    """Measured `<Z>` = offset + contrast cos(w - tilt) of each qubit, w the ideal polar angle.
 
     Arrays of (qubits,), tilts in [-pi/2, pi/2] radians: contrast is negative where 0 and 1 are
     swapped. `covariance` (qubits, 3, 3) is that of (offset, contrast, tilt).

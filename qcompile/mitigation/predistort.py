@@ -1,4 +1,4 @@
-"""Angles bent when they are bound, so that the device's own curve gives the ideal <Z>."""
+"""Angles bent when they are bound, so that the device's own curve gives the ideal `<Z>`."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class _Bend:
 
 
 def predistorted(executable: Executable, calibration: Calibration) -> Executable:
-    """The executable with bent angles: the measured <Z> is the ideal one, where it is reachable.
+    """The executable with bent angles: the measured `<Z>` is the ideal one, where it is reachable.
 
     Reachable is [offset - contrast, offset + contrast] of the qubit's response curve; beyond it the
     nearest is taken. No shot noise is amplified, as mitigation afterwards would do.

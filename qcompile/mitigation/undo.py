@@ -1,4 +1,4 @@
-"""What a qubit does to <Z>, undone in closed form."""
+"""What a qubit does to `<Z>`, undone in closed form."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from qcompile.validation import listed
 FloatArray = NDArray[np.float64]
 
 MOST_TILT_RAD = 0.25
-"""Mitigation may confuse <Z> near a pole that differ by 2 sin(tilt)^2: up to 0.12 at this tilt."""
+"""Near a pole `<Z>` that differ by 2 sin(tilt)^2 may be confused: up to 0.12 at this tilt."""
 _MOST_DOUBTFUL_RAD = math.pi / 4
 """A neighbour that is read along makes a tilt that is not there: a misfit's is left as it is."""
 _SEEN = 3.0
@@ -27,13 +27,12 @@ _SEEN = 3.0
 
 @dataclass(frozen=True, eq=False)
 class Mitigation:
-    """The measured <Z> of circuit i is offset_i + contrast_i cos(w - tilt_i) for ideal cos(w).
+    """The measured `<Z>` of circuit i is offset_i + contrast_i cos(w - tilt_i) for ideal cos(w).
 
     Arrays of (circuits,); w lies in [0, pi], the polar angle of the ideal Bloch vector. Contrasts
     are negative where 0 and 1 are swapped. Tilts lie in [-pi/2, pi/2]. Readout errors alone have
-    none; where it is not 0, two w near a pole show the same <Z>, and the one farther from that pole
-    is taken. `covariance` is that of (offset, contrast, tilt), (circuits, 3,
-    3).
+    none; where it is not 0, two w near a pole show the same `<Z>`, and the one farther from that
+    pole is taken. `covariance` is that of (offset, contrast, tilt), (circuits, 3, 3).
     """
 
     offset: FloatArray
@@ -42,7 +41,7 @@ class Mitigation:
     covariance: FloatArray
 
     def apply(self, z: FloatArray) -> FloatArray:
-        """The ideal <Z> for measured z (B, circuits).
+        """The ideal `<Z>` for measured z (B, circuits).
 
         What no ideal circuit shows is clipped to [-1, 1]; without tilt this is the least-squares
         solution under that constraint.
@@ -114,7 +113,7 @@ def response_mitigation(
 
     The response curve b + c cos(a) + s sin(a) is offset + contrast cos(w - tilt) in the ideal polar
     angle w = a - pi (a for rx). Circuits without a rotation are taken to lie on the same curve.
-    Angles that are not polar may lie on both sides of |0>, where a tilt acts oppositely: <Z> does
+    Angles that are not polar may lie on both sides of |0>, where a tilt acts oppositely: `<Z>` does
     not tell which, and their mean is undone. `any_side` says that the side is known all the same.
 
     Raises:

@@ -77,7 +77,7 @@ class Executable:
     def bind_turns(self, x: FloatArray, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Cosine and sine of the angles that `bind_slots` gives, each (B, circuits, slots).
 
-        Where every angle is a polar angle of its own, or that plus pi, they follow from <Z>.
+        Where every angle is a polar angle of its own, or that plus pi, they follow from `<Z>`.
         """
         if self._polar_sign is None or self._definitions is None or self.bend is not None:
             angles = self.bind_slots(x, theta)

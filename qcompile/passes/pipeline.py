@@ -74,7 +74,7 @@ def compile(
     At level 2 a circuit is sx rz sx or shorter, at level 1 rz sx rz sx rz or shorter (rx and
     rz rx rz where rx is native); angles that are not known are fused when the executable is bound.
 
-    `importance` (circuits,) says how much the error of a circuit's <Z> matters, as
+    `importance` (circuits,) says how much the error of a circuit's `<Z>` matters, as
     `Policy.importance` does: the most important circuits get the best qubits (`passes.place`). With
     `copies` the executable is that many copies of the program, which share its parameters: inputs
     (B, copies * inputs) and results (B, copies * circuits), both copy by copy.

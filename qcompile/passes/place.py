@@ -17,7 +17,7 @@ def place(
 ) -> tuple[IntArray, IntArray]:
     """Physical qubit and round of each circuit, two (copies * circuits,) arrays, copy by copy.
 
-    `importance` (circuits,) is what a square error of a circuit's <Z> costs; left out, it is the
+    `importance` (circuits,) is what a square error of a circuit's `<Z>` costs; left out, it is the
     same for all. The placement is the one of the least cost, the sum over circuits of importance
     times `Device.mean_square_error` of the qubit, among those of the fewest rounds that hold every
     circuit on `Device.usable`: a round has one place on each qubit. The ideal device has a qubit

@@ -49,7 +49,7 @@ class Policy:
     """What is deployed: k actions from n circuits.
 
     theta (parameters,); weights (k, reuse * n), the columns ordered copy by copy; bias (k,). The
-    action probabilities are softmax(weights y + bias), y the <Z> of the circuits, `reuse` times.
+    action probabilities are softmax(weights y + bias), y the `<Z>` of the circuits, `reuse` times.
     `metadata` says where the policy comes from.
 
     Raises:
@@ -134,9 +134,9 @@ class Policy:
 
     @cached_property
     def importance(self) -> FloatArray:
-        """How much an error of a circuit's <Z> matters: the variance of its weights over actions.
+        """How much an error of a circuit's `<Z>` matters: the variance of its weights over actions.
 
-        (circuits,). An error dz of <Z> moves the logits by W dz, W the folded weights. What all
+        (circuits,). An error dz of `<Z>` moves the logits by W dz, W the folded weights. What all
         actions share of it changes no probability: the Kullback-Leibler divergence of the softmax
         before from that after is, to second order, half the variance over actions of W dz. Taken
         with all actions equally likely, and for errors that are independent and zero on average,
@@ -146,21 +146,21 @@ class Policy:
         return np.asarray(self._folded_weights.var(axis=0))
 
     def logits(self, z: FloatArray) -> FloatArray:
-        """<Z> (B, circuits) to the logarithms of the action probabilities, plus a constant."""
+        """`<Z>` (B, circuits) to the logarithms of the action probabilities, plus a constant."""
         return np.asarray(z @ self._folded_weights.T + self.bias)
 
     def probabilities(self, z: FloatArray) -> FloatArray:
-        """<Z> (B, circuits) to action probabilities (B, actions)."""
+        """`<Z>` (B, circuits) to action probabilities (B, actions)."""
         logits = self.logits(z)
         odds = np.exp(logits - logits.max(axis=1, keepdims=True))
         return np.asarray(odds / odds.sum(axis=1, keepdims=True))
 
     def sample(self, z: FloatArray, rng: np.random.Generator) -> IntArray:
-        """One action for each row of <Z> (B, circuits), drawn from its exact probabilities."""
+        """One action for each row of `<Z>` (B, circuits), drawn from its exact probabilities."""
         return draw_actions(self.logits(z), rng)
 
     def greedy(self, z: FloatArray) -> IntArray:
-        """The most probable action for each row of <Z> (B, circuits)."""
+        """The most probable action for each row of `<Z>` (B, circuits)."""
         return np.asarray(self.logits(z).argmax(axis=1))
 
 

@@ -1,6 +1,6 @@
 """The classical surrogate of a policy: the functions that its circuits compute, written out.
 
-A circuit of one qubit is a run of rotations about z and y, so its <Z> is a polynomial in the
+A circuit of one qubit is a run of rotations about z and y, so its `<Z>` is a polynomial in the
 cosines and sines of its angles. The Bloch vector is carried through the rotations as three such
 polynomials; theta is a number by then, and what is left are fixed functions of the observation.
 """
@@ -24,7 +24,7 @@ MOST_TERMS = 10_000
 """More terms than this are no help to a reader, and a matrix of them fills the memory."""
 
 MOST_COEFFICIENTS = 1e4
-"""The sizes of a polynomial's coefficients add up to this at most: <Z> is then good to 1e-11."""
+"""The sizes of a polynomial's coefficients add up to this at most: `<Z>` is then good to 1e-11."""
 
 _VANISHES = 1e-15
 """A coefficient this small, beside the largest of its circuit, is what rounding left."""
@@ -165,14 +165,14 @@ def _sign(value: float) -> float:
 
 
 class _Expansion:
-    """<Z> of the circuits of a policy as polynomials in the cosines and sines of `forms`."""
+    """`<Z>` of the circuits of a policy as polynomials in the cosines and sines of `forms`."""
 
     def __init__(self, policy: Policy):
         self._inputs = merged_inputs(policy)
         self.forms: dict[Angle, int] = {}
 
     def expectation(self, circuit: Circuit, index: int) -> Polynomial:
-        """<Z> of a circuit; `index` is its number in messages.
+        """`<Z>` of a circuit; `index` is its number in messages.
 
         Raises:
             PolicyError: there are too many terms, or too large coefficients, on the way.

@@ -32,8 +32,11 @@ def read_npy(contents: bytes) -> NDArray[Any]:
     if dtype.kind not in "biuf":
         raise ContentsError(f"Its entries are of type {ascii(str(dtype))[:60]}, not real numbers.")
     count, room = math.prod(shape), len(contents) - file.tell()
-    if min(shape, default=0) < 0 or count * dtype.itemsize > room:
-        raise ContentsError(f"Its header promises {count:,} numbers; the file is too short.")
+    if min(shape, default=0) < 0 or count * dtype.itemsize != room:
+        raise ContentsError(
+            f"Its header promises {count:,} numbers of {dtype.itemsize} bytes; "
+            f"{room:,} bytes follow."
+        )
     try:
         flat = np.frombuffer(contents, dtype, count, file.tell()) if count else np.empty(0, dtype)
         return flat.reshape(shape, order="F" if in_columns else "C")

@@ -84,7 +84,7 @@ class Deployment:
         self.device = self.executor.device
 
     def expectation(self, observations: FloatArray) -> FloatArray:
-        """<Z> of every circuit as measured and mitigated, (B, circuits)."""
+        """`<Z>` of every circuit as measured and mitigated, (B, circuits)."""
         return self._measure(self.policy.encode(observations), _NO_THETA)
 
     def act(self, observations: FloatArray) -> IntArray:

@@ -1,4 +1,4 @@
-"""From inputs to the <Z> that a device shows: compiled once, run, mitigated."""
+"""From inputs to the `<Z>` that a device shows: compiled once, run, mitigated."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ class Measurement:
         return given
 
     def __call__(self, x: FloatArray, theta: FloatArray) -> FloatArray:
-        """Inputs (B, inputs) and theta (parameters,) to <Z> as measured, (B, circuits)."""
+        """Inputs (B, inputs) and theta (parameters,) to `<Z>` as measured, (B, circuits)."""
         rows, copies = len(x), self.copies
         if copies > 1:  # side by side; the last row is filled up with zeros
             x = np.pad(x, ((0, -rows % copies), (0, 0)))

@@ -1,4 +1,4 @@
-"""Learning under a device's noise: actions follow the <Z> that the device shows."""
+"""Learning under a device's noise: actions follow the `<Z>` that the device shows."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from qcompile.rl.settings import Settings
 class ActingNoise:
     """Measures the actor's circuits on a device while it acts, and brings the noise to the update.
 
-    The residual of a step is the measured <Z> less the ideal one. In the update it is added to the
-    ideal <Z> of the parameters being learned: so before anything is learned the probabilities are
-    those the actions were drawn from, and gradients flow through the ideal circuit.
+    The residual of a step is the measured `<Z>` less the ideal one. In the update it is added to
+    the ideal `<Z>` of the parameters being learned: so before anything is learned the probabilities
+    are those the actions were drawn from, and gradients flow through the ideal circuit.
     """
 
     def __init__(self, actor: SVQC, settings: Settings, seed: np.random.SeedSequence):
@@ -35,7 +35,7 @@ class ActingNoise:
         self._residuals: list[torch.Tensor] = []
 
     def act(self, observations: torch.Tensor) -> torch.Tensor:
-        """Outputs (B, actions) from the measured <Z> for observations (B, features)."""
+        """Outputs (B, actions) from the measured `<Z>` for observations (B, features)."""
         ideal = self._actor.expectation(observations)
         x = numbers(self._actor.inputs(observations))
         measured = self._measure(x, numbers(self._actor.theta))

@@ -32,13 +32,13 @@ _STRETCHES = (1, 3, 10, 30)
 
 @dataclass(frozen=True, eq=False)
 class TwinCheck:
-    """Chi-square of each qubit's fresh <Z> against the twin's, with its p-value.
+    """Chi-square of each qubit's fresh `<Z>` against the twin's, with its p-value.
 
-    `qubits`, `chi_square` and `p_value` are (qubits,), `degrees` (qubits,) the numbers of <Z>;
+    `qubits`, `chi_square` and `p_value` are (qubits,), `degrees` (qubits,) the numbers of `<Z>`;
     `failed` are the qubits whose p-value lies below DRIFT_LEVEL divided by their number
-    (Bonferroni). `largest` is the largest difference of a <Z>, in units of <Z>. `power` (qubits,)
-    is how often a p01 of that qubit is found that is raised by `effect`; `misfits` are the
-    curves that contradict the counts they were fitted to.
+    (Bonferroni). `largest` is the largest difference of a `<Z>`, in units of `<Z>`. `power`
+    (qubits,) is how often a p01 of that qubit is found that is raised by `effect`; `misfits` are
+    the curves that contradict the counts they were fitted to.
     """
 
     qubits: IntArray

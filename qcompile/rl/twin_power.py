@@ -1,8 +1,8 @@
 """How likely a check of a twin finds a readout that changed, and what it takes to find it.
 
-A p01 = P(0 | 1) that is raised by an effect moves the <Z> of its qubit by effect (1 - u), where
-u = cos(w - tilt) is the <Z> before the readout: a move of (b, c, s) of its curve. The chi-square of
-`check_twin` is then noncentral, by v' (A^-1 + C)^-1 v: v is that move, A the information of the
+A p01 = P(0 | 1) that is raised by an effect moves the `<Z>` of its qubit by effect (1 - u), where
+u = cos(w - tilt) is the `<Z>` before the readout: a move of (b, c, s) of its curve. The chi-square
+of `check_twin` is then noncentral, by v' (A^-1 + C)^-1 v: v is that move, A the information of the
 shots and C the covariance of the calibrated curve.
 """
 
@@ -54,7 +54,7 @@ def twin_program(calibration: Calibration, policy: Policy) -> tuple[TwinExecutor
 class TwinShown:
     """What a twin shows of a policy's circuits for some observations.
 
-    `expected` are its <Z> and `design` the (1, cos a, sin a) of the angles, (rows, circuits) and
+    `expected` are its `<Z>` and `design` the (1, cos a, sin a) of the angles, (rows, circuits) and
     (rows, circuits, 3); `qubits` are those of the circuits, each once, `own` (circuits,) the number
     of each circuit's, `covariance` (qubits, 3, 3) and `moves` (qubits, 3) the covariance of the
     curves and the moves of (b, c, s) when p01 is raised by 1.
@@ -95,7 +95,7 @@ class TwinShown:
         )
 
     def variance(self, shots: int) -> FloatArray:
-        """The variance of each <Z> by shot noise, (rows, circuits)."""
+        """The variance of each `<Z>` by shot noise, (rows, circuits)."""
         return np.asarray(np.maximum(1.0 - self.expected**2, 1.0 / shots) / shots)
 
     def powers(self, shots: int, effect: float) -> FloatArray:

@@ -137,3 +137,5 @@ def test_of_two_copies_that_both_pay_for_a_step_the_last_tells_of_both_jobs(
     found = settled(runs, run, undisturbed)
     assert found["qpu_seconds"] == pytest.approx(runs.service.ledger().charged_seconds)
     assert len(runs.service.ledger().jobs) == 4
+    with find_journal(Path("copies"), run) as journal:  # which ended before the other's second job
+        assert go_on(journal)["qpu_seconds"] == pytest.approx(found["qpu_seconds"])

@@ -28,7 +28,7 @@ def copy_before_the_first_job(runs: Runs) -> Path:
 
 
 def resumed(runs: Runs) -> Any:
-    return runs.call("resume", "last", "--runs", "copies", "--json")
+    return runs.call("resume", "last", "--runs", "copies", "--json", "--yes")
 
 
 def test_a_restored_copy_pays_for_nothing_again(runs: Runs, undisturbed: dict[str, Any]) -> None:

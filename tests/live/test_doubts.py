@@ -68,7 +68,7 @@ def test_a_job_that_is_listed_after_the_end_is_told_at_its_cap_and_then_at_its_c
     assert last.json()["jobs_in_doubt"] == 0
     before = runs.service.ledger()
     assert runs.call("resume", "last", "--json").json() == last.json()
-    assert runs.service.ledger() == before  # all is settled: nobody is asked
+    assert runs.service.ledger().jobs == before.jobs
     assert len(before.jobs) == 4
 
 

@@ -58,7 +58,7 @@ def test_a_copy_in_another_folder_asks_before_it_sends(
     assert asked.code == 1
     assert IN_FOLDER in asked.err
     assert "It would run on fake_lima with the usual account, instance crn:v1:" in asked.err
-    assert "within 60 QPU seconds, of which 0.0 are charged.\n" in asked.err
+    assert "within 60 QPU seconds, of which 0.0 are charged or may be.\n" in asked.err
     assert f"{NOBODY}.\n" in asked.err
     assert sent(stopped) == before
     found = stopped.call("resume", "last", "--runs", "copy", "--yes", "--json")
@@ -155,7 +155,7 @@ def test_python_is_asked_as_well(stopped: Runs) -> None:
 def test_a_journal_names_neither_the_machine_nor_the_folder(stopped: Runs) -> None:
     assert stopped.call("resume", "last").code == 0
     contents = b"".join(path.read_bytes() for path in RUNS.rglob("*") if path.is_file())
-    assert b"qcompile-journal-1" in contents
+    assert b"qcompile-journal-2" in contents
     for name in (platform.node(), str(RUNS.resolve()), str(Path.cwd())):
         assert name.encode() not in contents
 
@@ -234,7 +234,8 @@ def test_what_somebody_else_wrote_is_shown_plain(
     for words in (("runs",), ("runs", "show", "last"), ("resume", "last")):
         answer = stopped.call(*words)
         shown = answer.out + answer.err
-        assert "fake_lima spent: 0" in " ".join(shown.split())
+        assert "fake_lima" in shown
+        assert "spent: 0" in shown  # in the same line, or in a cell of the table
         assert not set("\x1b\x07\u202e") & set(shown)
         assert "\nspent" not in shown
     assert stopped.call("runs", "show", "last", "--json").json()["backend"] == hostile

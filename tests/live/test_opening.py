@@ -30,11 +30,15 @@ def new() -> Journal:
         for number in range(3):
             sent = journal.note_sending(journal.intend(number, "d" * 64, 100), 17)
             journal.note_sent(sent, f"job-{number}")
-            journal.note_done(sent, np.array([[3, 5]]), 2.25)
+            journal.note_done(sent, np.array([[3, 5]]))
+            charge = journal.charges.of_job(f"job-{number}")
+            assert charge is not None
+            journal.charges.settle(charge, 2.25)
             journal.note_actions(number, np.zeros((2, 4)), np.array([1, 0]))
             journal.note_rewards(number, [1.0, 1.0])
-        journal.note_extra(sent, "job-x")
-        journal.note_failed(journal.intend(3, "e", 1), "it rained", None)
+        journal.note_sending(sent, 17)  # in doubt
+        journal.note_done(sent, np.array([[3, 5]]))
+        journal.note_failed(journal.intend(3, "e", 1), "it rained")
     return journal
 
 
@@ -80,15 +84,16 @@ WRONG: list[tuple[str, str, object]] = [
     *[("run", "max_qpu_seconds", value) for value in (None, "x", -1.0, b"1")],
     *[("run", "result", value) for value in ("{", "[1]", "[" * 5000)],
     *[("submission", "state", value) for value in (None, "paid", 3)],
-    *[("submission", "charged_s", value) for value in ("x", b"1", 1e300, float("inf"))],
+    *[("charge", "charged_s", value) for value in ("x", b"1", 1e300, float("inf"), -1.0)],
+    *[("charge", "sent_at", value) for value in (None, "soon", b"x")],
     *[("submission", "executions", value) for value in (None, "x", -1, 0.5)],
     *[("submission", "sent_at", value) for value in ("soon", 3, b"x")],
     *[("submission", "ones", value) for value in ("text", b"", b"\x93NUMPY\x01\x00")],
     ("submission", "job_id", b"x"),
     ("submission", "tag", None),
     ("submission", "cap_s", "x"),
-    ("extra", "charged_s", b"\xff"),
-    ("extra", "executions", "x"),
+    ("charge", "cap_s", None),
+    ("charge", "executions", "x"),
     ("step", "observations", None),
     ("step", "actions", 3),
     ("step", "rewards", b"PK\x03\x04"),
@@ -163,6 +168,8 @@ def test_an_array_is_as_large_as_its_bytes(shape: str, dtype: str) -> None:
     """Whatever its header says: two gigabytes are not even asked for."""
     header = f"{{'descr': '{dtype}', 'fortran_order': False, 'shape': {shape}, }}"
     contents = b"\x93NUMPY\x01\x00v\x00" + header.encode().ljust(117) + b"\n" + b"x" * 12
+    with pytest.raises(LiveError):
+        to_array(b"")  # what is loaded for messages is there from now on
     tracemalloc.start()
     with pytest.raises(LiveError, match="An array in the run's journal is damaged"):
         to_array(contents)

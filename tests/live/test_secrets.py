@@ -175,7 +175,7 @@ def test_a_reason_that_repeats_the_key_is_kept_and_shown_without_it(
 ) -> None:
     """In the journal as well, which people send to others."""
 
-    def fail(self: Job) -> None:
+    def fail(self: Job, **_: object) -> None:
         self.outcome, self.charged, self.reason_code = FAILED, 0.0, 9999
         self.reason = f"bad {API_KEY} \x1b[31mred\u202e"
 

@@ -1,7 +1,7 @@
 """The entangling circuit of Jerbi et al. (arXiv 2103.05577), exact and for a whole batch.
 
 One qubit a feature, from |0>. A layer is: Ry and Rz with trained angles on every qubit, a ring of
-CZ, then Ry(x) and Rz(x) (re-uploading); trained Ry and Rz close the circuit. <Z> of every qubit
+CZ, then Ry(x) and Rz(x) (re-uploading); trained Ry and Rz close the circuit. `<Z>` of every qubit
 goes into a linear layer, as in the SVQC.
 """
 
@@ -52,7 +52,7 @@ class MVQC(torch.nn.Module):
         return outputs
 
     def expectation(self, observations: torch.Tensor) -> torch.Tensor:
-        """Observations (B, features) to <Z> of every qubit (B, features)."""
+        """Observations (B, features) to `<Z>` of every qubit (B, features)."""
         scale = self.log_scale.exp().reshape(self._layers, self._qubits)
         x = torch.arctan(observations[:, None, :] * scale).to(scale.dtype)  # (B, layers, qubits)
         trained = _rz_ry(self.theta[..., 0], self.theta[..., 1])  # (layers + 1, qubits, 2, 2)

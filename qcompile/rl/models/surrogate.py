@@ -18,7 +18,7 @@ from qcompile.rl.settings import Settings
 class Surrogate(torch.nn.Module):
     """A linear layer on the functions that h ry(x) rz(x) ry(theta) can show: no circuit, no theta.
 
-    With x = arctan(u) its <Z> is -sin(x) cos(theta) - cos(x)^2 sin(theta), so any theta mixes
+    With x = arctan(u) its `<Z>` is -sin(x) cos(theta) - cos(x)^2 sin(theta), so any theta mixes
     sin(x) = u / sqrt(1 + u^2) and cos(x)^2 = 1 / (1 + u^2): two fixed functions of a feature.
     """
 

@@ -40,7 +40,7 @@ class SVQC(torch.nn.Module):
         return torch.arctan(scaled).to(self.theta.dtype)
 
     def expectation(self, observations: torch.Tensor) -> torch.Tensor:
-        """Observations (B, features) to the ideal <Z> of every circuit (B, circuits)."""
+        """Observations (B, features) to the ideal `<Z>` of every circuit (B, circuits)."""
         z: torch.Tensor = self._simulator.expectation(self.inputs(observations), self.theta)
         return z
 
