@@ -161,7 +161,7 @@ def said(text: str, most: int = 300) -> str:
 def without_secrets(words: str) -> str:
     """`words` without access tokens, and without any token of the accounts on this machine."""
     secrets = [os.environ.get("QISKIT_IBM_TOKEN", "")]
-    if "qiskit_ibm_runtime" in sys.modules:  # nothing else reads those that are saved
+    if sys.modules.get("qiskit_ibm_runtime"):  # nothing else reads those that are saved
         secrets += [str(account.get("token", "")) for account in saved_accounts().values()]
     for secret in filter(None, secrets):
         words = words.replace(secret, "(token)")
