@@ -24,7 +24,7 @@ _STATEMENT = re.compile(
     rf"{_BLANKS}([A-Za-z]\w*+(?:[ \t]*+\((?:[^;(){{}}/\"]|/(?![/*]))*+\))?+)[ \t]*+"
     r"(?<=[ \t)])(\$?\w++(?:\[[0-9]++\])?)[ \t]*+;"
 )
-_NUMBER = r"\s*+-?(?:[0-9]++\.?[0-9]*+|\.[0-9]++)(?:[eE][+-]?[0-9]++)?\s*+"
+_NUMBER = r"[ \t\r\n]*+-?(?:[0-9]++\.?[0-9]*+|\.[0-9]++)(?:[eE][+-]?[0-9]++)?[ \t\r\n]*+"
 _NUMBERS = re.compile(rf"{_NUMBER}(?:,{_NUMBER})*+\)\Z")
 _MOST_TEXTS = 50_000
 """Texts that are kept; angles of a long file are mostly different ones."""

@@ -96,3 +96,9 @@ def test_the_limit_of_gates_counts_each_once():
     with pytest.raises(CircuitError, match=f"more than {MOST_GATES} gates"):
         reader.run()
     assert reader.line == 3 + MOST_GATES // 1000 + 2
+
+
+@pytest.mark.parametrize("blank", ["\x1f", "\x0b", "\u2003", "\t", "\r\n"])
+def test_characters_that_pass_for_blanks_in_python_alone_change_nothing(blank):
+    text = f"{HEAD_2}qreg q[1];\nrz(0.{blank}) q[0];\n"
+    assert outcome(text, fast=True) == outcome(text, fast=False)
