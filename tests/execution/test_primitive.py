@@ -87,7 +87,7 @@ def test_the_gate_noise_is_ours_exactly(name: str) -> None:
     device = executor.device
     assert (name == "fake_oslo") == any(q.t2_us > 2 * q.t1_us for q in device.qubits)
     perfect = [q.model_copy(update={"p10": 0.0, "p01": 0.0}) for q in device.qubits]
-    program = Program.of([Circuit.parse("sx rz(x0) sx x rz(0.3) sx")] * len(perfect), 1)
+    program = Program.of([Circuit.parse("sx id rz(x0) sx x id rz(0.3) sx")] * len(perfect), 1)
     executable = dataclasses.replace(
         compile(program, device, 0),
         device=device.model_copy(update={"qubits": tuple(perfect)}),
@@ -96,8 +96,8 @@ def test_the_gate_noise_is_ours_exactly(name: str) -> None:
     theirs = []
     for qubit in range(len(perfect)):
         made = QuantumCircuit(len(perfect))
-        made.sx(qubit), made.rz(0.9, qubit), made.sx(qubit)
-        made.x(qubit), made.rz(0.3, qubit), made.sx(qubit)
+        made.sx(qubit), made.id(qubit), made.rz(0.9, qubit), made.sx(qubit)
+        made.x(qubit), made.id(qubit), made.rz(0.3, qubit), made.sx(qubit)
         made.save_density_matrix([qubit])
         theirs.append(made)
     executor._simulator.set_options(method="density_matrix")

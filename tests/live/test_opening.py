@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import random
 import shutil
 import sqlite3
@@ -220,6 +221,19 @@ def test_a_journal_whose_making_is_stopped_leaves_nothing(monkeypatch: pytest.Mo
         with pytest.raises(KeyboardInterrupt):
             new()
     assert list(RUNS.iterdir()) == [kept.folder]
+
+
+def test_the_name_of_a_new_run_is_on_the_disk(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else a power cut may take the folder, with all that was said to be written in it."""
+    real, synced = os.fsync, []
+
+    def fsync(handle: int) -> None:
+        folder = RUNS.stat()
+        synced.append(os.path.samestat(os.fstat(handle), folder) and list(RUNS.iterdir()))
+        real(handle)
+
+    monkeypatch.setattr(os, "fsync", fsync)
+    assert [new().folder] in synced
 
 
 def test_what_was_never_begun_is_passed_over() -> None:

@@ -126,3 +126,5 @@ def test_a_tilt_that_a_misfit_makes_is_left(made: Callable[..., Calibration]) ->
     tilt = mitigation.tilt[np.argsort(executable.qubits)]
     assert tilt[0] == tilt[2] != 0
     assert tilt[1] == 0
+    covariance = mitigation.covariance[np.argsort(executable.qubits)]
+    np.testing.assert_allclose(covariance[1], 64 * covariance[0])

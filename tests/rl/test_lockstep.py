@@ -57,6 +57,22 @@ def test_every_step_serves_all_that_live_in_the_order_of_their_seeds() -> None:
     assert finished == [Episode(first + i, expected[i][1], lengths[i]) for i in order]
 
 
+def test_no_episode_is_longer_than_asked() -> None:
+    """CartPole lives longer than three steps, each of which earns 1."""
+    finished: list[Episode] = []
+    environments = make_environments("CartPole-v1", 2)
+    lockstep(
+        lambda observations: np.zeros(len(observations), dtype=int),
+        environments,
+        50,
+        max_steps=3,
+        on_episode=finished.append,
+    )
+    for environment in environments:
+        environment.close()
+    assert finished == [Episode(50, 3.0, 3), Episode(51, 3.0, 3)]
+
+
 def test_a_step_is_counted_before_it_is_taken() -> None:
     """What is interrupted in a step has been counted: its circuits were run."""
     events: list[str] = []

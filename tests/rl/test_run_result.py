@@ -125,6 +125,8 @@ def test_a_mean_at_the_threshold_is_solved(stubborn: Make, deploy: Make) -> None
     for reward, solved in ((40.0, True), (39.99, False)):
         episodes = [Episode(seed, reward, 3) for seed in range(100)]
         assert RunResult(deployment, 40.0, episodes=episodes).summary()["solved"] is solved
+        cut = RunResult(deployment, 40.0, 30, episodes=episodes)  # at 30 steps
+        assert cut.summary()["solved"] is None
 
 
 def test_thresholds_are_those_of_gymnasium() -> None:
