@@ -61,7 +61,7 @@ class Interpreter:
         self._opaque: set[str] = set()
         self._inlined: dict[tuple[Any, ...], Unitary] = {}
         self._active: list[str] = []
-        self._declared: set[str] = set()
+        self._declared: dict[str, None] = {}
         self._gates: defaultdict[int, list[Gate]] = defaultdict(list)
         self._bit_of: dict[int, int | None] = {}
         self._written_by: dict[int, int] = {}
@@ -202,7 +202,7 @@ class Interpreter:
     def _declare(self, name: str) -> str:
         if name in self._declared:
             raise CircuitError(f"{name!r} is declared twice.")
-        self._declared.add(name)
+        self._declared[name] = None
         return name
 
     def _declare_register(self, kind: Kind, identifier: Any, size: Any) -> None:
@@ -327,7 +327,7 @@ class Interpreter:
         for operand in operands:
             if operand not in parts:
                 raise CircuitError(
-                    f"{shown(statement)!r} names what is no qubit of the gate.",
+                    f"{shown(statement)!r} names what is not a qubit of the gate.",
                     f"The gate has {', '.join(parts)}.",
                 )
         if len(set(operands)) != len(operands):
@@ -341,7 +341,7 @@ class Interpreter:
         if name == "pow":
             power = scope.evaluate(modifier.argument)
             if not power.is_constant:
-                raise CircuitError(f"{shown(modifier.argument)!r} is no constant.")
+                raise CircuitError(f"{shown(modifier.argument)!r} is not a constant.")
             multiple = unitary.multiple(power.constant)
             if multiple is None and power.constant.is_integer():
                 self._require_room(unitary.size * int(abs(power.constant)))
