@@ -19,7 +19,7 @@ from qcompile.device import Device, Probability
 from qcompile.errors import CalibrationError
 from qcompile.limits import MAX_SHOTS
 from qcompile.output import write_file
-from qcompile.reading import ContentsError, read_file, read_json
+from qcompile.reading import ContentsError, load_json, read_file, read_json
 from qcompile.validation import Line, Many, explain, listed
 
 FloatArray = NDArray[np.float64]
@@ -305,13 +305,13 @@ def load_counts(path: Path) -> Calibration:
         CalibrationError: there is no such file, or it holds no counts of a calibration.
     """
     try:
-        values = json.loads(read_file(path))
+        values = load_json(read_file(path))
         if isinstance(values, dict):
             values = {
                 k: v for k, v in values.items() if k not in ("readout", "response", "unfitted")
             }
         return Calibration.model_validate_json(json.dumps(values))
-    except (OSError, ValueError, RecursionError) as error:
+    except (OSError, ContentsError, ValidationError) as error:
         raise CalibrationError(f"{path} holds no counts to fit.", *explain(error)) from error
 
 

@@ -57,7 +57,8 @@ def test_counts_are_read_whatever_became_of_their_fits(tmp_path: Path) -> None:
     with pytest.raises(CalibrationError, match="shows less than"):
         load_calibration(tmp_path / "a.json")
     assert load_counts(tmp_path / "a.json") == bare
-    for text in ("[1]", "{", "null", '"x"', "[" * 100_000, json.dumps({"readout": {}})):
+    twice = json.dumps(contents)[:-1] + ', "created": "2020-01-01T00:00:00Z"}'
+    for text in ("[1]", "{", "null", '"x"', "[" * 100_000, json.dumps({"readout": {}}), twice):
         (tmp_path / "a.json").write_text(text)
         with pytest.raises(CalibrationError, match=r"a\.json holds no counts to fit"):
             load_counts(tmp_path / "a.json")

@@ -41,7 +41,7 @@ def comparable(
             )
         if fits[part] is None:
             raise CalibrationError(
-                f"The calibration has no fit of its {part}, there is nothing that could hold.",
+                f"The calibration has no fit of its {part}: there is nothing to check.",
                 *old.unfitted,
                 "Calibrate anew, into another file.",
             )

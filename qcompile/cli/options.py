@@ -77,7 +77,7 @@ class Positive(click.FloatRange):
     ) -> float:
         number: float = super().convert(value, param, ctx)
         if math.isnan(number):
-            self.fail(f"{value!r} is no number of {self._unit}.", param, ctx)
+            self.fail(f"{value!r} is not a number of {self._unit}.", param, ctx)
         return number
 
 

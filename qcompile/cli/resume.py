@@ -50,11 +50,11 @@ def command(
     """Go on with run ID (a part of it will do, `last` is the newest) where it stopped.
 
     What was paid for is fetched and not paid again. The limit stays that of the run unless
-    --max-qpu-seconds sets another; a higher one is confirmed. So is to send a job again that was
-    charged and gave no counts. A run that was last resumed in another folder or on another machine
-    shows what it would do and is confirmed; in a script that takes --yes, and --max-qpu-seconds
-    where it began on another machine. A finished run shows its result. A calibration is written to
-    its file, if it began here, and nothing is drawn or checked.
+    --max-qpu-seconds sets another; a higher one is confirmed. Sending a job again that was charged
+    and gave no counts is confirmed too. A run that was last resumed in another folder or on another
+    machine shows what it would do and is confirmed; in a script that takes --yes, and
+    --max-qpu-seconds where it began on another machine. A finished run shows its result. A
+    calibration is written to its file, if it began here, and nothing is drawn or checked.
     """
     from qcompile.errors import PaidFailureError
     from qcompile.live.runs import find_journal

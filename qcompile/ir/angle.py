@@ -181,6 +181,6 @@ def _parse(text: str) -> Angle:
 
 def _not_affine(text: str) -> CircuitError:
     return CircuitError(
-        f"{text[:80]!r} is no affine angle.",
+        f"{text[:80]!r} is not an affine angle.",
         "An angle is a number, or a sum of number*symbol and numbers, like '0.5*x1+theta2-pi/2'.",
     )

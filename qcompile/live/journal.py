@@ -80,7 +80,7 @@ class Journal:
             "SELECT format, id, kind, created, settings, versions FROM run"
         ).fetchone()
         if row is None or row[0] not in (schema.FORMAT, schema.FIRST_FORMAT):
-            raise LiveError(f"{self.path} is no journal that this version of qcompile can read.")
+            raise LiveError(f"{self.path} is not a journal that this version of qcompile can read.")
         self.id: str = row[1]
         self.kind: TaskKind = row[2]
         self.created = datetime.fromisoformat(row[3])

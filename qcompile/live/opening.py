@@ -6,7 +6,6 @@ types that a journal has, and nothing in it that SQLite would execute.
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 import sqlite3
@@ -18,6 +17,7 @@ from typing import Any
 
 from qcompile.errors import LiveError
 from qcompile.live import schema
+from qcompile.reading import load_json
 
 FILE = "journal.sqlite"
 _RESTORE = "Copy the run to a folder that can be written; if it is damaged, restore it."
@@ -164,13 +164,13 @@ def check_pages(db: sqlite3.Connection, path: Path) -> None:
             raise LiveError(f"{path} is damaged: {' '.join(words.split())[:200]}.", _RESTORE)
 
 
-def json_object(text: str) -> dict[str, Any]:
+def json_object(text: str | None) -> dict[str, Any]:
     """The object that a column holds as JSON.
 
     Raises:
         ValueError: it holds none.
     """
-    found = json.loads(text)
+    found = load_json(text) if isinstance(text, str) else None
     if not isinstance(found, dict):
         raise ValueError("no object")
     return found

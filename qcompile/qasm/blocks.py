@@ -26,7 +26,7 @@ class Blocks:
         self,
         variables: Variables,
         registers: Registers,
-        declared: set[str],
+        declared: dict[str, None],
         run: Callable[[Any], None],
         step: Callable[[], None],
     ):
@@ -37,13 +37,14 @@ class Blocks:
 
     def body(self, statements: list[Any]) -> None:
         """Run `statements` in a scope of their own."""
-        before = set(self._declared)
+        before = len(self._declared)
         with self._variables.block():
             for statement in statements:
                 self._step()
                 self._run(statement)
-        self._registers.drop(self._declared - before)
-        self._declared &= before
+        while len(self._declared) > before:
+            name, _ = self._declared.popitem()
+            self._registers.drop(name)
 
     def loop(self, statement: Any) -> None:
         """Run a `for` over whole numbers, or over a set of values."""
@@ -131,7 +132,7 @@ class Blocks:
     @contextmanager
     def _own_names(self) -> Iterator[None]:
         """A subroutine may call its names what the file calls others."""
-        before = set(self._declared)
+        before = dict(self._declared)
         self._declared.clear()
         yield
-        self._declared |= before
+        self._declared.update(before)

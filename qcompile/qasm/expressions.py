@@ -44,12 +44,12 @@ def shown(node: Any) -> str:
 class Scope:
     """The names an expression may use.
 
-    Gate bodies see `constants` (inputs are among them) and not `variables`. With `real` every
-    number is a real one, as in OpenQASM 2.
+    Gate bodies see `constants` (inputs are among them) and not `variables` (the constants of
+    blocks are among these). With `real` every number is a real one, as in OpenQASM 2.
     """
 
     constants: MutableMapping[str, Value]
-    variables: MutableMapping[str, Value | None] = field(default_factory=dict)
+    variables: dict[str, Value | None] = field(default_factory=dict)
     real: bool = False
 
     def inner(self, values: Mapping[str, Angle]) -> Scope:
@@ -72,11 +72,11 @@ class Scope:
         """The integer a constant expression stands for.
 
         Raises:
-            CircuitError: it is no constant integer.
+            CircuitError: it is not a constant integer.
         """
         number = self.evaluate_whole(node)
         if number is None:
-            raise CircuitError(f"{shown(node)!r} is no constant whole number.")
+            raise CircuitError(f"{shown(node)!r} is not a constant whole number.")
         return number
 
     def evaluate_whole(self, node: Any) -> int | None:
@@ -115,7 +115,7 @@ class Scope:
         except (OverflowError, ValueError) as error:
             if isinstance(error, CircuitError):
                 raise
-            raise CircuitError(f"{shown(node)!r} is no finite real number.") from error
+            raise CircuitError(f"{shown(node)!r} is not a finite real number.") from error
 
     def named(self, name: str) -> Value:
         """The value that a name stands for.
@@ -189,6 +189,6 @@ def _not_affine(node: Any) -> CircuitError:
             f"{shown(node)!r} is an exclusive or in OpenQASM 3.", "Write ** for a power."
         )
     return CircuitError(
-        f"{shown(node)!r} is no affine angle.",
+        f"{shown(node)!r} is not an affine angle.",
         "An angle is a number, or a sum of number*input and numbers, like 0.5*x1+theta2-pi/2.",
     )

@@ -15,9 +15,10 @@ from openqasm3 import ast
 
 from qcompile.errors import CircuitError
 from qcompile.ir import Angle, Gate
-from qcompile.qasm.grammar import WORDS_2, WORDS_3, parse_2, parse_3
+from qcompile.qasm.grammar import parse_2, parse_3
 from qcompile.qasm.interpreter import Interpreter
 from qcompile.qasm.statements import BLANK
+from qcompile.qasm.terms import WORDS_2, WORDS_3
 
 _BLANKS = BLANK.pattern
 _STATEMENT = re.compile(
@@ -83,7 +84,7 @@ class FastPath:
             else:
                 gate = self._parse(f"{head} q;", 1)
                 angles = list(map(self._interpreter.evaluate, gate.arguments))
-            unitary = self._interpreter.call(name, angles, 1)
+            unitary = self._interpreter.gates.call(name, angles, 1)
         except (CircuitError, RecursionError):
             return None
         gates = tuple(unitary.parts[0])

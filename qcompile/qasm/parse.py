@@ -10,18 +10,10 @@ from typing import Any
 from openqasm3 import ast
 
 from qcompile.errors import CircuitError
-from qcompile.qasm.grammar import (
-    WORDS_2,
-    WORDS_3,
-    OpaqueGate,
-    ParseError,
-    UnreadSubroutine,
-    parse_2,
-    parse_3,
-    unexpected,
-)
+from qcompile.qasm.grammar import OpaqueGate, UnreadSubroutine, parse_2, parse_3
 from qcompile.qasm.messages import HINTS
 from qcompile.qasm.statements import BLANK, Span
+from qcompile.qasm.terms import WORDS_2, WORDS_3, ParseError, unexpected
 
 LONGEST_STATEMENT = 5_000_000
 _LONGEST_FOR_ANTLR = 100_000

@@ -10,13 +10,14 @@ from openqasm3 import ast
 
 from qcompile.errors import CircuitError
 from qcompile.ir import Program
+from qcompile.qasm.calls import joins
 from qcompile.qasm.fast import FastPath
-from qcompile.qasm.grammar import ParseError
-from qcompile.qasm.interpreter import Interpreter, joins
+from qcompile.qasm.interpreter import Interpreter
 from qcompile.qasm.layout import Layout
 from qcompile.qasm.marks import Mark
 from qcompile.qasm.parse import Grammar
 from qcompile.qasm.statements import BLANK, Span, spans
+from qcompile.qasm.terms import ParseError
 
 _DECLARES_NOTHING = (ast.QuantumGate, ast.QuantumMeasurementStatement, ast.QuantumBarrier)
 _MODIFIERS = ("ctrl", "negctrl", "inv", "pow")
@@ -110,7 +111,7 @@ class Reader:
 
     def _joining_later(self) -> int:
         """How many statements behind this one join qubits."""
-        count, names = 0, self._interpreter.entangling
+        count, names = 0, self._interpreter.gates.entangling
         for span in spans(self._text, self._position):
             if span.word in names:
                 count += 1
@@ -118,7 +119,7 @@ class Reader:
                 with contextlib.suppress(CircuitError, RecursionError):
                     node = self._grammar.parse(span, self.line)
                     if isinstance(node, ast.QuantumGateDefinition):
-                        self._interpreter.note_entangling(node)
+                        self._interpreter.gates.note_entangling(node)
                     else:
                         count += joins(node, names)
         return count

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -57,10 +57,9 @@ class Registers:
         """Let `name` stand for `reference`."""
         self._references[name] = reference
 
-    def drop(self, names: Iterable[str]) -> None:
-        """Forget aliases that a block has made."""
-        for name in names:
-            self._references.pop(name, None)
+    def drop(self, name: str) -> None:
+        """Forget an alias that a block has made, if `name` is one."""
+        self._references.pop(name, None)
 
     @contextmanager
     def renamed(self, references: Mapping[str, Reference]) -> Iterator[None]:
@@ -127,7 +126,7 @@ class Registers:
                     raise CircuitError(f"{shown(node)!r} holds a {left.kind} twice.")
                 found = Reference(left.kind, both, single=False)
             case _:
-                raise CircuitError(f"{shown(node)!r} is no qubit or bit.")
+                raise CircuitError(f"{shown(node)!r} is not a qubit or bit.")
         if kind is not None and found.kind != kind:
             raise CircuitError(f"{shown(node)!r} is a {found.kind}, not a {kind}.")
         return found

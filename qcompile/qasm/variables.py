@@ -23,6 +23,7 @@ class Variables:
         self.scope = Scope(dict(CONSTANTS), {}, real)
         self.inputs: list[str] = []
         self._types: dict[str, Type] = {}
+        self._depth = 0
 
     def input(self, name: str) -> None:
         """Let `name` be a number that is known when the program is bound."""
@@ -30,15 +31,18 @@ class Variables:
         self.inputs.append(name)
 
     def constant(self, name: str, type: Type, expression: Any) -> None:
-        """Let `name` be the constant of this type and value, in gate bodies too.
+        """Let `name` be the constant of this type and value: outside blocks, in gate bodies too.
 
         Raises:
-            CircuitError: the expression is no constant, or does not fit the type.
+            CircuitError: the expression is not a constant, or does not fit the type.
         """
         value = self._converted(expression, type)
         if isinstance(value.number, Angle) and not value.number.is_constant:
-            raise CircuitError(f"{shown(expression)!r} is no constant.")
-        self.scope.constants[name] = value
+            raise CircuitError(f"{shown(expression)!r} is not a constant.")
+        if self._depth:
+            self.scope.variables[name] = value
+        else:
+            self.scope.constants[name] = value
 
     def declare(self, name: str, type: Type, expression: Any | None) -> None:
         """Let `name` be a variable of this type, with a value if there is an expression."""
@@ -53,20 +57,24 @@ class Variables:
     @contextmanager
     def block(self) -> Iterator[None]:
         """Names that are declared within are gone behind it."""
-        constants, variables = set(self.scope.constants), set(self.scope.variables)
+        variables = self.scope.variables
+        before = len(variables)
+        self._depth += 1
         yield
-        for name in self.scope.constants.keys() - constants:
-            del self.scope.constants[name]
-        for name in self.scope.variables.keys() - variables:
-            del self.scope.variables[name], self._types[name]
+        self._depth -= 1
+        while len(variables) > before:
+            name, _ = variables.popitem()
+            self._types.pop(name, None)
 
     @contextmanager
     def subroutine(self) -> Iterator[None]:
         """Within, no variable of the file is known; constants are."""
         variables, types = dict(self.scope.variables), dict(self._types)
         self.scope.variables.clear()
+        self._types.clear()
         yield
         self.scope.variables.clear()
+        self._types.clear()
         self.scope.variables.update(variables)
         self._types.update(types)
 

@@ -125,7 +125,7 @@ def load_checkpoint(path: Path) -> tuple[Trainer, list[str]]:
     where its tensors fit them.
 
     Raises:
-        TrainingError: the file is no checkpoint of this version, or its training cannot go on.
+        TrainingError: the file is not a checkpoint of this version, or its training cannot go on.
         EnvironmentMismatchError: its environment is not known here.
     """
     saved = _read(path)
@@ -192,14 +192,15 @@ def _read(path: Path) -> _Saved:
         ) from error
     except (OSError, ContentsError) as error:
         raise TrainingError(
-            f"{path} is no checkpoint: it cannot be read as tensors and plain values.",
+            f"{path} is not a checkpoint: it cannot be read as tensors and plain values.",
             *explain(error),
             "Name a file that `qcompile train --checkpoint` wrote, and wrote to its end.",
         ) from error
     found = saved.get("format") if isinstance(saved, dict) else type(saved).__name__
     if found != FORMAT:
         raise TrainingError(
-            f"{path} is no checkpoint that this version reads: its format is {ascii(found)[:60]}.",
+            f"{path} is not a checkpoint that this version reads; "
+            f"its format is {ascii(found)[:60]}.",
             f"Needed: {FORMAT!r}, as `qcompile train --checkpoint` writes it.",
         )
     missing = sorted(set(_Saved.model_fields) - set(saved))

@@ -309,7 +309,7 @@ def test_what_cannot_be_compared_is_refused_at_once(
         (("--check", "a.json", "--shots", "exact"), "--shots exact has none"),
         (("--shots", "0"), "0 shots cannot be run"),
         (("--max-age-hours", "0"), "0.0 is not in the range x>0"),
-        (("--max-age-hours", "nan"), "'nan' is no number of hours."),
+        (("--max-age-hours", "nan"), "'nan' is not a number of hours."),
         (("--max-age-hours", "2"), "--max-age-hours is for --check"),
         (("--check", "a.json", "--force"), "--check writes none without --out"),
         (("--out", "a.png", "--plot", "x/../a.png"), "x/../a.png is the file of --out."),

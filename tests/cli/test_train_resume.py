@@ -264,13 +264,16 @@ def test_what_is_no_checkpoint_is_refused(qcompile: Call, contents: bytes) -> No
     Path("file").write_bytes(contents)
     answer = qcompile("train", "CartPole-v1", "--resume", "file", "--out", "p.pt")
     assert (answer.code, answer.out) == (1, "")
-    assert answer.err.startswith("Error: file is no checkpoint: it cannot be read as ")
+    assert answer.err.startswith("Error: file is not a checkpoint: it cannot be read as ")
     assert "weights_only" not in answer.err
 
 
 def test_no_file_and_a_policy_are_refused(qcompile: Call, state: str) -> None:
     answer = qcompile("train", "CartPole-v1", "--resume", "none", "--out", "p.pt")
-    assert (answer.code, answer.err.splitlines()[0]) == (1, "Error: There is no checkpoint none.")
+    assert (answer.code, answer.err.splitlines()[0]) == (
+        1,
+        "Error: There is no checkpoint none.",
+    )
     answer = qcompile("train", "CartPole-v1", "--resume", "p.pt", "--out", "q.pt")
     assert answer.code == 1
     assert "its format is 'qcompile-policy-1'" in answer.err

@@ -89,7 +89,7 @@ def test_the_refusal_names_the_text_and_an_example() -> None:
     with pytest.raises(CircuitError) as caught:
         Angle.of("x0*x1")
     assert str(caught.value) == (
-        "'x0*x1' is no affine angle.\n"
+        "'x0*x1' is not an affine angle.\n"
         "  An angle is a number, or a sum of number*symbol and numbers, like '0.5*x1+theta2-pi/2'."
     )
 

@@ -116,7 +116,7 @@ def test_a_foreign_format_is_refused(change: str) -> None:
     journal = new()
     with sqlite3.connect(journal.folder / FILE) as db:
         db.execute(change)
-    with pytest.raises(LiveError, match="is no journal that this version of qcompile can read"):
+    with pytest.raises(LiveError, match="is not a journal that this version of qcompile can read"):
         Journal(journal.folder)
 
 

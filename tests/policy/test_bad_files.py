@@ -127,7 +127,7 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"circuits": [[["cx"]], [["h"]]]}, "circuits.0: Unknown gate 'cx'"),
     ({"circuits": [[["h"]], [["ry"]]]}, "circuits.1"),
     ({"circuits": [[["h", 1.0]], [["h"]]]}, "circuits.0"),
-    ({"circuits": [[["ry", "x0*x1"]], [["h"]]]}, "circuits.0: 'x0\\*x1' is no affine angle"),
+    ({"circuits": [[["ry", "x0*x1"]], [["h"]]]}, "circuits.0: 'x0\\*x1' is not an affine angle"),
     ({"circuits": [[["ry", "x5"]], [["h"]]]}, "Unknown symbol 'x5'"),
     ({"circuits": [[["ry", 1, 2]], [["h"]]]}, "circuits.0"),
     ({"circuits": [[[]], [["h"]]]}, "circuits.0"),

@@ -100,3 +100,34 @@ def test_a_loop_is_what_it_is_written_out():
     lines = "".join(f"rx({i}*pi/4) q[{i}];\nsdg q;\n" for i in range(3))
     assert loop.program == read(f"{HEAD}qubit[3] q;\n{lines}").program
     assert loop.program.circuits[0] == Circuit.parse("rx(0.0) sdg sdg sdg")
+
+
+def test_a_constant_of_a_block_hides_that_of_the_file_there_alone():
+    text = (
+        "input float x;\nconst float c = 1;\nqubit[3] q;\ngate g a { rz(c) a; }\n"
+        "def f(qubit a) {\n  const float c = 2;\n  const float x = 4;\n"
+        "  ry(c) a;\n  ry(x) a;\n  g a;\n}\n"
+        "f(q[0]);\nrx(c) q[1];\nrx(x) q[2];\n"
+    )
+    assert circuits(text) == ["ry(2.0) ry(4.0) rz(1.0)", "rx(1.0)", "rx(x)"]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            "gate g a {\n  rz(c) a;\n}\nqubit q;\nfor int i in [1:2] { const int c = i; g q; }\n",
+            "p:4: Unknown name 'c'.",
+        ),
+        (
+            "float v = 1;\nqubit q;\ndef f(qubit a) {\n  v = 2;\n  rz(v) a;\n}\nf(q);\n",
+            "p:6: 'v' is not a variable.",
+        ),
+        (
+            "qubit q;\nfor int i in [1:2] {\n  const int c = i;\n  c = 3;\n}\n",
+            "p:6: 'c' is not a variable.",
+        ),
+    ],
+)
+def test_names_of_a_block_are_not_those_of_the_file(text, message):
+    assert refused(text).startswith(message)

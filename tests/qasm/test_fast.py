@@ -12,8 +12,8 @@ from qasm.test_read_refusals import PIECES, REFUSED, VALID
 from qcompile.errors import CircuitError
 from qcompile.ir import FIXED_GATES, ROTATION_GATES
 from qcompile.qasm import read
-from qcompile.qasm.interpreter import MOST_GATES
 from qcompile.qasm.reader import Reader
+from qcompile.qasm.work import MOST_GATES
 
 HEAD_3 = 'OPENQASM 3.0;\ninclude "stdgates.inc";\n'
 HEAD_2 = 'OPENQASM 2.0;\ninclude "qelib1.inc";\n'

@@ -12,7 +12,8 @@ from qasm.test_read import expectations, qiskit_expectations
 from qcompile.errors import ProgramFileError
 from qcompile.ir import Circuit
 from qcompile.qasm import Register, read
-from qcompile.qasm.grammar import WORDS_2, WORDS_3, ParseError, parse_3
+from qcompile.qasm.grammar import parse_3
+from qcompile.qasm.terms import WORDS_2, WORDS_3, ParseError
 
 qiskit_qasm2 = pytest.importorskip("qiskit.qasm2")
 qiskit_qasm3 = pytest.importorskip("qiskit.qasm3")

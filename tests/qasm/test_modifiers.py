@@ -115,7 +115,7 @@ def test_powers_of_rotations_keep_their_inputs():
     ("statement", "message"),
     [
         ("pow(0.5) @ U(x, 0, 0) q[0];", "pow(0.5) of a gate that depends on an input is not read."),
-        ("pow(x) @ rx(1) q[0];", "'x' is no constant."),
+        ("pow(x) @ rx(1) q[0];", "'x' is not a constant."),
         ("pow(0.5) @ both q[0], q[1];", "pow(0.5) of a gate on several qubits may entangle them."),
         ("pow(1/2) @ x q[0];", "'1 / 2' divides whole numbers"),
         ("ctrl @ x q[0];", "ctrl @ x q[0]: ctrl @ needs a qubit more than the gate."),

@@ -83,22 +83,22 @@ REFUSED = {
     ),
     "not affine": (
         "input float x;\nqubit q;\nrx(x*x) q;\n",
-        "program.qasm:3: 'x * x' is no affine angle.\n  An angle is a number, or a sum of "
+        "program.qasm:3: 'x * x' is not an affine angle.\n  An angle is a number, or a sum of "
         "number*input and numbers, like 0.5*x1+theta2-pi/2.",
     ),
     "sine of an input": (
         "input float x;\nqubit q;\nrx(sin(x)) q;\n",
-        "program.qasm:3: 'sin(x)' is no affine angle.\n  An angle is a number, or a sum of "
+        "program.qasm:3: 'sin(x)' is not an affine angle.\n  An angle is a number, or a sum of "
         "number*input and numbers, like 0.5*x1+theta2-pi/2.",
     ),
     "division by zero": ("qubit q;\nrx(1/0) q;\n", "program.qasm:2: '1 / 0' divides by zero."),
     "infinite": (
         "qubit q;\nrx(10.0**400) q;\n",
-        "program.qasm:2: '10.0 ** 400' is no finite real number.",
+        "program.qasm:2: '10.0 ** 400' is not a finite real number.",
     ),
     "complex": (
         "qubit q;\nrx(sqrt(-1)) q;\n",
-        "program.qasm:2: 'sqrt(-1)' is no finite real number.",
+        "program.qasm:2: 'sqrt(-1)' is not a finite real number.",
     ),
     "integer division": (
         "const int n = 1;\nqubit q;\nrx(n/2*pi) q;\n",

@@ -1,0 +1,202 @@
+"""Gate statements expanded into gates of the table: definitions, calls and modifiers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence, Set
+from itertools import chain
+from typing import Any
+
+import openqasm3
+from openqasm3 import ast
+
+from qcompile.errors import CircuitError
+from qcompile.ir import Angle, Gate
+from qcompile.qasm.expressions import Scope, shown
+from qcompile.qasm.gates import ENTANGLING_GATES, lacking_phase, require_count, standard
+from qcompile.qasm.modifiers import Unitary
+from qcompile.qasm.work import Work
+from qcompile.qasm.write import DEFINITIONS
+
+_MOST_INLINED, _MOST_INLINED_GATES = 10_000, 1_000
+"""Calls of the file's own gates that are kept written out, and the gates of each."""
+
+_WRITTEN = {
+    name: {texts.get(name) for texts in DEFINITIONS.values()}
+    for name in chain.from_iterable(DEFINITIONS.values())
+}
+"""How `write` defines gates of the table: a file that does it so means the table's gate."""
+
+
+class GateCalls:
+    """The gates that a file can call: those of the table and its own.
+
+    `scope` is that of the file. Calls of its own gates are kept written out, as they are called
+    again and again.
+    """
+
+    def __init__(self, scope: Scope, work: Work):
+        self.entangling = set(ENTANGLING_GATES)
+        """The names of all gates, standard or the file's own, that join qubits."""
+        self.left_out_barriers = False
+        """Whether a barrier in a definition was left out."""
+        self._scope, self._work = scope, work
+        self._definitions: dict[str, Any] = {}
+        self._opaque: set[str] = set()
+        self._inlined: dict[tuple[Any, ...], Unitary] = {}
+        self._active: list[str] = []
+
+    def define(self, statement: Any) -> None:
+        """Know a gate that the file defines.
+
+        Raises:
+            CircuitError: a name occurs twice in its head.
+        """
+        name = statement.name.name
+        self.note_entangling(statement)
+        arguments = [a.name for a in statement.arguments]
+        qubits = [q.name for q in statement.qubits]
+        for names in (arguments, qubits):
+            if len(set(names)) != len(names):
+                raise CircuitError(f"Gate {name!r} uses one name twice in its head.")
+        if not (
+            name in _WRITTEN and " ".join(openqasm3.dumps(statement).split()) in _WRITTEN[name]
+        ):
+            self._definitions[name] = statement
+
+    def define_opaque(self, name: str) -> None:
+        """Know a gate of which the file does not say what it does."""
+        self._opaque.add(name)
+
+    def note_entangling(self, definition: Any) -> None:
+        """Know whether the gate that is defined joins qubits."""
+        if any(joins(inner, self.entangling) for inner in definition.body):
+            self.entangling.add(definition.name.name)
+        else:
+            self.entangling.discard(definition.name.name)
+
+    def call(self, name: str, angles: Sequence[Angle], width: int) -> Unitary:
+        """What gate `name` does to its `width` qubits.
+
+        Raises:
+            CircuitError: there is no such gate, or it takes other angles or qubits.
+        """
+        if name in self._opaque:
+            raise CircuitError(
+                f"Gate {name!r} is opaque: the file does not say what it does.",
+                f"Define it: gate {name} ... {{ ... }}",
+            )
+        if name in self._definitions:
+            return self._inline(name, angles, width)
+        gates = standard(name, angles, list(self._definitions))
+        require_count(name, 1, width, "qubit")
+        return Unitary([gates], lacking_phase(name, angles), is_standard=True)
+
+    def expand(self, statement: Any, scope: Scope) -> Unitary:
+        """What a gate statement does to its operands; its expressions are evaluated in `scope`.
+
+        Raises:
+            CircuitError: it is not a gate that can be compiled.
+        """
+        if isinstance(statement, ast.QuantumPhase):
+            phase = scope.evaluate(statement.argument)
+            unitary = Unitary([[] for _ in statement.qubits], phase)
+        else:
+            if statement.duration is not None:
+                raise CircuitError(f"{shown(statement)} has a duration.", "Gates take none here.")
+            angles = [scope.evaluate(argument) for argument in statement.arguments]
+            unitary = self.call(statement.name.name, angles, len(statement.qubits))
+        for modifier in reversed(statement.modifiers):
+            unitary = self._modify(unitary, modifier, statement, scope)
+        return unitary
+
+    def _inline(self, name: str, angles: Sequence[Angle], width: int) -> Unitary:
+        definition, line = self._definitions[name], self._work.line
+        require_count(name, len(definition.arguments), len(angles), "angle")
+        require_count(name, len(definition.qubits), width, "qubit")
+        call = (name, *angles)
+        if call in self._inlined:
+            return self._inlined[call]
+        if name in self._active:
+            raise CircuitError(f"Gate {name!r} is defined by itself.")
+        self._active.append(name)
+        arguments = (argument.name for argument in definition.arguments)
+        scope = self._scope.inner(dict(zip(arguments, angles, strict=True)))
+        parts: dict[str, list[Gate]] = {qubit.name: [] for qubit in definition.qubits}
+        phase = Angle()
+        try:
+            for statement in definition.body:
+                self._work.line = statement.span.start_line
+                self._work.step()
+                operands = self._inner_operands(statement, parts)
+                if isinstance(statement, ast.QuantumBarrier):
+                    self.left_out_barriers = True
+                    continue
+                inner = self.expand(statement, scope)
+                phase += inner.phase
+                for operand, gates in zip(operands, inner.parts, strict=True):
+                    parts[operand] += gates
+                    self._work.require_room(len(parts[operand]))
+        finally:
+            self._active.pop()
+        self._work.line = line
+        made = Unitary(list(parts.values()), phase)
+        if len(self._inlined) < _MOST_INLINED and made.size <= _MOST_INLINED_GATES:
+            self._inlined[call] = made
+        return made
+
+    def _inner_operands(self, statement: Any, parts: Mapping[str, object]) -> list[str]:
+        """The qubits of the gate that a statement of its body acts on."""
+        if not isinstance(statement, ast.QuantumGate | ast.QuantumPhase | ast.QuantumBarrier):
+            raise unsupported(statement)
+        operands = [q.name if isinstance(q, ast.Identifier) else "" for q in statement.qubits]
+        for operand in operands:
+            if operand not in parts:
+                raise CircuitError(
+                    f"{shown(statement)!r} names what is not a qubit of the gate.",
+                    f"The gate has {', '.join(parts)}.",
+                )
+        if len(set(operands)) != len(operands):
+            raise CircuitError(f"{shown(statement)} uses a qubit twice.")
+        return operands
+
+    def _modify(self, unitary: Unitary, modifier: Any, statement: Any, scope: Scope) -> Unitary:
+        name = modifier.modifier.name
+        if name == "inv":
+            return unitary.inverse()
+        if name == "pow":
+            power = scope.evaluate(modifier.argument)
+            if not power.is_constant:
+                raise CircuitError(f"{shown(modifier.argument)!r} is not a constant.")
+            multiple = unitary.multiple(power.constant)
+            if multiple is None and power.constant.is_integer():
+                self._work.require_room(unitary.size * int(abs(power.constant)))
+            return multiple or unitary.power(power.constant)
+        controls = 1 if modifier.argument is None else scope.whole_number(modifier.argument)
+        if (
+            controls != 1
+            or len(statement.qubits) != 1
+            or not isinstance(statement, ast.QuantumPhase)
+            or unitary.size
+        ):
+            raise CircuitError(
+                f"{shown(statement)}: {name} @ needs a qubit more than the gate.",
+                "Only that of gphase is a gate on one qubit.",
+            )
+        return unitary.controlled(on_one=name == "ctrl")
+
+
+def joins(statement: Any, entangling: Set[str]) -> bool:
+    """Whether a statement is a gate on several qubits at once."""
+    if not isinstance(statement, ast.QuantumGate | ast.QuantumPhase):
+        return False
+    controlled = any(m.modifier.name in ("ctrl", "negctrl") for m in statement.modifiers)
+    if controlled and len(statement.qubits) > 1:
+        return True
+    return isinstance(statement, ast.QuantumGate) and statement.name.name in entangling
+
+
+def unsupported(statement: Any) -> CircuitError:
+    return CircuitError(
+        f"The statement {shown(statement)!r} is not supported.",
+        "qcompile reads gates, barriers, and one measurement of each qubit at the end.",
+    )
