@@ -45,6 +45,8 @@ def explain(error: Exception, most: int = 4) -> list[str]:
     """One line for each of the first `most` faults that pydantic or the file system names."""
     if isinstance(error, OSError) and error.errno is not None:
         return [os.strerror(error.errno)]
+    if isinstance(error, UnicodeDecodeError):
+        return ["It is not UTF-8 text."]
     if not isinstance(error, ValidationError):
         return [str(error)]
     faults = error.errors(include_url=False, include_context=False)

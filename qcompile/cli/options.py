@@ -65,6 +65,21 @@ class Shots(click.ParamType[int | None]):
         return shots
 
 
+class Share(click.FloatRange):
+    """A number above 0 and at most 1, or below 1 where `open_end`."""
+
+    def __init__(self, *, open_end: bool = False) -> None:
+        super().__init__(0, 1, min_open=True, max_open=open_end)
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        number: float = super().convert(value, param, ctx)
+        if math.isnan(number):  # compares with no end of the range
+            self.fail(f"{value!r} is no number.", param, ctx)
+        return number
+
+
 class Positive(click.FloatRange):
     """A positive number of a unit, infinitely many among them where `most` is None."""
 

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from qcompile.cli.live_options import Live, live_options, spend
-from qcompile.cli.options import echo_json, json_option
+from qcompile.cli.options import Share, echo_json, json_option
 from qcompile.limits import MAX_SHOTS
 
 _ADVICE = (
@@ -35,12 +35,12 @@ _ADVICE = (
 )
 @click.option(
     "--power",
-    type=click.FloatRange(0, 1, min_open=True, max_open=True),
+    type=Share(open_end=True),
     help="How often a moved qubit is to be found; chooses observations and shots.  [default: 0.9]",
 )
 @click.option(
     "--effect",
-    type=click.FloatRange(0, 1, min_open=True),
+    type=Share(),
     default=0.05,
     show_default=True,
     help="How far the p01 of a moved qubit is raised.",

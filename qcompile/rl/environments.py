@@ -40,8 +40,8 @@ def make_environments(name: str, count: int, *, film: bool = False) -> list[Envi
             made = [
                 gymnasium.make(
                     name,
-                    render_mode="rgb_array" if film else None,
                     disable_env_checker=True,  # it checks one step; rl/stepping.py checks all
+                    **({"render_mode": "rgb_array"} if film else {}),  # not all take one
                 )
                 for _ in range(count)
             ]

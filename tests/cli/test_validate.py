@@ -133,8 +133,16 @@ def test_another_device_and_a_missing_file_are_explained(qcompile: Call) -> None
     [
         *(("--shots", "exact"), ("--observations", 0), ("--observations", 1001)),
         *(("--power", 0.5), ("--power", 1), ("--effect", 0)),
+        *(("--effect", "nan"), ("--effect", "inf")),
     ],
 )
 def test_wrong_usage(qcompile: Call, words: tuple[object, ...]) -> None:
     answer = qcompile(*WORDS, *words)
     assert (answer.code, answer.out) == (2, "")
+
+
+@pytest.mark.parametrize("option", ["--power", "--effect"])
+def test_a_share_that_is_no_number(qcompile: Call, option: str) -> None:
+    answer = qcompile("validate", "lima.json", "--policy", "cartpole", option, "nan")
+    assert (answer.code, answer.out) == (2, "")
+    assert f"Invalid value for '{option}': 'nan' is no number." in answer.err

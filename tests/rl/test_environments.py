@@ -35,6 +35,14 @@ class Blind(gymnasium.Env[Any, Any]):
         return self.frame
 
 
+class Plain(Blind):
+    """Takes no arguments, and numbers its actions from 1."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.action_space = Discrete(2, start=1)
+
+
 def broken(**_: Any) -> gymnasium.Env[Any, Any]:
     raise ZeroDivisionError("no wheels\nat all")
 
@@ -45,7 +53,12 @@ def unfinished(**_: Any) -> gymnasium.Env[Any, Any]:
 
 @pytest.fixture(autouse=True)
 def registered() -> Iterator[None]:
-    entries = {"Blind-v0": Blind, "Broken-v0": broken, "Unfinished-v0": unfinished}
+    entries = {
+        "Blind-v0": Blind,
+        "Plain-v0": Plain,
+        "Broken-v0": broken,
+        "Unfinished-v0": unfinished,
+    }
     for name, entry in entries.items():
         gymnasium.register(name, entry, disable_env_checker=True)
     yield
@@ -67,6 +80,11 @@ def test_a_package_that_is_missing_is_the_environments_own() -> None:
         "GymV21Environment-v0"
     )
     assert refused("Unfinished-v0").endswith("installed.\n  it needs wheels: pip install wheels")
+
+
+def test_an_environment_that_takes_no_arguments_is_made() -> None:
+    made = make_environments("Plain-v0", 2)
+    assert [type(environment.unwrapped) for environment in made] == [Plain, Plain]
 
 
 def test_an_environment_whose_own_code_fails_is_named() -> None:
