@@ -27,7 +27,18 @@ Many = Annotated[tuple[T, ...], _FirstFault(), Field(max_length=MAX_QUBITS)]
 _MOST_LETTERS = 320
 """Of all faults together: what is longer is not read."""
 
-_SHORT = Repr()
+
+class _JsonRepr(Repr):
+    """Values as a JSON file has them."""
+
+    def repr_NoneType(self, value: None, level: int) -> str:  # noqa: N802
+        return "null"
+
+    def repr_bool(self, value: bool, level: int) -> str:
+        return "true" if value else "false"
+
+
+_SHORT = _JsonRepr()
 _SHORT.maxlevel = 3
 _SHORT.maxstring = _SHORT.maxlong = _SHORT.maxother = 60
 

@@ -60,8 +60,9 @@ class Angle:
     def _checked(cls, constant: float, terms: Mapping[str, float]) -> Angle:
         if not terms and math.isfinite(constant):
             return cls(constant)
-        if not all(math.isfinite(v) for v in (constant, *terms.values())):
-            raise CircuitError("An angle is not finite.", f"Found {constant} with {dict(terms)}.")
+        for value in (constant, *terms.values()):
+            if not math.isfinite(value):
+                raise CircuitError("An angle is not finite.", f"Found {value} in it.")
         return cls(constant, tuple(sorted((s, c) for s, c in terms.items() if c)))
 
     @property

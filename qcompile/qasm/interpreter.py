@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -240,7 +241,7 @@ class Interpreter:
     def _duration(self, expression: Any) -> str | None:
         """A duration as text: a number with its unit, or what was declared as one."""
         match expression:
-            case ast.DurationLiteral():
+            case ast.DurationLiteral() if math.isfinite(expression.value):
                 return f"{expression.value:.15g}{expression.unit.name}"
             case ast.Identifier():
                 return self._durations.get(expression.name)

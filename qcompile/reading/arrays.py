@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from io import BytesIO, StringIO
+from io import BytesIO
 from typing import Any
 
 import numpy as np
@@ -50,10 +50,27 @@ def read_table(contents: bytes) -> NDArray[np.float64]:
     Raises:
         ContentsError: it is no such text.
     """
-    text = decode(contents)
+    lines = decode(contents).splitlines()
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # an empty table is for the caller to refuse
-            return np.loadtxt(StringIO(text), delimiter=",", ndmin=2)
+            return np.loadtxt(lines, delimiter=",", ndmin=2)
     except Exception as error:  # wrong text leads numpy's reader into errors of several types
-        raise ContentsError(str(error).splitlines()[0][:200]) from error
+        raise ContentsError(_first_fault(lines)) from error
+
+
+def _first_fault(lines: list[str]) -> str:
+    """What keeps `lines` from being a table."""
+    columns = 0
+    for number, line in enumerate(lines, 1):
+        text = line.partition("#")[0].strip()
+        entries = text.split(",") if text else []
+        for entry in entries:
+            try:
+                float(entry)
+            except ValueError:
+                return f"Line {number}: {ascii(entry.strip())[:60]} is no number."
+        if entries and columns and len(entries) != columns:
+            return f"Line {number} has {len(entries):,} columns, those above have {columns:,}."
+        columns = len(entries) or columns
+    return "It is no table of numbers with commas between them."

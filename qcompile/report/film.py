@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from qcompile.errors import MissingExtraError
+from qcompile.errors import EnvironmentStepError, MissingExtraError
 from qcompile.output import check_writable, write_file
 
 SUFFIXES = (".mp4", ".gif")
@@ -37,6 +37,7 @@ class Film:
         self._folder = TemporaryDirectory(prefix="qcompile-film-")
         self._draft = Path(self._folder.name) / f"film{path.suffix}"
         self._writer: Any = None
+        self._shape: tuple[int, ...] | None = None
         self.frames = 0
 
     def __enter__(self) -> Film:
@@ -54,8 +55,19 @@ class Film:
             self._folder.cleanup()
 
     def add(self, frame: NDArray[np.uint8], frames_per_second: float) -> None:
-        """Take one RGB frame (height, width, 3)."""
+        """Take one RGB frame (height, width, 3).
+
+        Raises:
+            EnvironmentStepError: its size is not that of the first one, which .mp4 does not allow.
+        """
         gif = self._path.suffix == ".gif"
+        self._shape = self._shape or frame.shape
+        if not gif and frame.shape != self._shape:
+            raise EnvironmentStepError(
+                f"The frames of the film change their size: {self._shape[:2]}, then "
+                f"{frame.shape[:2]}.",
+                "Film it as a .gif, or run without --video.",
+            )
         if self._writer is None:
             options: dict[str, Any] = (
                 {"duration": 1000 * _GIF_EVERY / frames_per_second, "loop": 0}

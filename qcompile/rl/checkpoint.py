@@ -15,7 +15,11 @@ from qcompile.errors import EnvironmentStepError, QcompileError, TrainingError
 from qcompile.limits import MAX_CHECKPOINT_BYTES, MAX_HISTORY_VALUES
 from qcompile.output import write_file
 from qcompile.reading import ContentsError, load_json, read_file, read_torch
-from qcompile.rl.environments import features_and_actions, make_environments
+from qcompile.rl.environments import (
+    close_environments,
+    features_and_actions,
+    make_environments,
+)
 from qcompile.rl.models import critic_size, model_size
 from qcompile.rl.ppo import Trainer
 from qcompile.rl.settings import Settings, plain, restored
@@ -163,7 +167,7 @@ def _check_sizes(settings: Settings, saved: _Saved, state: _Plain) -> None:
             )
     (environment,) = make_environments(saved.environment, 1)
     features, actions = features_and_actions(environment)
-    environment.close()
+    close_environments([environment])
     actor, best = saved.tensors.actor, saved.tensors.pause.best
     _check_model("actor", actor, model_size(settings, features, actions))
     _check_model("critic", saved.tensors.critic, critic_size(settings, features))

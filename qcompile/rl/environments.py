@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import warnings
+from collections.abc import Iterable
 from functools import cache
 from typing import Any
 
@@ -17,6 +19,7 @@ from qcompile.policy import Policy
 
 Environment = gymnasium.Env[Any, Any]
 
+_LONGEST_WORDS = 200
 _USUAL = ("CartPole-v1", "Acrobot-v1", "LunarLander-v3", "MountainCar-v0")
 
 
@@ -68,6 +71,13 @@ def make_environments(name: str, count: int, *, film: bool = False) -> list[Envi
     return made
 
 
+def close_environments(environments: Iterable[Environment]) -> None:
+    """Close them; one that fails at it has done its work, so nothing is said."""
+    for environment in environments:
+        with contextlib.suppress(Exception):
+            environment.close()
+
+
 def environment_name(environment: Environment) -> str:
     """What an environment is called in messages."""
     return environment.spec.id if environment.spec else str(environment)
@@ -84,14 +94,17 @@ def _check_frames(name: str) -> None:
             environment = gymnasium.make(name, render_mode="rgb_array")
             environment.reset(seed=0)
             frame, rate = environment.render(), frames_per_second(environment)
-            environment.close()
+            close_environments([environment])
     except Exception as error:  # an environment renders by code of any kind
         why = _first_line(error)
     else:
         shape, dtype = np.shape(frame), getattr(frame, "dtype", None)  # type: ignore[arg-type]
-        if len(shape) == 3 and shape[2] == 3 and dtype == np.uint8 and 0 < rate < np.inf:
+        is_picture = len(shape) == 3 and shape[2] == 3 and min(shape) > 1 and dtype == np.uint8
+        if is_picture and 0 < rate < np.inf:
             return
-        why = [f"A frame is {type(frame).__name__} {shape}, {rate:g} a second."]
+        kind = f"of type {dtype}" if dtype is not None else f"a {type(frame).__name__}"
+        found = "None" if frame is None else f"{kind} and shape {shape}"
+        why = [f"A frame is {found}, {rate:g} a second."]
     raise EnvironmentMismatchError(
         f"Environment {name!r} cannot be filmed: it renders no pictures.",
         *why,
@@ -100,7 +113,7 @@ def _check_frames(name: str) -> None:
 
 
 def _first_line(error: Exception) -> list[str]:
-    return str(error).splitlines()[:1]
+    return [line[:_LONGEST_WORDS] for line in str(error).splitlines()[:1]]
 
 
 def features_and_actions(environment: Environment) -> tuple[int, int]:
@@ -157,7 +170,7 @@ def threshold_of(name: str) -> float | None:
     try:
         return reward_threshold(environment)
     finally:
-        environment.close()
+        close_environments([environment])
 
 
 def frames_per_second(environment: Environment) -> float:

@@ -20,6 +20,7 @@ from qcompile.policy import Policy
 from qcompile.rl.environments import (
     Environment,
     check_fit,
+    close_environments,
     make_environments,
     reward_threshold,
 )
@@ -227,8 +228,7 @@ def play(
         environments += make_environments(name, episodes - 1)
         return _play(deployment, environments, max_steps, record, on_episode, on_frame)
     finally:
-        for environment in environments:
-            environment.close()
+        close_environments(environments)
 
 
 def _play(

@@ -10,7 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qcompile.errors import TrainingError
-from qcompile.rl.environments import features_and_actions, make_environments
+from qcompile.rl.environments import (
+    close_environments,
+    features_and_actions,
+    make_environments,
+)
 from qcompile.rl.stepping import Stepper, check_finite
 
 FloatArray = NDArray[np.float64]
@@ -160,5 +164,4 @@ class Collector:
             )
 
     def close(self) -> None:
-        for stepper in self._steppers:
-            stepper.environment.close()
+        close_environments(stepper.environment for stepper in self._steppers)

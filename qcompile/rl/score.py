@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from qcompile.device import load_device
 from qcompile.policy import draw_actions
-from qcompile.rl.environments import make_environments
+from qcompile.rl.environments import close_environments, make_environments
 from qcompile.rl.evaluate import Deployment, play
 from qcompile.rl.lockstep import Act, Episode, lockstep
 from qcompile.rl.ppo import Trainer
@@ -44,8 +44,7 @@ def score(trainer: Trainer, episodes: int, first_seed: int) -> NDArray[np.float6
         act = _sampling(trainer, first_seed)
         lockstep(act, environments, first_seed, on_episode=note)
     finally:
-        for environment in environments:
-            environment.close()
+        close_environments(environments)
     return np.array([rewards[seed] for seed in sorted(rewards)])
 
 

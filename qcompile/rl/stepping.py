@@ -20,6 +20,8 @@ from qcompile.rl.environments import Environment, environment_name
 _NUMBERS = "biuf"
 """The kinds of numpy types that are real numbers."""
 _LONGEST_WORDS = 200
+_LARGEST_REWARD = 1e150
+"""The squares of larger ones overflow, so that they have no deviation."""
 
 
 class Stepper:
@@ -86,9 +88,11 @@ class Stepper:
         if type(reward) is not float:  # numpy's own double is a float too, and the usual one
             reward = float(reward) if isinstance(reward, float) else self._number(reward)
         self.reward += reward
-        if not math.isfinite(self.reward):
+        if not abs(self.reward) <= _LARGEST_REWARD:
             raise self.error(
-                f"the reward is {reward}.", "Rewards and their sum over an episode must be finite."
+                f"the reward is {reward}.",
+                "Rewards and their sum over an episode must be finite, "
+                f"and at most {_LARGEST_REWARD:g}.",
             )
         if type(terminated) is not bool or type(truncated) is not bool:
             terminated, truncated = self._flag(terminated), self._flag(truncated)
@@ -102,7 +106,8 @@ class Stepper:
 
     def _failed(self, error: Exception) -> EnvironmentStepError:
         words = str(error).strip().splitlines()
-        if isinstance(error, ValueError) and "to unpack" in str(error):  # a wrapper took it apart
+        # a wrapper took the answer apart
+        if isinstance(error, ValueError | TypeError) and "unpack" in str(error):
             return self._wrong_step(None)
         if isinstance(error, TypeError) and "'seed'" in str(error):
             return self.error(

@@ -17,7 +17,7 @@ from qcompile.errors import CircuitError, OutputError, PolicyError
 from qcompile.ir import Circuit, Program
 from qcompile.jobs.policy_job import export_job, read_observations
 from qcompile.passes import compile
-from qcompile.policy import Encoder, Policy
+from qcompile.policy import Encoder, Policy, load_policy
 from qcompile.qasm import read
 from qcompile.simulate import Simulator
 
@@ -291,3 +291,11 @@ def test_angles_of_1e308_are_exported(tmp_path: Path, level: int) -> None:
         wanted = float(mpmath.cos(mpmath.mpf(1e308) - mpmath.mpf(1e300)))
     z = Simulator(read(text).program).expectation(np.zeros((1, 0)), np.zeros(0))
     assert z[0, 0] == pytest.approx(wanted, abs=1e-12)
+
+
+def test_values_of_json_are_named_as_json_has_them(tmp_path: Path) -> None:
+    policy = load_policy("cartpole")
+    for text, found in (("[[1,2,3,null]]", "null"), ("[[1,2,3,true]]", "true")):
+        (tmp_path / "o.json").write_text(text)
+        with pytest.raises(PolicyError, match=rf"\(found {found}\)"):
+            read_observations(tmp_path / "o.json", policy)

@@ -281,3 +281,8 @@ def test_nothing_but_a_program_file_error_escapes(data):
 @example("x $" + "9" * 5000 + ";")
 def test_any_text_is_read_or_refused(text):
     assert (refusal(text) or "p:").startswith("p:")
+
+
+def test_a_duration_is_finite():
+    with pytest.raises(ProgramFileError, match="is not supported"):
+        read("OPENQASM 3.0;\nqubit q;\ndelay[1e999s] q;\n")

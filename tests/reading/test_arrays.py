@@ -84,7 +84,19 @@ def test_what_is_no_array_of_numbers(name: str) -> None:
 
 def test_a_table_is_rows_of_numbers() -> None:
     np.testing.assert_array_equal(read_table(b"\xef\xbb\xbf1, 2\n3,4e1\n"), [[1, 2], [3, 40]])
+    np.testing.assert_array_equal(read_table(b"1,2\r3,4\r"), [[1, 2], [3, 4]])
     assert read_table(b"").size == 0
+
+
+def test_the_first_fault_of_a_table_is_named_with_its_line() -> None:
+    for text, words in (
+        (b"# mean\n1,2\n\n3,x\n", "Line 4: 'x' is no number."),
+        (b"1,2\n3,4,5\n", "Line 2 has 3 columns, those above have 2."),
+        (b"1,\n", "Line 1: '' is no number."),
+    ):
+        with pytest.raises(ContentsError) as caught:
+            read_table(text)
+        assert str(caught.value) == words
 
 
 @pytest.mark.parametrize("text", [b"1,2\n3", b"a,b", b"\xff", b"1\x00,2", b"1" * 5000 + b"z"])

@@ -12,7 +12,7 @@ import imageio_ffmpeg
 import numpy as np
 import pytest
 
-from qcompile.errors import OutputError
+from qcompile.errors import EnvironmentStepError, OutputError
 from qcompile.report.film import Film, _shrunk
 
 
@@ -142,3 +142,11 @@ def test_a_place_that_cannot_be_written_is_refused_at_once(tmp_path: Path, tempo
     with pytest.raises(OutputError, match="Cannot write"):
         Film(tmp_path / "file" / "a.mp4")
     assert not list(temporary.iterdir())
+
+
+def test_frames_of_an_mp4_keep_their_size(tmp_path: Path) -> None:
+    (first,), (second,) = frames(1), frames(1, height=66)
+    with Film(tmp_path / "film.mp4") as film:
+        film.add(first, 30)
+        with pytest.raises(EnvironmentStepError, match=r"\(64, 96\), then \(66, 96\)"):
+            film.add(second, 30)

@@ -11,7 +11,7 @@ import pytest
 from gymnasium.spaces import Box, Discrete
 
 from qcompile.errors import EnvironmentMismatchError
-from qcompile.rl.environments import make_environments
+from qcompile.rl.environments import close_environments, make_environments
 
 
 class Blind(gymnasium.Env[Any, Any]):
@@ -101,10 +101,13 @@ def test_an_unknown_environment_is_called_so(name: str) -> None:
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
-        ({"frame": None}, "A frame is NoneType (), 30 a second."),
-        ({"frame": "text"}, "A frame is str (), 30 a second."),
-        ({"frame": np.zeros((4, 5))}, "A frame is ndarray (4, 5), 30 a second."),
-        ({"frame": np.zeros((4, 5, 3))}, "A frame is ndarray (4, 5, 3), 30 a second."),
+        ({"frame": None}, "A frame is None, 30 a second."),
+        ({"frame": "text"}, "A frame is a str and shape (), 30 a second."),
+        ({"frame": np.zeros((4, 5))}, "A frame is of type float64 and shape (4, 5), 30 a second."),
+        (
+            {"frame": np.zeros((4, 5, 3))},
+            "is of type float64 and shape (4, 5, 3), 30 a",
+        ),
         ({"frame": np.zeros((4, 5, 3), np.uint8), "rate": 0}, "(4, 5, 3), 0 a second."),
         ({"frame": NotImplementedError()}, "it renders no pictures."),
         ({"frame": ImportError("no pygame")}, "no pygame"),
@@ -122,3 +125,14 @@ def test_what_renders_no_frames_is_not_filmed(settings: dict[str, Any], words: s
 def test_what_renders_frames_is_filmed() -> None:
     gymnasium.registry["Blind-v0"].kwargs = {"frame": np.zeros((4, 5, 3), np.uint8)}
     assert len(make_environments("Blind-v0", 1, film=True)) == 1
+
+
+def test_an_environment_that_fails_to_close_loses_nothing() -> None:
+    class Closed:
+        def close(self) -> None:
+            closed.append(self)
+            raise RuntimeError("the window is gone")
+
+    closed: list[Closed] = []
+    close_environments([Closed(), Closed()])  # type: ignore[list-item]
+    assert len(closed) == 2
