@@ -29,7 +29,7 @@ SIZES = (5, 10, 20, 100)
 RESAMPLES = 1000
 _AT_A_TIME = 250
 HALFWAY = {
-    "CartPole-v1": {"episodes": 60},
+    "CartPole-v1": {"episodes": 35},
     "Acrobot-v1": {"episodes": 60},
     "LunarLander-v3": {"steps": 300_000},
 }

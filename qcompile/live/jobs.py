@@ -141,8 +141,10 @@ class Jobs:
         charged_s = self._charge_s(job_id)
         charge = f"It {_in_words(charged_s)}; this was attempt {submission.attempt + 1}."
         if job.was_cut_off:
+            known = self.journal.charges.of_job(job_id)
+            cap_s = submission.cap_s if known is None else known.cap_s
             raise BudgetError(
-                f"IBM cut job {job_id} off at {submission.cap_s} s.",
+                f"IBM cut job {job_id} off at {cap_s:g} s.",
                 f"It was expected to take {expected_s:.1f} s.",
             )
         if job.is_cancelled:

@@ -35,18 +35,16 @@ def make_environments(name: str, count: int, *, film: bool = False) -> list[Envi
             f"Environment {name!r} names a module to import.",
             "A policy file may not load code; register the environment and give its plain name.",
         )
+    settings: dict[str, Any] = {}  # without a film none: not every environment takes a render_mode
     if film:
         os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # frames need no screen
+        settings["render_mode"] = "rgb_array"
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             made = [
-                gymnasium.make(
-                    name,
-                    disable_env_checker=True,  # it checks one step; rl/stepping.py checks all
-                    **({"render_mode": "rgb_array"} if film else {}),  # not all take one
-                )
-                for _ in range(count)
+                gymnasium.make(name, disable_env_checker=True, **settings)
+                for _ in range(count)  # that checker looks at one step; rl/stepping.py at all
             ]
     except (ImportError, gymnasium.error.DependencyNotInstalled) as error:
         raise EnvironmentMismatchError(
