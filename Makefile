@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 EPISODES ?= 20
 
 .DEFAULT_GOAL := help
-.PHONY: help run study test lint types bench calibrations chaos fuzz docs clean
+.PHONY: help run study test lint types bench calibrations coverage chaos fuzz docs clean
 
 help:  ## Show this help
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -34,6 +34,9 @@ bench: $(VENV)/bench.stamp  ## Measure speed and errors beside the peers, in one
 
 calibrations: $(VENV)/dev.stamp  ## Measure fits, false alarms, p-values and power of calibrations (minutes)
 	$(BIN)/python benchmarks/calibration.py
+
+coverage: $(VENV)/run.stamp  ## Measure how often 95 % intervals hold the mean (ten minutes)
+	$(BIN)/python -W ignore benchmarks/coverage.py --samples 600
 
 chaos: $(VENV)/dev.stamp  ## Break live runs in every known way, and check what they tell (half an hour)
 	$(BIN)/python benchmarks/chaos.py

@@ -20,6 +20,8 @@ from qcompile.snapshot import device_from_backend
 T = TypeVar("T")
 
 _LOOKS, _PAUSE_S = 3, 0.5
+_LOGINS = 3
+"""Tokens may expire one after the other; one that never holds is told."""
 _TIMEOUT_S = (5.0, 60.0)
 """To connect, and between two pieces of an answer; by itself the client waits for ever."""
 _FREE = ["open"]
@@ -93,8 +95,8 @@ class Connection:
     ) -> T:
         """The answer of `question`, called with the service, which only reads.
 
-        It is asked again while the service is busy or cannot be reached, if `patient`, and once
-        more after a new login where a token has expired. `about` says what it is about in words.
+        It is asked again while the service is busy or cannot be reached, if `patient`, and after a
+        new login, a few times at most, where a token has expired. `about` says what it is about.
 
         Raises:
             LiveError: no answer for long, or a refusal, in words.
@@ -103,12 +105,13 @@ class Connection:
         from qiskit_ibm_runtime.exceptions import IBMNotAuthorizedError
 
         service = self.service
-        try:
-            return self._patient(lambda: question(service), about, patient)
-        except LiveError as error:
-            if not isinstance(error.__cause__, IBMNotAuthorizedError):
-                raise
-        self.log_in_again()
+        for _ in range(_LOGINS):
+            try:
+                return self._patient(lambda: question(service), about, patient)
+            except LiveError as error:
+                if not isinstance(error.__cause__, IBMNotAuthorizedError):
+                    raise
+            self.log_in_again()
         return self._patient(lambda: question(service), about, patient)
 
     def look_again(self) -> None:

@@ -124,7 +124,10 @@ def test_looking_for_a_job_may_go_wrong_as_well(runs: Runs, undisturbed: dict[st
     check_paid_once(runs.service, 3)
 
 
-def test_all_faults_at_random(runs: Runs, undisturbed: dict[str, Any]) -> None:
+def test_all_faults_at_random(
+    runs: Runs, undisturbed: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("QCOMPILE_DOUBT_SECONDS", "1")  # else many doubts stop the run at its limit
     for kind in BEFORE:
         runs.service.faults.chance(kind, 0.1, on=SUBMIT)
         runs.service.faults.chance(kind, 0.02, on="GET /jobs/{id}")
