@@ -38,7 +38,7 @@ SHIPPED = {"CartPole-v1": "cartpole_1q", "Acrobot-v1": "acrobot", "LunarLander-v
 
 
 def rewards_of(policy: Policy, backend: str, shots: int | None, episodes: int) -> Array:
-    """The rewards of so many episodes, with readout mitigation where there is noise."""
+    """The rewards of `episodes` episodes, with readout mitigation where there is noise."""
     mitigation = "none" if backend == "ideal" else "readout"
     found = []
     for first in range(0, episodes, _AT_A_TIME):

@@ -15,7 +15,7 @@ _TOKEN = re.compile(
 
 
 class NotAffineError(ValueError):
-    """The text is no affine expression."""
+    """The text is not an affine expression."""
 
 
 def affine(text: str) -> Affine:

@@ -123,7 +123,7 @@ class Charges:
         )
 
     def note_job(self, doubt: Charge, job_id: str, cap_s: float) -> None:
-        """It is no doubt: its job is known, and is cut off at `cap_s`."""
+        """It is no longer in doubt: its job is known, and is cut off at `cap_s`."""
         self._do("UPDATE charge SET job_id = ?, cap_s = ? WHERE row = ?", job_id, cap_s, doubt.row)
 
     def note_unexpected(

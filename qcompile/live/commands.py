@@ -9,7 +9,7 @@ from qcompile.live.journal import Journal
 
 
 def resume_command(journal: Journal) -> str:
-    """The command that goes on with a run."""
+    """The command that resumes a run."""
     return f"qcompile resume {name_of(journal)}{folder_option(journal)}"
 
 
