@@ -41,7 +41,7 @@ coverage: $(VENV)/run.stamp  ## Measure how often 95 % intervals hold the mean (
 chaos: $(VENV)/dev.stamp  ## Break live runs in every known way, and check what they tell (half an hour)
 	$(BIN)/python benchmarks/chaos.py
 
-fuzz: $(VENV)/dev.stamp  ## Feed a million damaged files to every reader (half an hour)
+fuzz: $(VENV)/dev.stamp  ## Feed a million damaged files to all readers (minutes)
 	$(BIN)/python -W ignore benchmarks/fuzz.py --inputs 1000000
 
 docs: $(VENV)/docs.stamp  ## Build the documentation into site/

@@ -1,0 +1,217 @@
+"""Every reader of files, with whole files of its kind: what fuzz.py damages and feeds to it."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache, partial
+from pathlib import Path
+
+import numpy as np
+from mutations import read_all
+
+import qcompile
+from qcompile.device import IDEAL, Device, load_device
+from qcompile.evaluation import cell as evaluated
+from qcompile.evaluation.grid import Cell
+from qcompile.execution import DeviceBackend, load_backend
+from qcompile.jobs.policy_job import read_observations
+from qcompile.live.journal import FILE, Journal
+from qcompile.live.perform import costs, task_of
+from qcompile.live.play import RunTask
+from qcompile.mitigation import calibrate
+from qcompile.passes import compile
+from qcompile.policy import Policy, load_policy, save_policy
+from qcompile.policy.files import policy_values
+from qcompile.qasm import read_file, write
+from qcompile.report.live import exported
+from qcompile.rl.checkpoint import load_checkpoint, save_checkpoint
+from qcompile.rl.ppo import Trainer
+from qcompile.rl.settings import Settings
+from qcompile.study import cell as trained
+from qcompile.study.rows import Cell as Training
+from qcompile.study.rows import Claim, Row
+
+ROOT = Path(qcompile.__file__).parent.parent
+
+
+@dataclass(frozen=True)
+class Reader:
+    """A reader: the kind of its files, their name, what reads one, and how many inputs it gets.
+
+    `read` returns None where it refuses without words, as for a cell that is to be played again.
+    """
+
+    kind: str
+    name: str
+    read: Callable[[Path], object]
+    seeds: Callable[[], list[bytes]]
+    share: float
+
+
+@cache
+def policy() -> Policy:
+    return load_policy(ROOT / "trained" / "cartpole.pt")
+
+
+def saved(save: Callable[[Path], object], name: str) -> bytes:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / name
+        save(path)
+        return path.read_bytes()
+
+
+def policies(suffix: str) -> list[bytes]:
+    found = [policy(), load_policy(ROOT / "trained" / "cartpole_1q.pt")]
+    return [saved(partial(save_policy, one), f"p{suffix}") for one in found]
+
+
+def use_policy(path: Path) -> object:
+    """Read, compiled gate by gate, and written out."""
+    loaded = load_policy(path)
+    if sum(map(len, loaded.program.circuits)) < 200:
+        write(compile(loaded.trained_program, IDEAL, 0, loaded.importance).native)
+    return loaded
+
+
+def checkpoints() -> list[bytes]:
+    settings = Settings(episodes=4, reuse=2, pause_at=5.0, critic_hidden=(4,))
+    found = []
+    for changed in (settings, settings.changed(model="fcn", hidden=[4], reuse=1)):
+        trainer = Trainer("CartPole-v1", changed, 1)
+        trainer.train()
+        found.append(saved(partial(save_checkpoint, trainer), "c.pt"))
+    return found
+
+
+def devices() -> list[bytes]:
+    return read_all(ROOT / "hardware", "ibm_lima.json", "fake_lima.json", "ibm_belem.json")
+
+
+def use_device(path: Path) -> object:
+    device: Device = load_device(path)
+    return device.usable
+
+
+def calibrations() -> list[bytes]:
+    device = load_device("ibm_lima")
+    executor = DeviceBackend(device).open(1)
+    made = calibrate(executor, np.array([0, 2]), 4096, parts=("readout", "response"))
+    return [saved(made.save, "c.json")]
+
+
+def observations(kind: str) -> list[bytes]:
+    rows = np.random.default_rng(0).normal(size=(3, 4))
+    if kind == "npy":
+        arrays = (rows, np.asfortranarray(rows), rows[0].astype(">f4"))
+        return [saved(partial(np.save, arr=array), "o.npy") for array in arrays]
+    text = json.dumps(rows.tolist())
+    return [(text if kind == "json" else text[2:-2].replace("], [", "\n")).encode()]
+
+
+def use_observations(path: Path) -> object:
+    return read_observations(path, policy())
+
+
+QASM3 = b"""OPENQASM 3.0;
+include "stdgates.inc";
+input angle a;
+const float b = 2 * pi / 3;
+qubit[3] q;
+bit[3] c;
+gate twice(t) u { rx(t) u; rz(-t / 2) u; }
+h q;
+twice(a + b) q[0];
+U(0.1, b, -a) q[1];
+inv @ s q[2];
+c = measure q;
+"""
+QASM2 = b"""OPENQASM 2.0;
+include "qelib1.inc";
+qreg q[3]; creg c[3];
+gate mine(t) a { u3(t, 0, pi/2) a; u1(t^2) a; }
+h q[0]; mine(0.3) q[1]; rz(sin(0.2)) q[2];
+barrier q;
+measure q -> c;
+"""
+
+
+@cache
+def cell() -> Cell:
+    tiny = replace(policy(), weights=0.1 * policy().weights)
+    return Cell(tiny, DeviceBackend(load_device("ibm_lima")), 16, "none", 2, 3, 5)
+
+
+def cells() -> list[bytes]:
+    result = evaluated.run_cell(cell())
+    assert isinstance(result, evaluated.CellResult)
+    return [json.dumps(result.model_dump()).encode()]
+
+
+@cache
+def training() -> Training:
+    settings = Settings(episodes=3)
+    row = Row("cartpole", "SVQC", "cartpole", "CartPole-v1", "paper", settings, 1, 10.0, Claim("-"))
+    return Training(row, 0)
+
+
+def trainings() -> list[bytes]:
+    return [json.dumps(trained.run_cell(training(), 2).model_dump()).encode()]
+
+
+def journals() -> list[bytes]:
+    values = {"backend": "ibm_lima", "device": load_device("ibm_lima"), "shots": 10, "episodes": 2}
+    values |= {"policy": policy_values(policy()), "seed": 0, "level": 2, "mitigation": "none"}
+    settings = RunTask.model_validate(values).model_dump(mode="json")
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        Journal.create(Path(folder), "run", "fuzz", settings, {"numpy": "2"}, 60.0) as made,
+    ):
+        for number in range(3):
+            submission = made.note_sending(made.intend(number, "digest", 40), 5)
+            made.note_sent(submission, f"job{number}")
+            made.note_done(submission, np.ones((1, 4), dtype=int))
+            charge = made.charges.of_job(f"job{number}")
+            assert charge is not None
+            made.charges.settle(charge, 2.5)
+            made.note_actions(number, np.ones((2, 4)), np.ones(2, dtype=int))
+            made.note_rewards(number, [1.0, 1.0])
+        made._db.execute("PRAGMA journal_mode = DELETE")  # all in one file
+        return [(made.folder / FILE).read_bytes()]
+
+
+def use_journal(path: Path) -> object:
+    """Listed, shown and exported, and its task read."""
+    with Journal(path.parent) as journal:
+        exported(journal)
+        costs(journal)
+        return task_of(journal)
+
+
+READERS = {
+    "policy .json": Reader("json", "p.json", use_policy, lambda: policies(".json"), 2),
+    "policy .pt": Reader("pt", "p.pt", use_policy, lambda: policies(".pt"), 2),
+    "checkpoint": Reader("pt", "c.pt", load_checkpoint, checkpoints, 1),
+    "device": Reader("json", "d.json", use_device, devices, 2),
+    "calibration": Reader("json", "c.json", lambda path: load_backend(str(path)), calibrations, 2),
+    "observations .npy": Reader("npy", "o.npy", use_observations, lambda: observations("npy"), 2),
+    "observations .json": Reader(
+        "json", "o.json", use_observations, lambda: observations("json"), 2
+    ),
+    "observations .csv": Reader("text", "o.csv", use_observations, lambda: observations("csv"), 2),
+    "OpenQASM 3": Reader("text", "p.qasm", read_file, lambda: [QASM3], 1),
+    "OpenQASM 2": Reader("text", "p.qasm", read_file, lambda: [QASM2], 1),
+    "cell of evaluate": Reader(
+        "json", f"{cell().name}.json", lambda p: evaluated.read_cell(cell(), p.parent), cells, 1
+    ),
+    "cell of study": Reader(
+        "json",
+        f"{training().name}.json",
+        lambda path: trained.read_cell(training(), path.parent),
+        trainings,
+        1,
+    ),
+    "journal": Reader("sqlite", FILE, use_journal, journals, 1),
+}
