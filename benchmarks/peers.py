@@ -11,7 +11,7 @@ from measure import Row, alone, compared, in_turn, seconds, show
 
 import qcompile
 from qcompile.policy.layouts import parallel
-from qcompile.rl.environments import make_environments, reset_all
+from qcompile.rl.environments import make_environments
 from qcompile.rl.evaluate import Deployment, play
 
 CIRCUITS, OBSERVATIONS, SHOTS, EPISODES = 24, 1000, 1024, 20
@@ -117,7 +117,8 @@ def replay(name: str, seed: int, actions: list[list[int]]) -> float:
     """Seconds that the environments need to step recorded actions, resets included."""
     environments = make_environments(name, EPISODES)
     start = time.perf_counter()
-    reset_all(environments, [seed + i for i in range(EPISODES)])
+    for episode, environment in enumerate(environments):
+        environment.reset(seed=seed + episode)
     alive = list(range(EPISODES))
     for chosen in actions:
         alive = [
