@@ -14,12 +14,12 @@ from scipy.stats import kstest
 
 import qcompile
 from qcompile.calibration import Calibration
+from qcompile.deploy.twin_check import check_twin, wide_observations
+from qcompile.deploy.twin_power import EFFECT, choose_check
 from qcompile.device import IDEAL, Device
 from qcompile.mitigation import calibrate, measure_drift, misfits
 from qcompile.mitigation.measure import LIVE_ANGLES_RAD
 from qcompile.passes import Executable
-from qcompile.rl.twin_check import check_twin, wide_observations
-from qcompile.rl.twin_power import EFFECT, choose_check
 
 NOTHING = np.zeros(0)
 CLEAN = ("fake_lima", "fake_toronto", "fake_lagos")

@@ -15,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from qcompile.deploy.deployment import Deployment
+from qcompile.deploy.intervals import bootstrap_ci95
+from qcompile.deploy.play import play
 from qcompile.execution import load_backend
 from qcompile.policy import Policy, load_policy
-from qcompile.rl.evaluate import Deployment, play
-from qcompile.rl.intervals import bootstrap_ci95
 from qcompile.rl.ppo import Trainer
 from qcompile.rl.presets import settings_for
 

@@ -14,8 +14,6 @@ from mutations import read_all
 
 import qcompile
 from qcompile.device import IDEAL, Device, load_device
-from qcompile.evaluation import cell as evaluated
-from qcompile.evaluation.grid import Cell
 from qcompile.execution import DeviceBackend, load_backend
 from qcompile.jobs.policy_job import read_observations
 from qcompile.live.journal import FILE, Journal
@@ -30,9 +28,11 @@ from qcompile.report.live import exported
 from qcompile.rl.checkpoint import load_checkpoint, save_checkpoint
 from qcompile.rl.ppo import Trainer
 from qcompile.rl.settings import Settings
-from qcompile.study import cell as trained
-from qcompile.study.rows import Cell as Training
-from qcompile.study.rows import Claim, Row
+from qcompile.sweep.evaluation import cell as evaluated
+from qcompile.sweep.evaluation.grid import Cell
+from qcompile.sweep.study import cell as trained
+from qcompile.sweep.study.rows import Cell as Training
+from qcompile.sweep.study.rows import Claim, Row
 
 ROOT = Path(qcompile.__file__).parent.parent
 

@@ -10,9 +10,10 @@ import numpy as np
 from measure import Row, alone, compared, in_turn, seconds, show
 
 import qcompile
+from qcompile.deploy.deployment import Deployment
+from qcompile.deploy.environments import make_environments
+from qcompile.deploy.play import play
 from qcompile.policy.layouts import parallel
-from qcompile.rl.environments import make_environments
-from qcompile.rl.evaluate import Deployment, play
 
 CIRCUITS, OBSERVATIONS, SHOTS, EPISODES = 24, 1000, 1024, 20
 PROGRAM, _ = parallel(8, 3)

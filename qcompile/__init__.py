@@ -8,6 +8,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from qcompile.version import __version__ as __version__
+
 if TYPE_CHECKING:
     from qcompile.calibration import Calibration, load_calibration
     from qcompile.device import Device, load_device
@@ -18,8 +20,6 @@ if TYPE_CHECKING:
     from qcompile.passes import Executable, compile
     from qcompile.policy import Policy, load_policy, save_policy
     from qcompile.simulate import Simulator
-
-__version__ = "0.1.0"
 
 _HOMES = {
     "Angle": "qcompile.ir",

@@ -12,18 +12,15 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from qcompile.arrays import FloatArray, IntArray
 from qcompile.device import Device, Probability
 from qcompile.errors import CalibrationError
 from qcompile.limits import MAX_SHOTS
 from qcompile.output import write_file
 from qcompile.reading import ContentsError, load_json, read_file, read_json
 from qcompile.validation import Line, Many, explain, listed
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
 
 LEAST_CONTRAST = 0.02
 """A qubit that shows less of `<Z>` cannot be undone."""

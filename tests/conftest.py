@@ -12,6 +12,8 @@ import pytest
 
 from qcompile.cli import main
 
+pytest_plugins = ["playing"]
+
 
 @dataclass
 class Answer:

@@ -16,7 +16,7 @@ import qcompile
 PACKAGE = Path(qcompile.__file__).parent
 
 ORDER = (
-    {"errors", "limits"},
+    {"arrays", "errors", "limits", "version"},
     {"catalogue", "output", "validation", "terminal"},
     {"reading"},
     {"ir"},
@@ -26,11 +26,10 @@ ORDER = (
     {"execution"},
     {"mitigation"},
     {"policy"},
-    {"jobs", "rl"},
-    {"live"},
+    {"deploy"},
+    {"jobs", "rl", "live"},
     {"report"},
-    {"study"},
-    {"evaluation"},
+    {"sweep"},
     {"cli"},
     {"__main__"},
 )

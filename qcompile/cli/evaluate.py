@@ -21,8 +21,8 @@ from qcompile.cli.options import (
 from qcompile.limits import MAX_EPISODES
 
 if TYPE_CHECKING:
-    from qcompile.evaluation.cell import CellFailure, CellResult
-    from qcompile.evaluation.grid import Cell
+    from qcompile.sweep.evaluation.cell import CellFailure, CellResult
+    from qcompile.sweep.evaluation.grid import Cell
 
 
 class _Mitigation(click.ParamType[str]):
@@ -31,7 +31,7 @@ class _Mitigation(click.ParamType[str]):
     name = "name"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        from qcompile.rl.measurement import MITIGATIONS
+        from qcompile.deploy.measurement import MITIGATIONS
 
         if value not in MITIGATIONS:
             self.fail(f"{value!r} is not one of {', '.join(MITIGATIONS)}.", param, ctx)
@@ -141,20 +141,20 @@ def command(
     same command goes on from there.
     """
     from qcompile.errors import StudyError
-    from qcompile.evaluation.cell import CellFailure, run_cell, write_cell
-    from qcompile.evaluation.page import write_devices
-    from qcompile.evaluation.paper import paper_cells
-    from qcompile.evaluation.summary import results
-    from qcompile.evaluation.write_up import (
+    from qcompile.output import check_writable
+    from qcompile.report.progress import progress_bar
+    from qcompile.report.tables import print_grid
+    from qcompile.sweep.engine import run_all
+    from qcompile.sweep.evaluation.cell import CellFailure, run_cell, write_cell
+    from qcompile.sweep.evaluation.page import write_devices
+    from qcompile.sweep.evaluation.paper import paper_cells
+    from qcompile.sweep.evaluation.summary import results
+    from qcompile.sweep.evaluation.write_up import (
         cells_folder,
         kept_results,
         write_figures,
         write_results,
     )
-    from qcompile.output import check_writable
-    from qcompile.report.progress import progress_bar
-    from qcompile.report.tables import print_grid
-    from qcompile.study.engine import run_all
 
     if paper and (policies or backends or shots or mitigations or calibrations or levels):
         raise click.UsageError("--paper has its own policies, backends, shots and mitigations.")
@@ -240,12 +240,12 @@ def _cells(
 ) -> list[Cell]:
     """The grid, after all that it names has been found, and what can be checked has been."""
     from qcompile.calibration import load_calibration
-    from qcompile.evaluation.calibrations import CalibrationFile
-    from qcompile.evaluation.cell import check_calibrations
-    from qcompile.evaluation.grid import grid, left_out, told_apart
+    from qcompile.deploy.environments import check_fit, make_environments
     from qcompile.execution import load_backend
     from qcompile.policy import load_policy
-    from qcompile.rl.environments import check_fit, make_environments
+    from qcompile.sweep.evaluation.calibrations import CalibrationFile
+    from qcompile.sweep.evaluation.cell import check_calibrations
+    from qcompile.sweep.evaluation.grid import grid, left_out, told_apart
 
     loaded = told_apart(policies, [load_policy(name) for name in policies])
     opened = [load_backend(name) for name in backends]

@@ -6,8 +6,8 @@ from importlib import import_module
 
 import click
 
-from qcompile import __version__
 from qcompile.cli import COMMANDS
+from qcompile.version import __version__
 
 
 class _LazyGroup(click.Group):

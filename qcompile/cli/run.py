@@ -93,6 +93,9 @@ def command(
     and `qcompile resume` goes on.
     """
     from qcompile.calibration import load_calibration
+    from qcompile.deploy.deployment import Deployment
+    from qcompile.deploy.lockstep import Episode
+    from qcompile.deploy.play import play
     from qcompile.device import IDEAL_NAME
     from qcompile.errors import QcompileError
     from qcompile.execution import load_backend
@@ -101,8 +104,6 @@ def command(
     from qcompile.report.film import SUFFIXES, Film
     from qcompile.report.progress import progress_bar
     from qcompile.report.tables import print_run
-    from qcompile.rl.evaluate import Deployment, play
-    from qcompile.rl.lockstep import Episode
 
     if video is not None and video.suffix not in SUFFIXES:
         raise click.BadParameter(f"{video} must end with .mp4 or .gif.", param_hint="'--video'")

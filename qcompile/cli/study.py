@@ -11,9 +11,9 @@ import click
 from qcompile.cli.options import echo_json, json_option
 
 if TYPE_CHECKING:
-    from qcompile.study.engine import Engine
-    from qcompile.study.rows import Cell, Row
-    from qcompile.study.summary import RowSummary
+    from qcompile.sweep.engine import Engine
+    from qcompile.sweep.study.rows import Cell, Row
+    from qcompile.sweep.study.summary import RowSummary
 
 
 @click.command("study")
@@ -87,11 +87,11 @@ def command(
     from qcompile.errors import StudyError
     from qcompile.output import check_writable
     from qcompile.report.progress import progress_bar
-    from qcompile.study.cell import EVALUATION_EPISODES, CellResult, write_cell
-    from qcompile.study.engine import run_cells
-    from qcompile.study.paper import rows_of, shortened
-    from qcompile.study.rows import cells
-    from qcompile.study.study import (
+    from qcompile.sweep.engine import run_cells
+    from qcompile.sweep.study.cell import EVALUATION_EPISODES, CellResult, write_cell
+    from qcompile.sweep.study.paper import rows_of, shortened
+    from qcompile.sweep.study.rows import cells
+    from qcompile.sweep.study.study import (
         cells_folder,
         check_replaces_nothing,
         missing_cells,
@@ -185,7 +185,7 @@ def _list(rows: Sequence[Row], missing: Sequence[Cell], seeds: int | None, as_js
 
 def _show(found: Sequence[RowSummary]) -> None:
     from qcompile.report.tables import print_table
-    from qcompile.study.summary import spread
+    from qcompile.sweep.study.summary import spread
 
     print_table(
         [

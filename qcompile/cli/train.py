@@ -147,9 +147,9 @@ def command(
     """
     from qcompile.errors import EnvironmentStepError, QcompileError, TrainingError
     from qcompile.report.progress import progress_bar
-    from qcompile.report.training_log import EpisodeLog, Scalars
-    from qcompile.report.watch import Watch
     from qcompile.rl.ppo import Trainer
+    from qcompile.rl.training_log import EpisodeLog, Scalars
+    from qcompile.rl.watch import Watch
 
     if given(ctx, "evaluate_episodes") and evaluate_every is None:
         raise click.UsageError("--evaluate-episodes needs --evaluate-every.")

@@ -11,8 +11,8 @@ import click
 from qcompile.cli.options import check_distinct
 
 if TYPE_CHECKING:
-    from qcompile.report.watch import Watch
     from qcompile.rl.ppo import Trainer, TrainingResult
+    from qcompile.rl.watch import Watch
 
 
 def check_outputs(

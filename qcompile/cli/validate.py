@@ -82,13 +82,13 @@ def command(
     if live is not None and backend is not None:
         raise click.UsageError("--backend and --live exclude each other: FILE names the machine.")
     from qcompile.calibration import load_calibration
+    from qcompile.deploy.twin_check import wide_observations
+    from qcompile.deploy.twin_power import POWER, choose_check
     from qcompile.errors import CalibrationError
     from qcompile.mitigation.misfit import misfit_words
     from qcompile.policy import load_policy
     from qcompile.policy.files import policy_values
     from qcompile.report.live import charged, print_validation
-    from qcompile.rl.twin_check import wide_observations
-    from qcompile.rl.twin_power import POWER, choose_check
 
     calibration, loaded = load_calibration(file), load_policy(policy)
     observations, shots, least = choose_check(
@@ -160,8 +160,8 @@ def _offline(
 ) -> dict[str, Any]:
     import numpy as np
 
+    from qcompile.deploy.twin_check import check_twin
     from qcompile.execution import open_executor
-    from qcompile.rl.twin_check import check_twin
 
     # A stream of its own: `calibrate --seed` draws from that of the number itself.
     (fresh,) = np.random.SeedSequence(seed).spawn(1)

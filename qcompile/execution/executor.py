@@ -5,15 +5,12 @@ from __future__ import annotations
 from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from qcompile.arrays import CountArray, FloatArray
 from qcompile.device import Device
 from qcompile.errors import CountsError, DeviceError
 from qcompile.limits import MAX_SHOTS
 from qcompile.passes import Executable
-
-FloatArray = NDArray[np.float64]
-CountArray = NDArray[np.int64]
 
 Kind = Literal["ideal", "noise-model", "measured-response", "hardware"]
 

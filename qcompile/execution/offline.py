@@ -6,8 +6,9 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from qcompile.arrays import CountArray, FloatArray
 from qcompile.device import Device
-from qcompile.execution.executor import CountArray, FloatArray, Kind, check_device, check_shots
+from qcompile.execution.executor import Kind, check_device, check_shots
 from qcompile.noise import NoisyCircuits
 from qcompile.passes import Executable
 

@@ -11,11 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from qcompile.execution.executor import CountArray, FloatArray
+from qcompile.arrays import CountArray, FloatArray, IntArray
 from qcompile.ir import Circuit
 from qcompile.passes import Executable
-
-IndexArray = NDArray[np.intp]
 
 REGISTER = "c"
 
@@ -30,9 +28,9 @@ class PackedRound:
 
     circuit: Any
     parameters: tuple[Any, ...]
-    circuits: IndexArray
-    owners: IndexArray
-    slots: IndexArray
+    circuits: IntArray
+    owners: IntArray
+    slots: IntArray
 
     def pub(self, angles: FloatArray) -> tuple[Any, dict[tuple[Any, ...], FloatArray]]:
         """The circuit and its values (B, parameters), of angles (B, circuits, slots)."""

@@ -13,9 +13,10 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
+from qcompile.arrays import CountArray, FloatArray
 from qcompile.device import Device
 from qcompile.errors import CountsError, DeviceError, MissingExtraError
-from qcompile.execution.executor import CountArray, FloatArray, Kind, check_device, check_shots
+from qcompile.execution.executor import Kind, check_device, check_shots
 from qcompile.execution.packed import REGISTER, PackedRound, count_ones, pack_round
 from qcompile.passes import Executable
 

@@ -7,21 +7,13 @@ from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numpy.typing import NDArray
 
+from qcompile.arrays import CountArray, FloatArray, IntArray
 from qcompile.calibration import Calibration
 from qcompile.device import Device
 from qcompile.errors import CalibrationError
-from qcompile.execution.executor import (
-    CountArray,
-    FloatArray,
-    Kind,
-    check_device,
-    check_shots,
-)
+from qcompile.execution.executor import Kind, check_device, check_shots
 from qcompile.passes import Executable
-
-IntArray = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)

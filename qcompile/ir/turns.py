@@ -15,7 +15,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from qcompile.arrays import FloatArray
 
 MODERATE_RAD = 256.0
 """Up to here plain arithmetic of doubles serves: one rounding is at most 3e-14."""

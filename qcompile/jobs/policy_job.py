@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import FailFast, Field, TypeAdapter, ValidationError
 
+from qcompile.arrays import FloatArray
 from qcompile.device import Device
 from qcompile.errors import CircuitError, PolicyError
 from qcompile.ir import NEGLIGIBLE_RAD, Program
@@ -20,8 +20,6 @@ from qcompile.policy import Policy
 from qcompile.qasm import write
 from qcompile.reading import ContentsError, load_json, read_file, read_npy, read_table
 from qcompile.validation import explain
-
-FloatArray = NDArray[np.float64]
 
 _QUARTER_TURN = np.pi / 2
 _Row = Annotated[list[Annotated[float, Field(strict=True)]], FailFast()]

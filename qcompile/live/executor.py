@@ -10,10 +10,11 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from qcompile.arrays import CountArray, FloatArray
 from qcompile.device import Device
 from qcompile.errors import CountsError, LiveError
 from qcompile.execution import Kind, check_shots, portions
-from qcompile.execution.executor import CountArray, FloatArray, check_device
+from qcompile.execution.executor import check_device
 from qcompile.execution.packed import REGISTER, PackedRound, count_ones, pack_round
 from qcompile.live.jobs import Jobs
 from qcompile.passes import Executable

@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
+from qcompile.arrays import CountArray
 from qcompile.errors import BudgetError, LiveError, PaidFailureError, ReplayError
-from qcompile.execution.executor import CountArray
 from qcompile.live.answers import RemoteJob, UnreadableAnswerError
 from qcompile.live.budget import Budget
 from qcompile.live.connection import Connection

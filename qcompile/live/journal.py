@@ -22,8 +22,8 @@ from typing import Any, Literal, Self, get_args
 import numpy as np
 from filelock import FileLock, Timeout
 
+from qcompile.arrays import CountArray, FloatArray
 from qcompile.errors import LiveError
-from qcompile.execution.executor import CountArray, FloatArray
 from qcompile.limits import MAX_QPU_SECONDS
 from qcompile.live import home, schema
 from qcompile.live.charges import Charges, check_limit

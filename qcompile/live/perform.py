@@ -5,7 +5,6 @@ from __future__ import annotations
 import platform
 from collections.abc import Callable
 from contextlib import suppress
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -32,11 +31,12 @@ from qcompile.live.task import Context, Task
 from qcompile.live.validate import ValidateTask
 from qcompile.terminal import one_line
 from qcompile.validation import explain
+from qcompile.version import versions
 
 TASKS: dict[TaskKind, type[Task]] = {
     task.kind: task for task in (RunTask, CalibrateTask, ValidateTask)
 }
-_PACKAGES = ("qcompile", "numpy", "gymnasium", "qiskit", "qiskit-ibm-runtime")
+_PACKAGES = ("numpy", "gymnasium", "qiskit", "qiskit-ibm-runtime")
 
 
 def begin(runs: Path, task: Task, max_qpu_seconds: float) -> Journal:
@@ -46,7 +46,7 @@ def begin(runs: Path, task: Task, max_qpu_seconds: float) -> Journal:
         LiveError: the folder cannot be made.
     """
     settings = task.model_dump(mode="json")
-    return Journal.create(runs, task.kind, task.name, settings, versions(), max_qpu_seconds)
+    return Journal.create(runs, task.kind, task.name, settings, _versions(), max_qpu_seconds)
 
 
 def task_of(journal: Journal) -> Task:
@@ -202,22 +202,16 @@ def where_it_stands(journal: Journal) -> str:
     return f"Jobs done: {journal.jobs_done()}{steps}; all of it is kept."
 
 
-def versions() -> dict[str, str]:
+def _versions() -> dict[str, str]:
     """What a run has to be played again with."""
-    found = {"machine": platform.machine()}
-    for package in _PACKAGES:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            found[package] = "none"
-    return found
+    return versions(*_PACKAGES) | {"machine": platform.machine()}
 
 
 def _explained(error: QcompileError, journal: Journal) -> QcompileError:
     """The error, with where the run stands and what to do."""
     export = f"`{export_command(journal)}` gives what was measured."
     if isinstance(error, ReplayError):
-        now = versions()
+        now = _versions()
         other = [
             f"{one_line(name, 40)} {one_line(was, 40)}, now {now.get(name)}"
             for name, was in journal.versions.items()

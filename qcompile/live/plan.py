@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from qcompile.deploy.play import play
+from qcompile.deploy.result import RunResult
 from qcompile.execution import Workload
 from qcompile.limits import FREE_SECONDS, USD_PER_SECOND
 from qcompile.live.play import RunTask
 from qcompile.mitigation import CALIBRATION_SHOTS, calibration_workload
 from qcompile.mitigation.measure import LIVE_ANGLES_RAD
 from qcompile.passes import compile
-from qcompile.rl.evaluate import RunResult, play
 
 PAPER, PACKED = "as in the paper", "packed"
 LOCKSTEP, TWIN = "packed, lockstep", "calibrate, play twin"

@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qcompile.calibration import Calibration
+from qcompile.deploy.deployment import Deployment
+from qcompile.deploy.lockstep import Act
+from qcompile.deploy.play import play
 from qcompile.errors import LiveError, ReplayError
 from qcompile.live.executor import IBMExecutor
 from qcompile.live.journal import Journal, TaskKind
 from qcompile.live.task import Context, Task
 from qcompile.policy.files import PolicyFile
-from qcompile.rl.evaluate import Deployment, play
-from qcompile.rl.lockstep import Act
 
 _ROUNDING = 1e-9
 """Another processor may round the last digits otherwise."""

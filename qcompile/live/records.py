@@ -10,8 +10,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from qcompile.arrays import CountArray, FloatArray
 from qcompile.errors import LiveError
-from qcompile.execution.executor import CountArray, FloatArray
 from qcompile.reading import ContentsError, read_npy
 
 State = Literal["intended", "sending", "sent", "done", "failed"]

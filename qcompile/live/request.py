@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
-from qcompile.execution.executor import CountArray
+from qcompile.arrays import CountArray
 
 
 class Request(Protocol):

@@ -7,13 +7,13 @@ from typing import Any, ClassVar
 import numpy as np
 
 from qcompile.calibration import Calibration
+from qcompile.deploy.twin_check import check_twin
+from qcompile.deploy.twin_power import EFFECT, twin_program
 from qcompile.execution import Workload
 from qcompile.live.executor import IBMExecutor
 from qcompile.live.journal import TaskKind
 from qcompile.live.task import Context, Task
 from qcompile.policy.files import PolicyFile
-from qcompile.rl.twin_check import check_twin
-from qcompile.rl.twin_power import EFFECT, twin_program
 
 
 class ValidateTask(Task):

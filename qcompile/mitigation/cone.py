@@ -6,9 +6,8 @@ import warnings
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from qcompile.arrays import FloatArray
 
 _ROUNDING = 1e-9
 _SOLVERS: tuple[tuple[str, dict[str, Any]], ...] = (

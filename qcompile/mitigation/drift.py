@@ -7,10 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from qcompile.arrays import FloatArray
 from qcompile.calibration import Calibration, ReadoutCounts, ResponseCounts
 from qcompile.errors import CalibrationError
-
-FloatArray = NDArray[np.float64]
 
 DRIFT_LEVEL = 0.001
 """A calibration that holds is contradicted this often, all its qubits together."""

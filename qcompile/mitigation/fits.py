@@ -5,15 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from qcompile.arrays import FloatArray, IntArray
 from qcompile.calibration import ReadoutFit, ResponseFit, weakness
 from qcompile.errors import CalibrationError
 from qcompile.mitigation.cone import within_cone
 from qcompile.validation import listed
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
 
 _LEAST_SPREAD = 1e-3  # of the angles: else one of b, c and s is hardly measured
 PRIOR_SHOTS = 8.0

@@ -11,6 +11,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from qcompile.arrays import FloatArray, IntArray
 from qcompile.calibration import Calibration, ReadoutCounts, ResponseCounts
 from qcompile.device import Device
 from qcompile.errors import CalibrationError
@@ -21,8 +22,6 @@ from qcompile.mitigation.fits import fit_readout, fit_response
 from qcompile.mitigation.orders import angle_orders
 from qcompile.passes import Executable, compile
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
 Part = Literal["readout", "response"]
 
 CALIBRATION_SHOTS = 8192

@@ -10,10 +10,8 @@ from functools import lru_cache
 from itertools import islice, permutations
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
+from qcompile.arrays import FloatArray, IntArray
 
 ORDERS = 64
 """Qubits whose numbers differ by a multiple of this share an order; neighbours never do."""

@@ -7,12 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from qcompile.arrays import FloatArray
 from qcompile.calibration import Calibration
 from qcompile.errors import CalibrationError
 from qcompile.mitigation.undo import Mitigation, response_mitigation
 from qcompile.passes import Executable
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

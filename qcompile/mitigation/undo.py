@@ -9,14 +9,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from qcompile.arrays import FloatArray
 from qcompile.calibration import Calibration
 from qcompile.errors import CalibrationError
 from qcompile.mitigation.misfit import misfits
 from qcompile.mitigation.polar import polar_curves
 from qcompile.passes import Executable
 from qcompile.validation import listed
-
-FloatArray = NDArray[np.float64]
 
 MOST_TILT_RAD = 0.25
 """Near a pole `<Z>` that differ by 2 sin(tilt)^2 may be confused: up to 0.12 at this tilt."""

@@ -9,16 +9,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from qcompile.arrays import FloatArray, IntArray
 from qcompile.device import Device
 from qcompile.errors import CircuitError
 from qcompile.ir import Angle, Circuit, Gate, Program
 from qcompile.ir.table import AngleTable, are_large
 from qcompile.simulate import Definitions
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
 
 _SLOT_GATES = ("rz", "rx")
 

@@ -8,14 +8,12 @@ from itertools import chain
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from qcompile.arrays import FloatArray
 from qcompile.ir import FIXED_GATES, ROTATION_GATES, Angle, Circuit, Gate, Program
 from qcompile.ir.turns import reduced
 from qcompile.passes.base import Promise
 from qcompile.simulate import euler_angles
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from qcompile.arrays import FloatArray
 from qcompile.device import IDEAL, Device
 from qcompile.errors import CircuitError
 from qcompile.ir import Program
@@ -11,7 +12,7 @@ from qcompile.passes.executable import Executable
 from qcompile.passes.fuse_known import FuseKnown
 from qcompile.passes.fuse_rotations import FuseRotations
 from qcompile.passes.merge_rotations import MergeRotations
-from qcompile.passes.place import FloatArray, place
+from qcompile.passes.place import place
 from qcompile.passes.to_native import NativeSet, ToNative
 from qcompile.passes.to_rotations import ToRotations
 

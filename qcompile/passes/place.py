@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from qcompile.arrays import FloatArray, IntArray
 from qcompile.device import Device
 from qcompile.errors import CircuitError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
 
 
 def place(

@@ -8,13 +8,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from qcompile.arrays import FloatArray, IntArray
 from qcompile.errors import PolicyError
 from qcompile.ir import Program
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
 
 ENCODINGS: dict[str, Callable[[FloatArray], FloatArray]] = {
     "arctan": np.arctan,

@@ -14,10 +14,11 @@ from functools import cached_property
 
 import numpy as np
 
+from qcompile.arrays import FloatArray, IntArray
 from qcompile.errors import PolicyError
 from qcompile.ir import NEGLIGIBLE_RAD, Angle, Circuit
 from qcompile.ir.table import AngleTable, are_large
-from qcompile.policy.policy import FloatArray, IntArray, Policy
+from qcompile.policy.policy import Policy
 from qcompile.simulate import alternating
 
 MOST_TERMS = 10_000

@@ -8,15 +8,14 @@ from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from qcompile.arrays import FloatArray
 from qcompile.calibration import Calibration, ReadoutCounts, ResponseCounts
 from qcompile.report.calibration_values import bad_fits, calibration_values
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-FloatArray = NDArray[np.float64]
 
 _MOST_COLUMNS = 8
 _MOST_CURVES = 32

@@ -109,7 +109,7 @@ def print_run(summary: dict[str, Any]) -> None:
 
 
 def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
-    from qcompile.rl.intervals import unseen_share
+    from qcompile.deploy.intervals import unseen_share
 
     rewards = [episode["reward"] for episode in summary["episodes"]]
     if rewards:

@@ -6,12 +6,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from qcompile.arrays import FloatArray
 from qcompile.ir import Circuit, Gate
 from qcompile.passes import Executable
-
-FloatArray = NDArray[np.float64]
 
 
 def wire(circuit: Circuit) -> str:

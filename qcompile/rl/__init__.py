@@ -1,1 +1,1 @@
-"""Reinforcement learning: environments, training, and playing with a policy on a backend."""
+"""Reinforcement learning: the trainer, its models, presets and checkpoints."""

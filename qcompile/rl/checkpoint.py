@@ -11,20 +11,20 @@ from typing import Annotated, Any
 import torch
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from qcompile.errors import EnvironmentStepError, QcompileError, TrainingError
-from qcompile.limits import MAX_CHECKPOINT_BYTES, MAX_HISTORY_VALUES
-from qcompile.output import write_file
-from qcompile.reading import ContentsError, load_json, read_file, read_torch
-from qcompile.rl.environments import (
+from qcompile.deploy.environments import (
     close_environments,
     features_and_actions,
     make_environments,
 )
+from qcompile.errors import EnvironmentStepError, QcompileError, TrainingError
+from qcompile.limits import MAX_CHECKPOINT_BYTES, MAX_HISTORY_VALUES
+from qcompile.output import write_file
+from qcompile.reading import ContentsError, load_json, read_file, read_torch
 from qcompile.rl.models import critic_size, model_size
 from qcompile.rl.ppo import Trainer
-from qcompile.rl.settings import Settings, plain, restored
-from qcompile.rl.versions import versions
+from qcompile.rl.settings import PACKAGES, Settings, plain, restored
 from qcompile.validation import Line, explain
+from qcompile.version import versions
 
 FORMAT = "qcompile-checkpoint-1"
 
@@ -113,7 +113,7 @@ def save_checkpoint(trainer: Trainer, path: Path, state: Mapping[str, Any] | Non
             "environment": trainer.environment,
             "settings": json.dumps(plain(trainer.settings)),
             "seed": trainer.seed,
-            "versions": versions(),
+            "versions": versions(*PACKAGES),
             "tensors": {name: state[name] for name in _TENSORS},
             "plain": json.dumps({k: v for k, v in state.items() if k not in _TENSORS}),
         },
@@ -149,7 +149,7 @@ def load_checkpoint(path: Path) -> tuple[Trainer, list[str]]:
     except Exception as error:  # wrong values lead torch and the environments into any error
         why = f"{type(error).__name__}: {error}".splitlines()[0][:200]
         raise TrainingError(f"Checkpoint {path} is damaged.", why) from error
-    now = versions()
+    now = versions(*PACKAGES)
     differ = [
         f"{name} {made} then, {now.get(name, 'none')} now"
         for name, made in saved.versions.items()

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import torch
 
+from qcompile.deploy.measurement import Measurement
 from qcompile.device import load_device
 from qcompile.execution import OfflineExecutor
-from qcompile.rl.measurement import Measurement
 from qcompile.rl.models import SVQC
 from qcompile.rl.models.svqc import numbers
 from qcompile.rl.settings import Settings

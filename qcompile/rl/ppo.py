@@ -20,8 +20,8 @@ from qcompile.rl.models import SVQC, Surrogate, make_critic, make_model, paramet
 from qcompile.rl.noise import ActingNoise
 from qcompile.rl.pause import Pause
 from qcompile.rl.rollout import Collector, FinishedEpisode, Rollout
-from qcompile.rl.settings import Settings, plain
-from qcompile.rl.versions import versions
+from qcompile.rl.settings import PACKAGES, Settings, plain
+from qcompile.version import versions
 
 _LEAST_RATE = 0.02
 
@@ -157,7 +157,7 @@ class Trainer:
             "episodes": len(self.history),
             "steps": self.steps,
             "settings": plain(self.settings),
-            "versions": versions(),
+            "versions": versions(*PACKAGES),
         }
         name = self.environment.rsplit("-v", 1)[0].lower()
         return self.actor.policy(name, self.environment, metadata)

@@ -9,17 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from qcompile.errors import TrainingError
-from qcompile.rl.environments import (
+from qcompile.arrays import BoolArray, FloatArray, IntArray
+from qcompile.deploy.environments import (
     close_environments,
     features_and_actions,
     make_environments,
 )
-from qcompile.rl.stepping import Stepper, check_finite
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
-BoolArray = NDArray[np.bool_]
+from qcompile.deploy.stepping import Stepper, check_finite
+from qcompile.errors import TrainingError
 
 
 @dataclass(frozen=True)

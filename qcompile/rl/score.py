@@ -6,11 +6,12 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from qcompile.deploy.deployment import Deployment
+from qcompile.deploy.environments import close_environments, make_environments
+from qcompile.deploy.lockstep import Act, Episode, lockstep
+from qcompile.deploy.play import play
 from qcompile.device import load_device
 from qcompile.policy import draw_actions
-from qcompile.rl.environments import close_environments, make_environments
-from qcompile.rl.evaluate import Deployment, play
-from qcompile.rl.lockstep import Act, Episode, lockstep
 from qcompile.rl.ppo import Trainer
 
 

@@ -14,6 +14,8 @@ from qcompile.errors import TrainingError
 from qcompile.validation import explain
 
 Model = Literal["svqc", "mvqc", "fcn", "cnn", "surrogate"]
+PACKAGES = ("torch", "numpy", "gymnasium")
+"""A training repeats with the same versions of these."""
 MODELS: tuple[Model, ...] = ("svqc", "mvqc", "fcn", "cnn", "surrogate")
 
 Count = Annotated[int, Field(ge=1, le=1_000_000_000)]

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from qcompile.errors import CalibrationError
-from qcompile.evaluation.cell import CellFailure, run_cell
+from qcompile.sweep.evaluation.cell import CellFailure, run_cell
 
 Call = Callable[..., Any]
 
@@ -26,7 +26,7 @@ def unplayed(monkeypatch: pytest.MonkeyPatch) -> None:
     def run_all(*_: Any, **__: Any) -> None:
         pytest.fail("played before everything was checked")
 
-    monkeypatch.setattr("qcompile.study.engine.run_all", run_all)
+    monkeypatch.setattr("qcompile.sweep.engine.run_all", run_all)
 
 
 def without_time(values: dict[str, Any]) -> dict[str, Any]:
@@ -82,7 +82,7 @@ def test_what_is_there_is_not_played_again(
     words = ("evaluate", policy(), *FEW, "--shots", 16)
     first = qcompile(*words, "--json")
     with monkeypatch.context() as changed:
-        changed.setattr("qcompile.evaluation.cell.run_cell", pytest.fail)
+        changed.setattr("qcompile.sweep.evaluation.cell.run_cell", pytest.fail)
         assert qcompile(*words, "--json").out == first.out
     Path("e/cells", TINY.format("none")).write_text("{")
     answer = qcompile(*words)
@@ -125,7 +125,7 @@ def test_a_cell_that_fails_is_named_and_the_others_are_kept(
             return CellFailure(cell.name, str(error))
         return run_cell(cell)
 
-    monkeypatch.setattr("qcompile.evaluation.cell.run_cell", run)
+    monkeypatch.setattr("qcompile.sweep.evaluation.cell.run_cell", run)
     answer = qcompile("evaluate", policy(), *FEW, "--shots", 16, "--json")
     assert answer.code == 1
     assert [values["mitigation"] for values in answer.json()["results"]] == ["none", "none"]

@@ -168,7 +168,7 @@ def test_what_does_not_fit_is_refused_before_any_episode(
     monkeypatch: pytest.MonkeyPatch,
     what: str,
 ) -> None:
-    monkeypatch.setattr("qcompile.study.engine.run_all", pytest.fail)
+    monkeypatch.setattr("qcompile.sweep.engine.run_all", pytest.fail)
     measure = ("calibrate", "--backend", "fake_lima", "--qubits")
     assert qcompile(*measure, "0,1", "--out", "two.json").code == 0
     assert qcompile(*measure, "0,1,2,3,4", "--parts", "readout", "--out", "part.json").code == 0

@@ -37,7 +37,7 @@ def test_without_a_frame_there_is_no_film(
     def act(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("qcompile.rl.evaluate.Deployment.act", act)
+    monkeypatch.setattr("qcompile.deploy.play.Deployment.act", act)
     answer = qcompile("run", policy(), "--video", "a.gif")
     assert answer.code == 1
     first, second, *_ = answer.err.splitlines()
@@ -60,7 +60,7 @@ def nothing_is_played(monkeypatch: pytest.MonkeyPatch) -> None:
     def play(*_: object, **__: object) -> None:
         pytest.fail("played before the output was checked")
 
-    monkeypatch.setattr("qcompile.rl.evaluate.play", play)
+    monkeypatch.setattr("qcompile.deploy.play.play", play)
 
 
 @pytest.mark.usefixtures("nothing_is_played")

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 import torch
 
-from qcompile.study.cell import run_cell
-from qcompile.study.paper import rows
+from qcompile.sweep.study.cell import run_cell
+from qcompile.sweep.study.paper import rows
 
 Call = Callable[..., Any]
 
@@ -36,7 +36,7 @@ def untrained(monkeypatch: pytest.MonkeyPatch) -> None:
     def run_cells(*_: Any, **__: Any) -> None:
         pytest.fail("trained before everything was checked")
 
-    monkeypatch.setattr("qcompile.study.engine.run_cells", run_cells)
+    monkeypatch.setattr("qcompile.sweep.engine.run_cells", run_cells)
 
 
 def test_help_names_figures_and_engines(qcompile: Call) -> None:
@@ -114,7 +114,7 @@ def test_an_interrupted_study_keeps_what_is_finished(
         raise KeyboardInterrupt
 
     with monkeypatch.context() as changed:
-        changed.setattr("qcompile.study.engine.run_cells", run_cells)
+        changed.setattr("qcompile.sweep.engine.run_cells", run_cells)
         answer = qcompile(*ROW, *FEW, "--seeds", 2, "--out", "s", *["--json"] * as_json)
     assert (answer.code, answer.out) == (1, "")
     assert answer.err == (
@@ -133,7 +133,7 @@ def test_what_the_engine_says_goes_to_standard_error(
         on_loss("workers were lost")
         on_result(run_cell(cells[0], evaluation))
 
-    monkeypatch.setattr("qcompile.study.engine.run_cells", run_cells)
+    monkeypatch.setattr("qcompile.sweep.engine.run_cells", run_cells)
     answer = qcompile(*ONE, "--out", "s", "--json")
     assert (answer.code, answer.err) == (0, "workers were lost\n")
     assert answer.json()["trained"] == 1

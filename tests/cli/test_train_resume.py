@@ -128,7 +128,7 @@ def test_evaluations_go_on_where_they_stopped(qcompile: Call, ctrl_c: Call) -> N
 def test_a_killed_training_goes_on_from_the_last_checkpoint(
     qcompile: Call, killed: Call, monkeypatch: pytest.MonkeyPatch, left: Call
 ) -> None:
-    monkeypatch.setattr("qcompile.report.watch.CHECKPOINT_SECONDS", 0.0)
+    monkeypatch.setattr("qcompile.rl.watch.CHECKPOINT_SECONDS", 0.0)
     words = ("train", "CartPole-v1", *PAPER)
     assert qcompile(*words, "--out", "whole/p.json").code == 0
     killed(6)
@@ -202,9 +202,11 @@ def state(qcompile: Call) -> str:
 def test_other_versions_are_told(
     qcompile: Call, state: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from qcompile.rl.versions import versions
+    from qcompile.version import versions
 
-    monkeypatch.setattr("qcompile.rl.checkpoint.versions", lambda: versions() | {"numpy": "0.1"})
+    monkeypatch.setattr(
+        "qcompile.rl.checkpoint.versions", lambda *names: versions(*names) | {"numpy": "0.1"}
+    )
     answer = qcompile("train", "CartPole-v1", "--resume", state, "--out", "p.pt", "--json")
     assert answer.code == 0
     assert answer.json()["episodes"] == 1

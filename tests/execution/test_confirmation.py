@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, norm
 
+from qcompile.deploy.deployment import Deployment
 from qcompile.device import IDEAL
 from qcompile.execution import OfflineExecutor
 from qcompile.passes import compile
 from qcompile.policy import load_policy
-from qcompile.rl.evaluate import Deployment
 
 pytest.importorskip("qiskit_ibm_runtime")
 

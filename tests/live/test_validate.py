@@ -10,13 +10,13 @@ import pytest
 from live_runs import Runs
 from scipy.stats import binom, kstest
 
+from qcompile.deploy.twin_check import check_twin
 from qcompile.device import load_device
 from qcompile.errors import CalibrationError
 from qcompile.execution import OfflineExecutor
 from qcompile.mitigation import calibrate
 from qcompile.mitigation.measure import LIVE_ANGLES_RAD
 from qcompile.policy import load_policy
-from qcompile.rl.twin_check import check_twin
 
 LIVE = ("--live", "--max-qpu-seconds", 60, "--yes")
 

@@ -79,7 +79,7 @@ _OTHERS = {
     ("cli/__init__.py", "open"): "os.devnull, written to",
     ("live/opening.py", "open"): "a folder, to have its names on the disk",
     ("output.py", "fdopen"): "written to",
-    ("report/training_log.py", "open"): "written to",
+    ("rl/training_log.py", "open"): "written to",
     ("report/film.py", "read_bytes"): "the film it has just made",
 }
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import torch
 
+from qcompile.deploy.deployment import Deployment
 from qcompile.device import load_device
-from qcompile.rl.evaluate import Deployment
 from qcompile.rl.models import SVQC
 from qcompile.rl.noise import ActingNoise
 from qcompile.rl.ppo import Trainer, TrainingResult

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 import torch
 
+from qcompile.deploy.environments import features_and_actions, make_environments
 from qcompile.errors import TrainingError
-from qcompile.rl.environments import features_and_actions, make_environments
 from qcompile.rl.models import make_model
 from qcompile.rl.presets import PRESETS, settings_for
 from qcompile.rl.settings import MODELS, Settings, plain, restored

@@ -1,0 +1,1 @@
+"""Play a policy on a backend: settings, measurement, episodes in lockstep."""

@@ -1,0 +1,74 @@
+"""Play episodes side by side: every step serves all that still live."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qcompile.deploy.environments import Environment, frames_per_second
+from qcompile.deploy.stepping import Stepper, check_finite
+
+Act = Callable[[NDArray[np.float64]], NDArray[np.intp]]
+Frame = NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class Episode:
+    """One finished episode: the seed of its reset, its total reward, its number of steps."""
+
+    seed: int
+    reward: float
+    length: int
+
+
+def lockstep(
+    act: Act,
+    environments: list[Environment],
+    first_seed: int,
+    *,
+    max_steps: int | None = None,
+    on_step: Callable[[int], None] = lambda living: None,
+    on_rewards: Callable[[list[float]], None] = lambda rewards: None,
+    on_episode: Callable[[Episode], None] = lambda episode: None,
+    on_frame: Callable[[Frame, float], None] | None = None,
+) -> None:
+    """Play one episode in every environment, the i-th reset with `first_seed` + i.
+
+    `act` maps the observations (B, features) of the living episodes to actions (B,). `on_step` gets
+    their number with each step, `on_rewards` what they earned by it; `on_frame` the frames of the
+    first episode, (height, width, 3), and how many of them make a second. After `max_steps` an
+    episode ends, whatever the environment says.
+
+    Raises:
+        EnvironmentStepError: an environment fails, or gives what no policy can use.
+    """
+    living = [Stepper(environment) for environment in environments]
+    filmed = living[0] if on_frame is not None else None
+    fps = frames_per_second(environments[0])
+    first = [stepper.reset(first_seed + i) for i, stepper in enumerate(living)]
+    observations = np.stack(first).astype(np.float64)
+    length = 0
+    while living:
+        actions = act(observations).tolist()
+        on_step(len(living))
+        length += 1
+        seen = np.empty_like(observations)
+        ended = np.zeros(len(living), dtype=bool)
+        rewards: list[float] = []
+        for i, (stepper, action) in enumerate(zip(living, actions, strict=True)):
+            seen[i], reward, terminated, truncated = stepper.step(action)
+            rewards.append(reward)
+            if stepper is filmed and on_frame is not None:
+                on_frame(stepper.environment.render(), fps)  # type: ignore[arg-type]
+            if terminated or truncated or length == max_steps:
+                ended[i] = True
+                on_episode(Episode(stepper.seed, stepper.reward, length))
+        check_finite(living, seen)
+        if ended.any():
+            living = [stepper for stepper, over in zip(living, ended, strict=True) if not over]
+            seen = seen[~ended]
+        observations = seen
+        on_rewards(rewards)

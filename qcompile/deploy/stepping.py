@@ -1,0 +1,179 @@
+"""The one gate to environments: actions by their own numbers, observations and rewards checked.
+
+Gymnasium's checker looks at the first step alone and warns; here every step is checked, and what no
+policy can use ends the episode with an error in words.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium.spaces import Discrete
+from numpy.typing import NDArray
+
+from qcompile.deploy.environments import Environment, environment_name
+from qcompile.errors import EnvironmentStepError
+
+_NUMBERS = "biuf"
+"""The kinds of numpy types that are real numbers."""
+_LONGEST_WORDS = 200
+_LARGEST_REWARD = 1e150
+"""The squares of larger ones overflow, so that they have no deviation."""
+
+
+class Stepper:
+    """An environment as a policy sees it.
+
+    Actions count from 0, whatever number the environment gives its first one. Observations are
+    vectors of the declared number of features, in `dtype`: float32 where that holds every number of
+    the declared type, float64 elsewhere. `seed` is that of the last reset, `length` the steps since
+    and `reward` what they earned.
+    """
+
+    __slots__ = (
+        *("_first_action", "_shape", "_step"),
+        *("dtype", "environment", "length", "reward", "seed"),
+    )
+
+    def __init__(self, environment: Environment):
+        observed, acted = environment.observation_space, environment.action_space
+        assert isinstance(acted, Discrete)
+        assert observed.dtype is not None
+        self.environment, self._step = environment, environment.step
+        self._first_action, self._shape = int(acted.start), observed.shape
+        holds_all = np.can_cast(observed.dtype, np.float32)
+        self.dtype: np.dtype[Any] = np.dtype(np.float32 if holds_all else np.float64)
+        self.seed, self.length, self.reward = 0, 0, 0.0
+
+    def reset(self, seed: int) -> NDArray[Any]:
+        """Begin an episode; its first observation (features,).
+
+        Raises:
+            EnvironmentStepError: the reset fails, or gives no such observation.
+        """
+        self.seed, self.length, self.reward = seed, 0, 0.0
+        try:
+            answer = self.environment.reset(seed=seed)
+        except Exception as error:  # a user's environment may raise anything
+            raise self._failed(error) from error
+        if not isinstance(answer, tuple) or len(answer) != 2:
+            raise self.error(
+                f"reset gave {_described(answer)}.", "It must give (observation, info)."
+            )
+        observation = self._vector(answer[0])
+        check_finite([self], observation[None])
+        return observation
+
+    def step(self, action: int) -> tuple[NDArray[Any], float, bool, bool]:
+        """Take an action, 0 the first: observation (features,), reward, terminated, truncated.
+
+        The reward is finite; whether the observation is, `check_finite` tells for many at once.
+
+        Raises:
+            EnvironmentStepError: the step fails, or gives anything else.
+        """
+        self.length += 1
+        try:
+            answer = self._step(self._first_action + action)
+        except Exception as error:  # a user's environment may raise anything
+            raise self._failed(error) from error
+        if type(answer) is not tuple or len(answer) != 5:
+            raise self._wrong_step(answer)
+        seen, reward, terminated, truncated, _ = answer
+        if type(seen) is not np.ndarray or seen.shape != self._shape or seen.dtype != self.dtype:
+            seen = self._vector(seen)
+        if type(reward) is not float:  # numpy's own double is a float too, and the usual one
+            reward = float(reward) if isinstance(reward, float) else self._number(reward)
+        self.reward += reward
+        if not abs(self.reward) <= _LARGEST_REWARD:
+            raise self.error(
+                f"the reward is {reward}.",
+                "Rewards and their sum over an episode must be finite, "
+                f"and at most {_LARGEST_REWARD:g}.",
+            )
+        if type(terminated) is not bool or type(truncated) is not bool:
+            terminated, truncated = self._flag(terminated), self._flag(truncated)
+        return seen, reward, terminated, truncated
+
+    def error(self, what: str, *hints: str) -> EnvironmentStepError:
+        """An error that names the environment, the episode and the step."""
+        where = f"step {self.length}" if self.length else "its reset"
+        name = environment_name(self.environment)
+        return EnvironmentStepError(f"{name}, episode of seed {self.seed}, {where}: {what}", *hints)
+
+    def _failed(self, error: Exception) -> EnvironmentStepError:
+        words = str(error).strip().splitlines()
+        # a wrapper took the answer apart
+        if isinstance(error, ValueError | TypeError) and "unpack" in str(error):
+            return self._wrong_step(None)
+        if isinstance(error, TypeError) and "'seed'" in str(error):
+            return self.error(
+                "reset takes no seed.", "It must be reset(*, seed=None, options=None)."
+            )
+        said = words[0][:_LONGEST_WORDS] if words else type(error).__name__
+        return self.error(f"the environment failed: {said}")
+
+    def _wrong_step(self, answer: Any) -> EnvironmentStepError:
+        found = "another number of values" if answer is None else _described(answer)
+        return self.error(
+            f"step gave {found}.",
+            "It must give (observation, reward, terminated, truncated, info); four values are the "
+            "API of gym before 0.26.",
+        )
+
+    def _vector(self, seen: Any) -> NDArray[Any]:
+        try:
+            array = np.asarray(seen)
+        except Exception as error:  # a ragged list, or whatever an object raises
+            raise self.error(f"the observation is {_described(seen)}.", self._needed()) from error
+        if array.shape != self._shape or array.dtype.kind not in _NUMBERS:
+            raise self.error(f"the observation is {_described(seen)}.", self._needed())
+        with np.errstate(over="ignore"):  # what becomes infinite is told by check_finite
+            return array.astype(self.dtype)
+
+    def _needed(self) -> str:
+        return f"Its space declares numbers of shape {self._shape}."
+
+    def _number(self, reward: Any) -> float:
+        if isinstance(reward, (int, np.generic, np.ndarray)):
+            array = np.asarray(reward)
+            if array.shape == () and array.dtype.kind in _NUMBERS:
+                return float(array)
+        raise self.error(f"the reward is {_described(reward)}.", "A reward must be one number.")
+
+    def _flag(self, flag: Any) -> bool:
+        if isinstance(flag, int | np.bool_ | np.integer) and flag in (0, 1):
+            return bool(flag)
+        raise self.error(
+            f"terminated and truncated must be true or false, found {_described(flag)}."
+        )
+
+
+def check_finite(steppers: Sequence[Stepper], observations: NDArray[Any]) -> None:
+    """Nothing, if the observations (n, features) of these n environments are finite.
+
+    Raises:
+        EnvironmentStepError: one is not; the message names the first, and its feature.
+    """
+    if math.isfinite(np.vdot(observations, observations)):  # the quickest look; it may overflow
+        return
+    for row, feature in np.argwhere(~np.isfinite(observations)):
+        value = observations[row, feature]
+        raise steppers[row].error(
+            f"feature {feature} of the observation is {value}.", "Observations must be finite."
+        )
+
+
+def _described(value: Any) -> str:
+    """What a value is, in a few words."""
+    if value is None:
+        return "None"
+    if isinstance(value, tuple):
+        return f"{len(value)} values"
+    if isinstance(value, np.ndarray):
+        return f"an array of shape {value.shape} and type {value.dtype}"
+    kind = type(value).__name__
+    return f"{'an' if kind[0] in 'aeiou' else 'a'} {kind}"

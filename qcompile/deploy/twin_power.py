@@ -1,0 +1,191 @@
+"""How likely a check of a twin finds a readout that changed, and what it takes to find it.
+
+A p01 = P(0 | 1) that is raised by an effect moves the `<Z>` of its qubit by effect (1 - u), where
+u = cos(w - tilt) is the `<Z>` before the readout: a move of (b, c, s) of its curve. The chi-square
+of `check_twin` is then noncentral, by v' (A^-1 + C)^-1 v: v is that move, A the information of the
+shots and C the covariance of the calibrated curve.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from qcompile.arrays import FloatArray, IntArray
+from qcompile.calibration import Calibration
+from qcompile.errors import CalibrationError
+from qcompile.execution import TwinExecutor
+from qcompile.limits import MAX_SHOTS
+from qcompile.mitigation.drift import DRIFT_LEVEL
+from qcompile.mitigation.polar import polar_curves
+from qcompile.passes import Executable, compile
+from qcompile.policy import Policy
+
+EFFECT = 0.05
+"""Validation by default looks for a p01 of a qubit that is raised by as much."""
+POWER = 0.9
+"""It finds that on any one qubit at least this often."""
+_LEAST_ROWS, _MOST_ROWS = 4, 16
+_LEAST_SHOTS = 256
+_MOST_SHOTS = 4
+"""Times the shots of the calibration: beyond that its own errors are all that is seen."""
+_MOST_EXECUTIONS = 60_000
+"""Of a round: 21 seconds. More are not chosen unasked."""
+_WITHIN_REACH = 0.95
+_NO_THETA = np.zeros(0)
+
+
+def twin_program(calibration: Calibration, policy: Policy) -> tuple[TwinExecutor, Executable]:
+    """The twin, and the policy compiled for it at level 2.
+
+    Raises:
+        CalibrationError: the calibration has no curves, or not enough qubits.
+    """
+    twin = TwinExecutor(calibration)
+    return twin, compile(policy.trained_program, twin.device, 2, policy.importance)
+
+
+@dataclass(frozen=True, eq=False)
+class TwinShown:
+    """What a twin shows of a policy's circuits for some observations.
+
+    `expected` are its `<Z>` and `design` the (1, cos a, sin a) of the angles, (rows, circuits) and
+    (rows, circuits, 3); `qubits` are those of the circuits, each once, `own` (circuits,) the number
+    of each circuit's, `covariance` (qubits, 3, 3) and `moves` (qubits, 3) the covariance of the
+    curves and the moves of (b, c, s) when p01 is raised by 1.
+    """
+
+    expected: FloatArray
+    design: FloatArray
+    qubits: IntArray
+    own: IntArray
+    covariance: FloatArray
+    moves: FloatArray
+
+    @classmethod
+    def of(cls, calibration: Calibration, policy: Policy, observations: FloatArray) -> TwinShown:
+        """That of the policy's circuits for observations (rows, features).
+
+        Raises:
+            CalibrationError: the calibration has no curves, or a circuit lies on none.
+        """
+        twin, executable = twin_program(calibration, policy)
+        _check_curves(executable)
+        fit = calibration.response
+        assert fit is not None  # the twin has curves
+        x = policy.encode(observations)
+        angles = executable.bind(x, _NO_THETA)
+        qubits, own = np.unique(executable.qubits, return_inverse=True)
+        rows = calibration.rows(qubits)
+        contrast = polar_curves(fit, math.cos(executable.angle_offset_rad)).contrast[rows]
+        moves = -np.array(fit.curves)[rows] / contrast[:, None]
+        moves[:, 0] = 1.0
+        return cls(
+            expected=twin.expectation(executable, x, _NO_THETA),
+            design=np.stack([np.ones_like(angles), np.cos(angles), np.sin(angles)], axis=-1),
+            qubits=qubits,
+            own=own,
+            covariance=np.array(fit.covariance)[rows],
+            moves=moves,
+        )
+
+    def variance(self, shots: int) -> FloatArray:
+        """The variance of each `<Z>` by shot noise, (rows, circuits)."""
+        return np.asarray(np.maximum(1.0 - self.expected**2, 1.0 / shots) / shots)
+
+    def powers(self, shots: int, effect: float) -> FloatArray:
+        """How often a check of the first row, the first two, ... finds `effect`, (rows, qubits)."""
+        from scipy.stats import chi2, ncx2
+
+        weighed = self.design / self.variance(shots)[..., None]
+        by_circuit = np.einsum("rci,rcj->rcij", weighed, self.design)
+        information = self._of_qubits(by_circuit).cumsum(axis=0)
+        seen = information @ np.linalg.inv(np.eye(3) + self.covariance @ information)
+        moved = effect**2 * np.einsum("qi,rqij,qj->rq", self.moves, seen, self.moves)
+        count = np.arange(1, len(self.expected) + 1)[:, None]
+        degrees = count * np.bincount(self.own)
+        least = chi2.isf(DRIFT_LEVEL / len(self.qubits), degrees)
+        return np.asarray(ncx2.sf(least, degrees, np.maximum(moved, 0.0)))
+
+    def visible(self) -> FloatArray:
+        """How well each row shows a p01 that is raised, (rows, qubits): chi-square of one shot."""
+        moved = np.einsum("rci,ci->rc", self.design, self.moves[self.own])
+        return self._of_qubits(moved**2 / np.maximum(1.0 - self.expected**2, 1e-3))
+
+    def _of_qubits(self, circuits: FloatArray) -> FloatArray:
+        """(rows, circuits, ...) summed over the circuits of each qubit."""
+        return np.stack(
+            [circuits[:, self.own == q].sum(axis=1) for q in range(len(self.qubits))], axis=1
+        )
+
+
+def choose_rows(visible: FloatArray, rows: int) -> IntArray:
+    """The numbers of the rows of `visible` (n, qubits) that show all qubits best, greedily.
+
+    No row comes twice before all came once.
+    """
+    chosen: list[int] = []
+    total, free = np.zeros(visible.shape[1]), np.ones(len(visible), dtype=bool)
+    for _ in range(rows):
+        gain = np.log(total + visible + 1e-3).sum(axis=1)
+        chosen.append(int(np.where(free, gain, -np.inf).argmax()))
+        total = total + visible[chosen[-1]]
+        free[chosen[-1]] = False
+        if not free.any():
+            free[:] = True
+    return np.array(chosen)
+
+
+def choose_check(
+    calibration: Calibration,
+    policy: Policy,
+    seen: FloatArray,
+    *,
+    rows: int | None = None,
+    shots: int | None = None,
+    power: float = POWER,
+    effect: float = EFFECT,
+) -> tuple[FloatArray, int, float]:
+    """Observations (rows, features) out of `seen`, and shots, that find `effect` with `power`.
+
+    The third is the power they have, on the qubit where it is least.
+
+    Of all that do, those of the fewest executions; rows or shots that are given stay. Where
+    _MOST_EXECUTIONS or the calibration's own errors do not allow for that power, it is nearly the
+    most that can be had.
+
+    Raises:
+        CalibrationError: the calibration has no curves, or a circuit lies on none.
+    """
+    visible = TwinShown.of(calibration, policy, seen).visible()
+    order = choose_rows(visible, rows or min(_MOST_ROWS, len(seen)))
+    chosen = TwinShown.of(calibration, policy, seen[order])
+    trials = np.array([shots]) if shots is not None else _trials(calibration)
+    found = np.array([chosen.powers(int(trial), effect).min(axis=1) for trial in trials])
+    first = (min(_LEAST_ROWS, len(order)) if rows is None else rows) - 1
+    counts, found = np.arange(first, len(order)) + 1, found[:, first:]
+    executions = trials[:, None] * counts
+    found = np.where(executions <= max(_MOST_EXECUTIONS, executions.min()), found, -1.0)
+    most = float(found.max())
+    enough = found >= (power if most >= power else _WITHIN_REACH * most)
+    trial, row = np.unravel_index(np.where(enough, executions, np.inf).argmin(), found.shape)
+    return seen[order[: counts[row]]], int(trials[trial]), float(found[trial, row])
+
+
+def _trials(calibration: Calibration) -> IntArray:
+    """Numbers of shots to choose from, each a tenth more than the last."""
+    counts = calibration.response_counts
+    measured = 8192 if counts is None or counts.shots is None else counts.shots
+    most = max(min(_MOST_SHOTS * measured, MAX_SHOTS), _LEAST_SHOTS)
+    return np.unique(np.ceil(np.geomspace(_LEAST_SHOTS, most, 60) / 16).astype(int) * 16)
+
+
+def _check_curves(executable: Executable) -> None:
+    for index, gates in enumerate(executable.gate_counts()):
+        if not (gates["rz"] or gates["rx"]):
+            raise CalibrationError(
+                f"Circuit {index} has no rotation: it lies on no curve.",
+                "Validate with another policy.",
+            )

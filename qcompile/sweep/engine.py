@@ -1,0 +1,254 @@
+"""Run cells side by side: on this machine's cores, or on a Dask or Ray cluster.
+
+A cell of a study is one seed on one thread, and every cell draws from its own seed alone, so
+results do not depend on the engine, on the number of workers or on the order. What is finished is
+handed over at once; where a worker is lost its cells run again.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import socket
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+from typing import Any, Literal, Protocol, TypeVar
+from urllib.parse import urlsplit
+
+import joblib
+
+from qcompile.errors import MissingExtraError, QcompileError, StudyError
+from qcompile.sweep.study.cell import EVALUATION_EPISODES, CellResult, run_cell
+from qcompile.sweep.study.rows import Cell
+from qcompile.sweep.workers import end_with
+
+Engine = Literal["processes", "dask", "ray"]
+ENGINES: tuple[Engine, ...] = ("processes", "dask", "ray")
+
+_BACKENDS = {"processes": "loky", "dask": "dask", "ray": "ray"}
+_MOST_LOSSES = 3
+_CONNECT_SECONDS = 5
+
+
+class Named(Protocol):
+    """What is run: each cell has a name of its own."""
+
+    @property
+    def name(self) -> str: ...
+
+
+C = TypeVar("C", bound=Named)
+R = TypeVar("R")
+
+
+class _Failure(str):
+    """What went wrong in a cell, in words."""
+
+
+def run_cells(
+    cells: Sequence[Cell],
+    on_result: Callable[[CellResult], None],
+    *,
+    engine: Engine = "processes",
+    address: str | None = None,
+    workers: int | None = None,
+    evaluation: int = EVALUATION_EPISODES,
+    on_loss: Callable[[str], None] = lambda words: None,
+) -> None:
+    """Train every cell and hand each result to `on_result`: `run_all` for a study's cells."""
+    run_all(
+        cells,
+        partial(run_cell, evaluation=evaluation),
+        on_result,
+        engine=engine,
+        address=address,
+        workers=workers,
+        on_loss=on_loss,
+        noun="training",
+    )
+
+
+def run_all(
+    cells: Sequence[C],
+    run: Callable[[C], R],
+    on_result: Callable[[R], None],
+    *,
+    engine: Engine = "processes",
+    address: str | None = None,
+    workers: int | None = None,
+    on_loss: Callable[[str], None] = lambda words: None,
+    noun: str = "cell",
+) -> None:
+    """Call `run` with every cell and hand each result to `on_result`, in the order they end in.
+
+    `address` is that of a running cluster; without it a local one is started. `workers` is their
+    number, by default one for each core or all that the cluster has. `on_loss` is told when workers
+    were lost and what is left runs again; `noun` is what messages call a cell.
+
+    Raises:
+        StudyError: no such engine, no cluster at the address, `run` failed, or workers were lost
+            several times without a cell getting done.
+        MissingExtraError: the engine's package is not installed.
+    """
+    waiting = {cell.name: cell for cell in cells}
+    if not waiting:
+        return
+    losses = 0
+    if workers is not None:  # one alone would be this process, which ends with a lost cell
+        workers = min(workers, max(len(waiting), 2))
+    with _engine(engine, address, workers) as jobs:
+        found = _outcomes(list(waiting.values()), run, engine, jobs)
+        while waiting:
+            try:
+                name, outcome = next(found)
+            except QcompileError:
+                raise
+            except Exception as error:  # whatever the engine raises where a worker is gone
+                losses += 1
+                words = f"{type(error).__name__}: {error}".splitlines()[0][:200]
+                if losses == _MOST_LOSSES:
+                    raise StudyError(
+                        f"Workers were lost {losses} times while no {noun} got done ({words}).",
+                        "Each needs about 500 MB of memory; try fewer --workers.",
+                        "What is finished is kept: the same command goes on from there.",
+                    ) from error
+                on_loss(f"workers were lost ({words}); {len(waiting)} {noun}s run again")
+                found = _outcomes(list(waiting.values()), run, engine, jobs)
+                continue
+            if isinstance(outcome, _Failure):
+                raise StudyError(f"{name} failed: {outcome}")
+            losses = 0
+            del waiting[name]
+            on_result(outcome)
+        next(found, None)  # so that joblib tidies up
+
+
+def _outcomes(
+    cells: list[C], run: Callable[[C], R], engine: Engine, jobs: int
+) -> Iterator[tuple[str, R | _Failure]]:
+    if engine == "processes":  # the others look after their workers themselves
+        run = partial(_watched, run, os.getpid())
+    tasks = [joblib.delayed(_outcome)(cell, run) for cell in cells]
+    # One cell a task: the next one goes to whoever is free.
+    options: dict[str, Any] = {"n_jobs": jobs, "batch_size": 1, "pre_dispatch": "2*n_jobs"}
+    with joblib.parallel_config(backend=_BACKENDS[engine]):
+        if engine != "ray":
+            yield from joblib.Parallel(return_as="generator_unordered", **options)(tasks)
+            return
+        # Ray's backend hands over lists alone: what is finished is kept after each of these.
+        size = 2 * joblib.effective_n_jobs(jobs)
+        for start in range(0, len(tasks), size):
+            yield from joblib.Parallel(**options)(tasks[start : start + size])
+
+
+def _watched(run: Callable[[C], R], parent: int, cell: C) -> R:
+    """`run`, in a process that ends with its parent."""
+    end_with(parent)
+    return run(cell)
+
+
+def _outcome(cell: C, run: Callable[[C], R]) -> tuple[str, R | _Failure]:
+    """The cell's name with its result, or with what went wrong: no worker raises for that."""
+    try:
+        return cell.name, run(cell)
+    except QcompileError as error:
+        return cell.name, _Failure(str(error))
+    except Exception as error:
+        return cell.name, _Failure(f"{type(error).__name__}: {error}")
+
+
+@contextmanager
+def _engine(engine: Engine, address: str | None, workers: int | None) -> Iterator[int]:
+    """The engine made ready; gives joblib's number of jobs."""
+    if engine == "processes":
+        if address is not None:
+            raise StudyError(
+                f"The engine 'processes' has no address, found {address!r}.",
+                "Say --engine dask or --engine ray.",
+            )
+        yield workers or joblib.cpu_count()
+    elif engine == "dask":
+        with _dask(address, workers):
+            yield workers or -1
+    elif engine == "ray":
+        with _ray(address, workers):
+            yield workers or -1
+    else:
+        raise StudyError(f"Unknown engine {engine!r}.", f"Known: {', '.join(ENGINES)}.")
+
+
+@contextmanager
+def _dask(address: str | None, workers: int | None) -> Iterator[None]:
+    try:
+        from distributed import Client, LocalCluster
+    except ImportError as error:
+        raise MissingExtraError("--engine dask", "dask") from error
+    if address is None:
+        with (
+            LocalCluster(
+                n_workers=workers or joblib.cpu_count(),
+                threads_per_worker=1,
+                dashboard_address=None,
+            ) as cluster,
+            Client(cluster),
+        ):
+            yield
+        return
+    _check_reachable("Dask scheduler", address, "tcp://HOST:8786")
+    try:
+        asyncio.run(_greet(address))
+    except (OSError, ValueError, TimeoutError) as error:
+        raise StudyError(
+            f"There is no Dask scheduler at {address!r}: what is there does not answer as one."
+        ) from error
+    with Client(address, timeout=_CONNECT_SECONDS) as client:
+        if not client.scheduler_info()["workers"]:
+            raise StudyError(
+                f"The Dask scheduler at {address} has no workers.", "Start some: dask worker."
+            )
+        yield
+
+
+async def _greet(address: str) -> None:
+    """Shake hands and leave: the client would wait for ever for a server of another kind."""
+    from distributed import Security
+    from distributed.comm import connect
+
+    options = Security().get_connection_args("client")
+    greeting = connect(address, timeout=_CONNECT_SECONDS, **options)
+    await (await asyncio.wait_for(greeting, _CONNECT_SECONDS)).close()
+
+
+@contextmanager
+def _ray(address: str | None, workers: int | None) -> Iterator[None]:
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    try:
+        import ray
+        from ray.util.joblib import register_ray
+    except ImportError as error:
+        raise MissingExtraError("--engine ray", "ray") from error
+    options: dict[str, Any] = {"log_to_driver": False, "logging_level": "error"}
+    if address is None:
+        ray.init(num_cpus=workers or joblib.cpu_count(), include_dashboard=False, **options)
+    else:
+        _check_reachable("Ray cluster", address, "HOST:6379")
+        ray.init(address=address, **options)
+    register_ray()
+    try:
+        yield
+    finally:
+        ray.shutdown()
+
+
+def _check_reachable(what: str, address: str, form: str) -> None:
+    """Raise StudyError where nothing listens: the clients would try for minutes."""
+    try:
+        place = urlsplit(address if "://" in address else f"//{address}")
+        with socket.create_connection((place.hostname, place.port or 0), _CONNECT_SECONDS):
+            return
+    except (OSError, ValueError) as error:
+        raise StudyError(
+            f"There is no {what} at {address!r} ({error}).",
+            f"An address looks like {form}; without --address one is started here.",
+        ) from error

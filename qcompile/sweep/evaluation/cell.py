@@ -1,0 +1,231 @@
+"""Play one cell, and keep what came of it in a file of its own."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+
+from qcompile.deploy.deployment import Deployment
+from qcompile.deploy.environments import threshold_of
+from qcompile.deploy.intervals import bootstrap_ci95
+from qcompile.deploy.play import play
+from qcompile.deploy.result import is_solved
+from qcompile.errors import CalibrationError, QcompileError
+from qcompile.execution.executor import Kind
+from qcompile.output import write_file
+from qcompile.reading import ContentsError, read_json
+from qcompile.sweep.evaluation.grid import Cell
+from qcompile.version import versions
+
+Whole = Annotated[int, Field(ge=0)]
+Amount = Annotated[float, Field(ge=0)]
+
+
+class _Record(BaseModel):
+    model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False)
+
+
+class _Episode(_Record):
+    seed: Whole
+    reward: float
+    length: Annotated[int, Field(ge=1)]
+
+
+class _Misfit(_Record):
+    qubit: Whole
+    part: Literal["readout", "response"]
+    chi_square: Amount
+    degrees: Whole
+    p_value: Amount
+
+
+class _Summary(_Record):
+    """The object of `qcompile run --json` for a cell; earlier ones lack the keys with a default."""
+
+    policy: str
+    environment: str
+    backend: str
+    kind: Kind
+    shots: int | Literal["exact"]
+    mitigation: str
+    predistort: Literal[False]
+    calibration: str | None
+    calibration_misfits: list[_Misfit] = []
+    copies: Literal[1]
+    level: int
+    greedy: Literal[False]
+    seed: int
+    episodes: Annotated[list[_Episode], Field(min_length=1)]
+    mean_reward: float
+    std_reward: float
+    ci95: Annotated[list[float], Field(min_length=2, max_length=2)] | None
+    solved: bool | None
+    gates_per_circuit: dict[str, Whole]
+    circuits_per_step: Whole
+    rounds_per_step: Whole
+    max_steps: None = None
+    jobs: Whole = 0
+    executions: Whole
+    qpu_seconds_estimate: Amount | None
+    env_steps: Whole
+    wall_seconds: Amount
+    interrupted: Literal[False]
+
+
+class CellResult(BaseModel):
+    """What one cell gave: its `summary` is the object of `qcompile run --json`.
+
+    `settings` are those of the cell; `threshold` is the mean reward at which its environment counts
+    as solved, if it has one.
+    """
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+    format: Literal["qcompile-evaluation-1"] = "qcompile-evaluation-1"
+    name: str
+    settings: dict[str, Any]
+    versions: dict[str, str]
+    threshold: float | None
+    summary: dict[str, Any]
+
+    @field_validator("summary")
+    @classmethod
+    def _check_summary(cls, summary: dict[str, Any]) -> dict[str, Any]:
+        _Summary.model_validate(summary)
+        return summary
+
+    @property
+    def rewards(self) -> dict[int, float]:
+        """The reward of each episode, by the seed of its reset."""
+        return {episode["seed"]: episode["reward"] for episode in self.summary["episodes"]}
+
+
+@dataclass(frozen=True)
+class CellFailure:
+    """Why a cell could not be played, in words."""
+
+    name: str
+    words: str
+
+
+def deploy(cell: Cell) -> Deployment:
+    """The cell's policy, compiled for its backend.
+
+    Raises:
+        QcompileError: the policy does not fit the device, or a qubit cannot be calibrated.
+    """
+    file = cell.calibration
+    return Deployment(
+        cell.policy,
+        cell.backend,
+        shots=cell.shots,
+        level=cell.level,
+        mitigation=cell.mitigation,
+        calibration=None if file is None else file.calibration,
+        seed=cell.seed,
+    )
+
+
+def check_calibrations(cells: Sequence[Cell]) -> None:
+    """Nothing, if every calibration that is known by now has what its cells need.
+
+    Raises:
+        CalibrationError: one lacks a part or a qubit; the message names it.
+    """
+    known = {
+        (cell.policy, cell.backend, cell.mitigation, cell.level): cell
+        for cell in cells
+        if cell.mitigation != "none" and (cell.calibration or cell.backend.calibration)
+    }
+    for cell in known.values():
+        try:
+            deploy(cell)
+        except CalibrationError as error:
+            file = cell.calibration.name if cell.calibration else cell.backend.name
+            raise CalibrationError(
+                f"{file} does not do for mitigation {cell.mitigation} of {cell.policy.name} "
+                f"on {cell.backend.name}.",
+                *(line.strip() for line in str(error).splitlines()),
+            ) from error
+
+
+def run_cell(cell: Cell) -> CellResult | CellFailure:
+    """Play the cell's episodes in lockstep.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C; half a cell is no result.
+    """
+    try:
+        result = play(deploy(cell), cell.episodes)
+    except QcompileError as error:
+        return CellFailure(cell.name, str(error))
+    if result.interrupted:
+        raise KeyboardInterrupt
+    file = cell.calibration
+    return CellResult(
+        name=cell.name,
+        settings=cell.settings(),
+        versions=versions("numpy", "gymnasium", *cell.backend.packages),
+        threshold=result.threshold,
+        summary=result.summary(None if file is None else file.name),
+    )
+
+
+def write_cell(result: CellResult, folder: Path) -> None:
+    """Write the result to its file in `folder`.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    write_file(folder / f"{result.name}.json", (json.dumps(result.model_dump()) + "\n").encode())
+
+
+def read_cell(cell: Cell, folder: Path) -> CellResult | None:
+    """The result of the cell, if `folder` has it with these settings, this policy and backend.
+
+    A file whose figures are not those of its episodes, or of another cell, is damaged: no result.
+    The interval is not read but worked out anew: earlier versions had another one.
+    """
+    try:
+        path = folder / f"{cell.name}.json"
+        result = CellResult.model_validate_json(read_json(path))
+    except (OSError, ContentsError, ValidationError):
+        return None
+    same = (result.name, result.settings) == (cell.name, cell.settings())
+    if not same or not _is_consistent(result, cell):
+        return None
+    rewards = np.array([*result.rewards.values()])
+    interval = {"ci95": bootstrap_ci95(rewards, cell.seed)}
+    return result.model_copy(update={"summary": result.summary | interval})
+
+
+def _is_consistent(result: CellResult, cell: Cell) -> bool:
+    """Whether the summary is of this cell, and its figures are those of its episodes."""
+    summary = result.summary
+    episodes, rewards = summary["episodes"], np.array([*result.rewards.values()])
+    expected = {
+        "policy": cell.policy.name,
+        "environment": cell.policy.environment,
+        "backend": cell.backend.device.name,
+        "shots": "exact" if cell.shots is None else cell.shots,
+        "mitigation": cell.mitigation,
+        "level": cell.level,
+        "seed": cell.seed,
+        "solved": is_solved(rewards, result.threshold),
+        "env_steps": sum(episode["length"] for episode in episodes),
+    }
+    if (
+        any(summary[key] != value for key, value in expected.items())
+        or [episode["seed"] for episode in episodes]
+        != [cell.seed + i for i in range(cell.episodes)]
+        or result.threshold != threshold_of(cell.policy.environment)
+    ):
+        return False
+    told = [summary["mean_reward"], summary["std_reward"]]
+    return np.allclose(told, [rewards.mean(), rewards.std()], rtol=1e-9, atol=1e-9)

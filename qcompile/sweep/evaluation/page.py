@@ -1,0 +1,186 @@
+"""The paper's device tests written up: a figure of three panels, and a page of tables."""
+
+from __future__ import annotations
+
+import os
+import shlex
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from qcompile.deploy.intervals import unseen_share
+from qcompile.errors import StudyError
+from qcompile.output import write_file
+from qcompile.report.intervals import Interval, Panel, draw_intervals
+from qcompile.report.tables import interval_words, plural
+from qcompile.sweep.evaluation.cell import CellResult
+from qcompile.sweep.evaluation.grid import Cell
+from qcompile.sweep.evaluation.paper import TASKS, Score, Task
+from qcompile.sweep.evaluation.summary import results
+from qcompile.sweep.evaluation.write_up import interval, mitigation_words, reference_line
+
+Objects = Sequence[Mapping[str, Any]]
+
+_PAPER = "the paper, mean ± std of about 5 episodes"
+
+_TITLE = "The paper's devices: the shipped policies on their noise models"
+
+_HEAD = """\
+# The paper's devices, on their noise models
+
+Written by `qcompile evaluate --paper` from the cells in {folder};
+nothing on this page is typed by hand.
+
+The paper (arXiv 2203.14348) tests its policies on five IBM devices that no longer run. Here the
+shipped policies play {episodes} on noise models of the same devices, made from the
+numbers the paper prints for them, at the paper's numbers of shots, without mitigation and with
+`readout`. Three things differ from the paper, so its scores stand beside ours and are not ours to
+match: these are noise models and no machines, the policies are our own, and LunarLander-v2 has
+given way to LunarLander-v3.
+
+![Mean rewards on the paper's devices]({figure})
+
+How to read the tables:
+
+- **mean ± std**: reward over the episodes, actions sampled; the paper's are over about five.
+- **95 % interval**: of the mean, Student's t or the studentised bootstrap, whichever reaches
+  farther (docs/evaluate.md says how often it holds the mean). Equal rewards have no width: so many
+  of them leave {unseen:.1%} of other episodes possible.
+- **to ideal**: the mean of the differences to the same policy on `ideal` with exact expectations,
+  over episodes with the same resets, with its 95 % interval; for the paper, the difference of its
+  two means.
+"""
+
+_COLUMNS = ("backend", "shots", "mitigation", "mean ± std", "95 % interval", "to ideal")
+
+
+def write_devices(
+    cells: Sequence[Cell], found: Mapping[str, CellResult], folder: Path, page_path: Path
+) -> list[Path]:
+    """Write devices.png and the page; their paths.
+
+    Raises:
+        OutputError: one of them cannot be written.
+        StudyError: a cell is missing.
+    """
+    objects = results(cells, found)
+    if len(objects) < len(cells):
+        raise StudyError(f"{len(cells) - len(objects)} of {len(cells)} cells are missing.")
+    link = Path(os.path.relpath(folder.resolve(), page_path.resolve().parent)).as_posix()
+    figure = folder / "devices.png"
+    write_file(figure, draw_intervals(_TITLE, panels(objects), same_scale=False))
+    text = page(cells, objects, link, found[cells[0].name].versions, (folder, page_path))
+    write_file(page_path, text.encode())
+    return [figure, page_path]
+
+
+def panels(objects: Objects) -> list[Panel]:
+    """A panel for each task: ours on every device, then the paper's two scores."""
+    made = []
+    for task in TASKS:
+        own = _of_task(task, objects)
+        shown = [_interval(values) for values in own if not values["reference"]]
+        shown += [
+            _claimed("the paper,\ndevices", task.on_devices),
+            _claimed("the paper,\nideal", task.ideal),
+        ]
+        title = f"{task.environment}, {task.shots} shots"
+        made.append(Panel(title, shown, reference_line(own), own[0]["threshold"]))
+    return made
+
+
+def _interval(values: Mapping[str, Any]) -> Interval:
+    return replace(interval(values), variant="")
+
+
+def _claimed(column: str, score: Score) -> Interval:
+    low, high = score.mean - score.std, score.mean + score.std
+    return Interval(column, _PAPER, "", score.mean, low, high, grey=True)
+
+
+def _of_task(task: Task, objects: Objects) -> list[Mapping[str, Any]]:
+    key = (task.policy, task.environment)
+    return [values for values in objects if (values["policy"], values["environment"]) == key]
+
+
+def page(
+    cells: Sequence[Cell],
+    objects: Objects,
+    link: str,
+    versions: Mapping[str, str],
+    written: tuple[Path, Path],
+) -> str:
+    """The page, in Markdown; `link` is the folder of the figure, as seen from the page.
+
+    `written` are the folder and the page as the command that is running was told.
+    """
+    inside = "" if link == "." else f"{link}/"
+    where = f"[{link if inside else 'this folder'}]({inside}results.csv)"
+    first = cells[0]
+    figure = f"{inside}devices.png"
+    parts = [
+        _HEAD.format(
+            folder=where,
+            episodes=plural(first.episodes, "episode"),
+            figure=figure,
+            unseen=unseen_share(first.episodes),
+        )
+    ]
+    for task in TASKS:
+        own = next(cell.policy for cell in cells if cell.policy.name == task.policy)
+        threshold = _of_task(task, objects)[0]["threshold"]
+        solved = "has no threshold" if threshold is None else f"counts as solved at {threshold:g}"
+        parts.append(
+            f"## {task.title}\n\nThe policy `{task.policy}` plays {task.environment}, which "
+            f"{solved}.\nIt has {plural(len(own.program), 'circuit')} and {own.parameter_count} "
+            f"trained numbers; the paper's has {plural(task.circuits, 'circuit')} and "
+            f"{task.parameters}.\n"
+        )
+        parts.append(_table(task, objects))
+    made = ", ".join(f"{name} {version}" for name, version in versions.items())
+    parts.append(
+        f"## Repeat it\n\n```\n{_command(first, *written)}\n```\n\n"
+        f"Made with {made}, seed {first.seed};\nthe same versions on the same machine give the "
+        "same numbers, whatever the number of workers.\n"
+    )
+    return "\n".join(parts)
+
+
+def _command(cell: Cell, folder: Path, page: Path) -> str:
+    words = ["--episodes", cell.episodes, "--seed", cell.seed, "--out", folder, "--page", page]
+    return shlex.join(["qcompile", "evaluate", "--paper", *map(str, words)])
+
+
+def _table(task: Task, objects: Objects) -> str:
+    lines = [_COLUMNS, ("---",) * len(_COLUMNS), *map(_cells, _of_task(task, objects))]
+    on_devices, ideal = task.on_devices, task.ideal
+    lines += [
+        ("the paper, ideal simulator", "-", "-", f"{ideal.mean:.1f} ± {ideal.std:.1f}", "-", "-"),
+        (
+            "the paper, on its devices",
+            f"{task.shots}",
+            "-",
+            f"{on_devices.mean:.1f} ± {on_devices.std:.1f}",
+            "-",
+            f"{on_devices.mean - ideal.mean:+.1f}",
+        ),
+    ]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+
+def _cells(values: Mapping[str, Any]) -> tuple[str, ...]:
+    difference = "-"
+    if not values["reference"]:
+        difference = f"{values['paired_difference']:+.1f}"
+        if values["paired_ci95"] is not None:
+            least, most = values["paired_ci95"]
+            difference += f" ({least:+.1f} to {most:+.1f})"
+    return (
+        f"`{values['backend']}`",
+        f"{values['shots']}",
+        "-" if values["reference"] else mitigation_words(values["mitigation"]),
+        f"{values['mean_reward']:.1f} ± {values['std_reward']:.1f}",
+        interval_words(values) or "-",
+        difference,
+    )

@@ -1,0 +1,110 @@
+"""An evaluation in a folder: what it holds already, and the files that show it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from qcompile.output import file_name, write_file
+from qcompile.report.intervals import Interval, Panel, draw_intervals
+from qcompile.report.tables import plural
+from qcompile.sweep.evaluation.cell import CellResult, read_cell
+from qcompile.sweep.evaluation.grid import Cell
+from qcompile.sweep.evaluation.summary import results_csv
+
+
+def cells_folder(folder: Path) -> Path:
+    """Where an evaluation in `folder` keeps its cells."""
+    return folder / "cells"
+
+
+def kept_results(cells: Sequence[Cell], folder: Path) -> dict[str, CellResult]:
+    """What the folder holds of these very cells, by name."""
+    read = (read_cell(cell, cells_folder(folder)) for cell in cells)
+    return {result.name: result for result in read if result is not None}
+
+
+def write_results(objects: Sequence[Mapping[str, Any]], folder: Path) -> list[Path]:
+    """Write results.json and results.csv; their paths.
+
+    Raises:
+        OutputError: one of them cannot be written.
+    """
+    document = json.dumps({"results": list(objects)}, indent=1, allow_nan=False)
+    return _write(
+        {
+            folder / "results.json": f"{document}\n".encode(),
+            folder / "results.csv": results_csv(objects).encode(),
+        }
+    )
+
+
+def write_figures(objects: Sequence[Mapping[str, Any]], folder: Path) -> list[Path]:
+    """Write a picture for each policy; their paths.
+
+    Raises:
+        OutputError: one of them cannot be written.
+    """
+    policies = dict.fromkeys(values["policy"] for values in objects)
+    return _write(
+        {
+            folder / f"{file_name(policy)}.png": _figure(
+                [values for values in objects if values["policy"] == policy]
+            )
+            for policy in policies
+        }
+    )
+
+
+def _figure(objects: Sequence[Mapping[str, Any]]) -> bytes:
+    """The mean rewards of one policy: a panel for each level."""
+    first = objects[0]
+    played = [values for values in objects if not values["reference"]] or list(objects)
+    levels = sorted({values["level"] for values in played})
+    panels = [
+        Panel(
+            f"level {level}" if len(levels) > 1 else "",
+            [interval(values) for values in played if values["level"] == level],
+            reference_line(objects),
+            first["threshold"],
+        )
+        for level in levels
+    ]
+    episodes = plural(len(first["episodes"]), "episode")
+    title = f"{first['policy']} in {first['environment']}, {episodes}"
+    return draw_intervals(title, panels)
+
+
+def interval(values: Mapping[str, Any]) -> Interval:
+    """A cell's mean reward and its 95 % interval, for a picture; of one episode the mean alone."""
+    low, high = values["ci95"] or (values["mean_reward"],) * 2
+    shots = values["shots"]
+    return Interval(
+        column=values["backend"],
+        group=mitigation_words(values["mitigation"]),
+        variant="exact" if shots == "exact" else f"{shots} shots",
+        mean=values["mean_reward"],
+        low=low,
+        high=high,
+    )
+
+
+def reference_line(objects: Sequence[Mapping[str, Any]]) -> tuple[float, float, float] | None:
+    """Mean and 95 % interval of the reference cell, if it was played."""
+    for values in objects:
+        if values["reference"]:
+            mean = values["mean_reward"]
+            return (mean, *(values["ci95"] or (mean, mean)))
+    return None
+
+
+def mitigation_words(mitigation: str) -> str:
+    return "no mitigation" if mitigation == "none" else f"{mitigation} mitigation"
+
+
+def _write(files: Mapping[Path, bytes]) -> list[Path]:
+    for path, contents in files.items():
+        write_file(path, contents)
+    return list(files)

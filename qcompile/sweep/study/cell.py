@@ -1,0 +1,150 @@
+"""Train one cell, and keep what came of it in a file of its own."""
+
+from __future__ import annotations
+
+import json
+import time
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from qcompile.errors import TrainingError
+from qcompile.output import write_file
+from qcompile.reading import ContentsError, read_json
+from qcompile.rl.order import in_order_of_start
+from qcompile.rl.settings import PACKAGES, plain, restored
+from qcompile.sweep.study.rows import Cell
+from qcompile.version import versions
+
+EVALUATION_EPISODES = 100
+EVALUATION_SEED = 10_000
+"""The final model plays episodes reset with these seeds, which no training sees by name."""
+
+AVERAGED = 20
+"""Episodes of an average, as in the paper's learning curves; they count in the order in which they
+began (`qcompile.rl.order`)."""
+
+Steps = Annotated[int, Field(ge=1)]
+
+
+def first_at(averages: NDArray[np.float64], target: float) -> int | None:
+    """The first episode, 20 at least, after which the average is at the target; None if never."""
+    reached = np.flatnonzero(averages[AVERAGED - 1 :] >= target)
+    return int(reached[0]) + AVERAGED if len(reached) else None
+
+
+class CellResult(BaseModel):
+    """What one training gave; `steps` and `rewards` have an entry for each episode."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+    format: Literal["qcompile-study-1"] = "qcompile-study-1"
+    row: str
+    seed: int
+    environment: str
+    settings: dict[str, Any]
+    versions: dict[str, str]
+    parameters: int
+    steps: list[Steps]
+    rewards: Annotated[list[float], Field(min_length=1)]
+    evaluation: list[float]
+    wall_seconds: float
+
+    @model_validator(mode="after")
+    def _same_length(self) -> CellResult:
+        if len(self.steps) != len(self.rewards):
+            raise ValueError(f"{len(self.steps)} steps for {len(self.rewards)} rewards")
+        return self
+
+    @cached_property
+    def averages(self) -> NDArray[np.float64]:
+        """The average of the last 20 rewards (fewer before the 20th), after each episode.
+
+        Episodes count in the order in which they began; those that began after the first that the
+        end of the training cut off are left out.
+        """
+        finished = zip(self.steps, self.rewards, strict=True)
+        rewards = [*in_order_of_start(finished, self.settings.get("environments", 1))]
+        total = np.cumsum([0.0, *rewards])
+        end = np.arange(1, len(rewards) + 1)
+        start = np.maximum(end - AVERAGED, 0)
+        return np.asarray((total[end] - total[start]) / (end - start))
+
+    @property
+    def full_averages(self) -> NDArray[np.float64]:
+        """The averages over 20 episodes; none where there are fewer episodes."""
+        return self.averages[AVERAGED - 1 :]
+
+    @property
+    def best_average(self) -> float | None:
+        """The best average over 20 episodes; None where there are fewer."""
+        return float(self.full_averages.max()) if len(self.full_averages) else None
+
+    @property
+    def last_average(self) -> float | None:
+        """The last average over 20 episodes; None where there are fewer."""
+        return float(self.full_averages[-1]) if len(self.full_averages) else None
+
+    def first_at(self, target: float) -> int | None:
+        """The first episode, 20 at least, after which the average is at the target."""
+        return first_at(self.averages, target)
+
+
+def run_cell(cell: Cell, evaluation: int = EVALUATION_EPISODES) -> CellResult:
+    """Train the cell and play `evaluation` fresh episodes with what came of it, on one thread.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C; half a training is no result.
+    """
+    import torch
+
+    from qcompile.rl.ppo import Trainer
+    from qcompile.rl.score import score
+
+    torch.set_num_threads(1)
+    started = time.perf_counter()
+    trainer = Trainer(cell.row.environment, cell.row.settings, cell.seed)
+    result = trainer.train()
+    if result.interrupted:
+        raise KeyboardInterrupt
+    played = score(trainer, evaluation, EVALUATION_SEED)
+    policy = result.policy
+    return CellResult(
+        row=cell.row.name,
+        seed=cell.seed,
+        environment=cell.row.environment,
+        settings=plain(cell.row.settings),
+        versions=versions(*PACKAGES),
+        parameters=trainer.parameter_count if policy is None else policy.parameter_count,
+        steps=[episode.steps for episode in result.episodes],
+        rewards=[round(episode.reward, 2) for episode in result.episodes],
+        evaluation=[round(float(reward), 2) for reward in played],
+        wall_seconds=round(time.perf_counter() - started, 1),
+    )
+
+
+def write_cell(result: CellResult, folder: Path) -> None:
+    """Write the result to its file in `folder`.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    name = f"{result.row}-seed{result.seed}.json"
+    write_file(folder / name, (json.dumps(result.model_dump()) + "\n").encode())
+
+
+def read_cell(cell: Cell, folder: Path, evaluation: int | None = None) -> CellResult | None:
+    """The result of the cell, if `folder` has it with the cell's settings."""
+    try:
+        result = CellResult.model_validate_json(read_json(folder / f"{cell.name}.json"))
+        settings = restored(result.settings)
+    except (OSError, ContentsError, ValidationError, TrainingError):
+        return None
+    wanted = (cell.row.environment, cell.row.settings, cell.seed)
+    if (result.environment, settings, result.seed) != wanted:
+        return None
+    return result if evaluation in (None, len(result.evaluation)) else None

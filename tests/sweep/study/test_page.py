@@ -1,0 +1,351 @@
+"""What the seeds of a row say together, and how it is written up."""
+
+from __future__ import annotations
+
+import csv
+import re
+import shutil
+import statistics
+from collections.abc import Callable
+from dataclasses import replace
+from io import StringIO
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+from PIL import Image
+
+from qcompile.errors import StudyError
+from qcompile.rl.settings import plain
+from qcompile.sweep.study.cell import write_cell
+from qcompile.sweep.study.page import page, verdict
+from qcompile.sweep.study.paper import FIGURES, rows
+from qcompile.sweep.study.rows import Claim
+from qcompile.sweep.study.study import cells_folder, missing_cells, summaries, write_up
+from qcompile.sweep.study.summary import (
+    RowSummary,
+    curves_csv,
+    results_csv,
+    shown_episodes,
+)
+
+Make = Callable[..., RowSummary]
+DOCS = Path(__file__).parents[2] / "docs"
+
+# From the episode that it names a seed pays 20, before it 0: the average of 20 is at 10 when ten
+# of these are paid.
+AT_30 = [0.0] * 20 + [20.0] * 30
+AT_40 = [0.0] * 30 + [20.0] * 30
+NEVER = [0.0] * 45
+
+
+def read(text: str) -> list[dict[str, str]]:
+    return list(csv.DictReader(StringIO(text)))
+
+
+# The figures of a row.
+
+
+def test_the_mean_of_the_seeds_reaches_the_target_in_its_own_time(summary: Make) -> None:
+    """The averages rise by 1 an episode, from 20 and 30 on: their mean is 10 after 35."""
+    both = summary(AT_30, AT_40)
+    assert both.each_first == [30, 40]
+    assert both.mean_first == 35
+    assert both.median_first == 35.0
+
+
+def test_a_seed_that_fails_holds_the_mean_back(summary: Make) -> None:
+    """The first is at 20 after 40 episodes, with 0 for the other the mean is 10 then."""
+    row = summary(AT_30, NEVER)
+    assert row.each_first == [30, None]
+    assert row.mean_first == 40
+    assert summary(AT_30, NEVER, NEVER).mean_first is None
+
+
+@pytest.mark.parametrize(
+    ("seeds", "median"),
+    [
+        ([AT_30], 30.0),
+        ([NEVER], None),
+        ([AT_30, AT_40, NEVER], 40.0),
+        ([AT_30, NEVER, NEVER], None),
+        ([AT_30, NEVER], None),
+        ([AT_40, AT_30, AT_30, NEVER], 35.0),
+        ([AT_40, AT_40, NEVER, NEVER], None),
+    ],
+)
+def test_the_median_seed(summary: Make, seeds: list[list[float]], median: float | None) -> None:
+    assert summary(*seeds).median_first == median
+
+
+def test_the_curve_ends_with_the_shortest_training(summary: Make) -> None:
+    row = summary([4.0] * 50, [8.0] * 30)
+    assert row.averages.shape == (2, 30)
+    assert row.mean_curve.tolist() == [6.0] * 30
+
+
+def test_the_other_figures_of_a_row(summary: Make) -> None:
+    fall = [20.0] * 20 + [0.0] * 10
+    row = summary(AT_30, fall, evaluation=[[1.0, 2.0], [10.0, 20.0, 30.0]])
+    assert row.best.tolist() == [20.0, 20.0]
+    assert row.final.tolist() == [20.0, 10.0]
+    assert row.evaluation.tolist() == [1.5, 20.0]
+    assert row.parameters == 1234
+    values = row.values()
+    assert values["seeds"] == [0, 1]
+    assert values["evaluation_mean"] == [1.5, 20.0]
+    assert values["each_at_target"] == [30, 20]
+
+
+def test_curves_are_drawn_through_200_episodes_at_most() -> None:
+    assert shown_episodes(1).tolist() == [1]
+    assert shown_episodes(200).tolist() == list(range(1, 201))
+    many = shown_episodes(5000).tolist()
+    assert (many[0], many[-1], len(many)) == (1, 5000, 200)
+    assert {b - a for a, b in pairwise(many)} <= {25, 26}
+
+
+# The tables.
+
+
+def test_results_csv(summary: Make) -> None:
+    rows = [
+        summary(AT_30, NEVER, evaluation=[[1.0, 2.0], [5.0, 5.0]]),
+        summary([1.0], name="other", title='a, "b"'),
+    ]
+    lines = read(results_csv(rows))
+    assert [(line["row"], line["seed"]) for line in lines] == [
+        ("cartpole-svqc-paper", "0"),
+        ("cartpole-svqc-paper", "1"),
+        ("other", "0"),
+    ]
+    assert lines[0] == {
+        "row": "cartpole-svqc-paper",
+        "title": "SVQC",
+        "environment": "CartPole-v1",
+        "preset": "paper",
+        "seed": "0",
+        "parameters": "1234",
+        "episodes": "50",
+        "steps": "500",
+        "target": "10.0",
+        "episodes_to_target": "30",
+        "best_average": "20.00",
+        "last_average": "20.00",
+        "evaluation_mean": "1.50",
+        "evaluation_std": "0.50",
+    }
+    assert lines[1]["episodes_to_target"] == ""
+    assert lines[2]["title"] == 'a, "b"'
+
+
+def test_curves_csv(summary: Make) -> None:
+    first, second = [4.0] * 300, [1.0, 3.0, *[2.0] * 299]
+    lines = read(curves_csv([summary(first, second), summary([7.0, 8.0], name="other")]))
+    assert [line["row"] for line in lines] == ["cartpole-svqc-paper"] * 200 + ["other"] * 2
+    assert list(lines[0].values()) == ["cartpole-svqc-paper", "1", "2.50", "1.50", "1.00", "4.00"]
+    assert lines[199]["episode"] == "300"
+    assert lines[199]["mean"] == "3.00"
+    assert list(lines[201].values()) == ["other", "2", "7.50", "0.00", "7.50", "7.50"]
+    for line in lines[:200]:
+        end = int(line["episode"])
+        values = [statistics.mean(seed[max(end - 20, 0) : end]) for seed in (first, second)]
+        assert float(line["mean"]) == pytest.approx(statistics.mean(values), abs=0.0051)
+        assert float(line["std"]) == pytest.approx(statistics.pstdev(values), abs=0.0051)
+
+
+# The paper's number.
+
+
+@pytest.mark.parametrize(
+    ("claimed", "changes", "words"),
+    [
+        (None, {}, "-"),
+        (30, {}, "holds: 1.17 times the episodes"),
+        (35, {}, "holds: 1.00 times the episodes"),
+        (350, {}, "holds: 0.10 times the episodes"),
+        (28, {}, "does not hold: 1.25 times the episodes"),
+        (30, {"target": 20.5}, "does not hold: not reached"),
+        # The best seed counts, which takes 30.
+        (25, {"figure": "lunarlander"}, "holds: 1.20 times the episodes"),
+        (24, {"figure": "lunarlander"}, "does not hold: 1.25 times the episodes"),
+        (24, {"figure": "lunarlander", "target": 20.5}, "does not hold: not reached"),
+    ],
+)
+def test_the_verdict(
+    summary: Make, claimed: int | None, changes: dict[str, Any], words: str
+) -> None:
+    """The mean of the seeds is at the target after 35 episodes."""
+    assert verdict(summary(AT_40, AT_30, claim=Claim("-", claimed), **changes)) == words
+
+
+@pytest.mark.parametrize(
+    ("results", "changes", "words"),
+    [
+        # The paper takes 100 episodes; at 120 at most it holds.
+        ([NEVER, NEVER], {}, "not tested: 45 of 120 episodes"),
+        ([[0.0] * 119, [0.0] * 200], {}, "not tested: 119 of 120 episodes"),
+        ([[0.0] * 120, [0.0] * 200], {}, "does not hold: not reached"),
+        ([AT_30, AT_40], {"seeds": 5}, "not tested: 2 of 5 seeds"),
+        ([NEVER] * 2, {"seeds": 5}, "not tested: 2 of 5 seeds"),
+        # Of the best of ten one may already do.
+        ([AT_30, NEVER], {"seeds": 10, "figure": "lunarlander"}, "holds: 0.30 times the episodes"),
+        ([NEVER] * 2, {"seeds": 10, "figure": "lunarlander"}, "not tested: 2 of 10 seeds"),
+    ],
+)
+def test_no_verdict_without_the_episodes_and_seeds_for_it(
+    summary: Make, results: list[list[float]], changes: dict[str, Any], words: str
+) -> None:
+    assert verdict(summary(*results, claim=Claim("-", 100), **changes)) == words
+
+
+def test_a_first_look_says_what_it_cannot_say(summary: Make) -> None:
+    """One seed does not scatter, and 19 episodes have no average over 20."""
+    short = summary([5.0] * 19, claim=Claim("about 30", 30), evaluation=[[1.0, 2.0]], seeds=5)
+    _, _, line = tables(page([short], "study", {}))[FIGURES["cartpole"]]
+    assert line[4:] == [
+        "under 20 episodes",
+        "0 of 1",
+        "under 20 episodes",
+        "under 20 episodes",
+        "1.5, one seed, lowest 1.5",
+        "not tested: 1 of 5 seeds",
+    ]
+    assert short.values()["best_average"] == short.values()["last_average"] == [None]
+    (row,) = read(results_csv([short]))
+    assert (row["best_average"], row["last_average"]) == ("", "")
+
+
+# The page and its pictures.
+
+
+@pytest.fixture
+def several(summary: Make) -> list[RowSummary]:
+    claim = Claim("about 30", 30)
+    return [
+        summary(AT_40, AT_30, claim=claim, evaluation=[[1.0, 2.0], [5.0, 6.0]]),
+        summary(AT_30, NEVER, name="cartpole-svqc-tuned", preset="tuned"),
+        summary(NEVER, name="reuse-svqc-4-paper", title="SVQC, reuse 4", figure="reuse"),
+        summary(NEVER, figure="lunarlander", name="l", title="SVQC", target=220.0),
+        summary(NEVER, figure="lunarlander", name="f", title="FCN, large", target=200.0),
+    ]
+
+
+def tables(text: str) -> dict[str, list[list[str]]]:
+    """By the heading above: the cells of the lines below the head."""
+    found: dict[str, list[list[str]]] = {}
+    for line in text.splitlines():
+        if line.startswith("## "):
+            lines = found.setdefault(line[3:], [])
+        elif line.startswith("| "):
+            lines.append([cell.strip() for cell in line[1:-1].split("|")])
+    return found
+
+
+def test_the_page_has_a_line_for_each_row(several: list[RowSummary]) -> None:
+    found = tables(page(several, "study", {"torch": "1.2"}))
+    assert list(found) == [*(FIGURES[f] for f in ("cartpole", "reuse", "lunarlander")), "Repeat it"]
+    cartpole, reuse, lunarlander, _ = found.values()
+    assert {len(line) for lines in found.values() for line in lines} == {10}
+    assert [line[:2] for line in cartpole[2:]] == [["SVQC", "`paper`"], ["SVQC", "`tuned`"]]
+    assert [line[0] for line in reuse[2:]] == ["SVQC", "SVQC, reuse 4"]
+    assert [line[0] for line in lunarlander[2:]] == ["SVQC", "FCN, large"]
+    assert cartpole[2][2:] == [
+        "1,234",
+        "about 30",
+        "35",
+        "2 of 2: 35, 30 to 40",
+        "20.0 ± 0.0",
+        "20.0 ± 0.0",
+        "3.5 ± 2.0, lowest 1.5",
+        "holds: 1.17 times the episodes",
+    ]
+    assert cartpole[3][4:6] == ["40", "1 of 2: 30 to 30"]
+    assert reuse[3][4:6] == ["not reached", "0 of 1"]
+
+
+def test_the_page_says_the_targets_and_the_versions(several: list[RowSummary]) -> None:
+    text = page(several, "study", {"torch": "1.2", "numpy": "3.4"})
+    assert "Target: an average of 220 (200 for FCN, large, paper).\n" in text
+    assert "Target: an average of 10.\n" in text
+    assert "Made with torch 1.2, numpy 3.4;" in text
+    assert "plays 2 fresh episodes" in " ".join(text.split())
+    assert not re.search(r"[{}]|None|nan", text)
+
+
+@pytest.mark.parametrize(("folder", "place"), [("docs/study", "docs"), ("study", "study")])
+def test_a_write_up_is_files_that_the_page_links(
+    several: list[RowSummary], tmp_path: Path, folder: str, place: str
+) -> None:
+    where, at = tmp_path / folder, tmp_path / place / "page.md"
+    paths = write_up(several, where, at)
+    names = ["results.csv", "curves.csv", "cartpole.png", "reuse.png", "lunarlander.png"]
+    assert paths == [*(where / name for name in names), at]
+    assert sorted(path for path in tmp_path.rglob("*") if path.is_file()) == sorted(paths)
+    links = re.findall(r"\]\((.+?)\)", at.read_text())
+    linked = {(at.parent / link).resolve() for link in links if link != "training.md"}
+    assert linked == set(paths) - {at}
+    assert (where / "results.csv").read_text() == results_csv(several)
+    assert (where / "curves.csv").read_text() == curves_csv(several)
+    for name in names[2:]:
+        with Image.open(where / name) as picture:
+            picture.load()
+            assert (picture.format, picture.size) == ("PNG", (960, 624))
+
+
+def test_trainings_of_two_versions_are_both_named(
+    several: list[RowSummary], tmp_path: Path
+) -> None:
+    first, second = several[0].results
+    newer = second.model_copy(update={"versions": {"torch": "1.3", "numpy": "3.4"}})
+    write_up([replace(several[0], results=(first, newer))], tmp_path, tmp_path / "page.md")
+    assert "torch 1.2 and 1.3, numpy 3.4;" in (tmp_path / "page.md").read_text()
+
+
+def test_nothing_to_write_up(tmp_path: Path) -> None:
+    with pytest.raises(StudyError, match="There are no trainings in"):
+        write_up([], tmp_path, tmp_path / "page.md")
+    assert list(tmp_path.iterdir()) == []
+
+
+# What a folder holds.
+
+
+def test_a_folder_is_read_row_by_row(
+    short_row: Callable[..., Any], summary: Make, tmp_path: Path
+) -> None:
+    """Two of three seeds of one row are there, one with other evaluation episodes; none of the
+    other row."""
+    row, other = replace(short_row(), seeds=3), short_row("cartpole-svqc-tuned")
+    assert len(missing_cells([row, other], tmp_path, None, 2)) == 8
+    settings = short_row().settings
+    made = summary([1.0], [2.0], [3.0], evaluation=[[1.0, 2.0], [], [3.0]])
+    for seed in (0, 2):
+        result = made.results[seed].model_copy(update={"settings": plain(settings)})
+        write_cell(result, cells_folder(tmp_path))
+    missing = missing_cells([row, other], tmp_path, None, 2)
+    assert [(c.row.name, c.seed) for c in missing if c.row is row] == [(row.name, 1), (row.name, 2)]
+    assert missing_cells([row], tmp_path, 1, 2) == []
+    (found,) = summaries([row, other], tmp_path)
+    assert [result.seed for result in found.results] == [0, 2]
+
+
+# What is committed.
+
+
+def test_the_committed_trainings_are_those_of_todays_presets() -> None:
+    assert [cell.name for cell in missing_cells(rows(), DOCS / "study", None, 100)] == []
+    files = {path.name for path in (DOCS / "study" / "cells").iterdir()}
+    assert files == {f"{row.name}-seed{i}.json" for row in rows() for i in range(row.seeds)}
+
+
+def test_the_committed_page_is_what_they_give(tmp_path: Path) -> None:
+    folder = tmp_path / "docs" / "study"
+    shutil.copytree(DOCS / "study" / "cells", folder / "cells")
+    at = tmp_path / "docs" / "reproduction.md"
+    for path in write_up(summaries(rows(), folder), folder, at):
+        there = DOCS / path.relative_to(tmp_path / "docs")
+        assert there.is_file()
+        if path.suffix != ".png":  # fonts differ a little from machine to machine
+            assert there.read_text() == path.read_text()
