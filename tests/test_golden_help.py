@@ -12,7 +12,9 @@ from golden_files import WIDTH, check, check_names
 from qcompile.cli.group import cli
 
 
-def every_command(group: click.Group = cli, words: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
+def every_command(
+    group: click.Group = cli, words: tuple[str, ...] = ()
+) -> Iterator[tuple[str, ...]]:
     """The words of each command and subcommand, the group's own first."""
     yield words
     context = click.Context(group)

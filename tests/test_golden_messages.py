@@ -15,6 +15,7 @@ AREAS = (
     "programs",
     "values",
     "policies",
+    "packing",
     "devices",
     "calibrations",
     "running",

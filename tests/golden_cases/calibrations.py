@@ -67,7 +67,9 @@ def files() -> None:
             "response.json": calibration(parts=("response",)),
             "old.json": calibration(created="2020-01-01T00:00:00Z"),
             "later.json": calibration(created=hours_ago(-5.01)),
-            "tilted.json": part("response", curves=[[0.0, 0.5, 0.5]] * 5, covariance=[[[0.0] * 3] * 3] * 5),
+            "tilted.json": part(
+                "response", curves=[[0.0, 0.5, 0.5]] * 5, covariance=[[[0.0] * 3] * 3] * 5
+            ),
             "dead.json": device(
                 name="dead", qubits=[with_qubit(0, p10=0.5, p01=0.5)["qubits"][0]] * 5
             ),

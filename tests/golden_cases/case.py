@@ -69,7 +69,6 @@ class Command:
         note = f"# {self.note}\n" if self.note else ""
         return f"{note}$ {shown}\n{said}" + (f"exit {answer.code}\n" if answer.code else "")
 
-
     def shown(self, out: str) -> str:
         """What is shown of standard output."""
         return out
@@ -142,7 +141,7 @@ def shape(value: Any) -> list[str]:
 
 
 def _described(values: list[Any]) -> tuple[str, list[str]]:
-    """The types that these values have, and the lines of what is in those of them that hold some."""
+    """The types that these values have, and the lines of what is in them."""
     kinds = sorted({_KINDS[type(value)] for value in values})
     lines: list[str] = []
     objects = [value for value in values if isinstance(value, dict)]
@@ -151,7 +150,8 @@ def _described(values: list[Any]) -> tuple[str, list[str]]:
         lines += [f"  {key}: {name}", *(f"  {line}" for line in inside)]
     entries = [entry for value in values if isinstance(value, list) for entry in value]
     name, inside = _described(entries) if entries else ("nothing", [])
-    return " or ".join(f"list of {name}" if kind == "list" else kind for kind in kinds), lines + inside
+    types = (f"list of {name}" if kind == "list" else kind for kind in kinds)
+    return " or ".join(types), lines + inside
 
 
 def transcript(cases: Sequence[str | Case], call: Call, patch: pytest.MonkeyPatch) -> str:

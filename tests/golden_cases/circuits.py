@@ -34,6 +34,14 @@ def npy(array: object) -> bytes:
     return file.getvalue()
 
 
+def header(*shape: int) -> bytes:
+    """A .npy file without numbers."""
+    file = io.BytesIO()
+    values = {"descr": "<f8", "fortran_order": False, "shape": shape}
+    np.lib.format.write_array_header_1_0(file, values)
+    return file.getvalue()
+
+
 OBSERVATIONS = {
     "3.csv": "1,2,3\n",
     "nan.csv": "1,2,3,nan\n",
@@ -51,6 +59,7 @@ OBSERVATIONS = {
     "text.npy": "1,2,3,4",
     "words.npy": npy(["a", "b"]),
     "complex.npy": npy([1j]),
+    "vast.npy": header(0, 2**62, 2**62),
     "cube.npy": npy(np.zeros((1, 2, 4))),
 }
 
@@ -71,7 +80,9 @@ def files() -> None:
             "cx.qasm": MEASURED.replace("x q[1];", "cx q[0], q[1];"),
             "mixed.qasm": "OPENQASM 3.0;\nqubit q;\nU(1, 0, 0) q;\nU(1, 0, 0) $3;\n",
             "high.qasm": 'OPENQASM 3.0;\ninclude "stdgates.inc";\nbit c;\nx $9;\nc = measure $9;\n',
-            "third.qasm": 'OPENQASM 3.0;\ninclude "stdgates.inc";\nbit c;\nx $3;\nc = measure $3;\n',
+            "third.qasm": (
+                'OPENQASM 3.0;\ninclude "stdgates.inc";\nbit c;\nx $3;\nc = measure $3;\n'
+            ),
             "marks.qasm": MEASURED.replace("h q[0];", "h q[0];\nbarrier q;\ndelay[10ns] q[1];"),
             "pragma.qasm": f"{MEASURED}#pragma braket result probability q[0]\n",
             "barrier.qasm": MEASURED.replace(

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from .case import Command
+import pytest
+
+from qcompile.snapshot import find_backend
+
+from .case import Change, Command
 from .inputs import calibration, device, with_qubit, without, write
 
 DEVICES: dict[str, Any] = {
@@ -42,6 +47,34 @@ TEXTS: dict[str, Any] = {
 }
 
 
+def of_lima(change: Callable[[Any], object]) -> Change:
+    """Qiskit's FakeLimaV2 has other properties."""
+
+    def patched(patch: pytest.MonkeyPatch) -> None:
+        properties = find_backend("FakeLimaV2").properties()
+        change(properties)
+        name = "qiskit_ibm_runtime.fake_provider.FakeLimaV2.properties"
+        patch.setattr(name, lambda backend: properties)
+
+    return patched
+
+
+def without_t1(properties: Any) -> None:
+    properties.qubits = [[v for v in qubit if v.name != "T1"] for qubit in properties.qubits]
+
+
+def in_fortnights(properties: Any) -> None:
+    for value in properties.qubits[0]:
+        value.unit = "fortnight"
+
+
+def doubtful(properties: Any) -> None:
+    properties.qubits[1] = [v for v in properties.qubits[1] if v.name != "T2"]
+    for value in properties.qubits[2]:
+        if value.name == "prob_meas1_prep0":
+            value.value = 1.5
+
+
 def files() -> None:
     write({f"{name}.json": contents for name, contents in DEVICES.items()})
     write(TEXTS)
@@ -72,6 +105,10 @@ CASES = (
     "backends add FakeLimaV2 --name 'a b'",
     "backends add FakeLimaV2 --out there.json/b.json",
     "backends add FakeLimaV2 --out folder.json",
+    "backends add FakeEssexV2",
+    Command("backends add FakeLimaV2", "no qubit has a T1", of_lima(without_t1)),
+    Command("backends add FakeLimaV2", "times are in fortnights", of_lima(in_fortnights)),
+    Command("backends add FakeLimaV2 --out a.json", "two qubits lack a value", of_lima(doubtful)),
     Command("backends add FakeLimaV2", "without qiskit-ibm-runtime", without("qiskit_ibm_runtime")),
     Command(
         "backends show qiskit:FakeLimaV2",

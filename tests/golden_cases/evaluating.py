@@ -97,7 +97,9 @@ CASES = (
     "evaluate tiny.json --backend fake_lima --calibration two.json",
     "evaluate tiny.json --backend fake_lima --calibration tiny.json",
     "evaluate tiny.json --backend fake_lima --calibration nosuch.json",
-    Command(f"evaluate tiny.json --backend fake_lima {FEW}", "one cell fails", failing, masked=True),
+    Command(
+        f"evaluate tiny.json --backend fake_lima {FEW}", "one cell fails", failing, masked=True
+    ),
     Command(f"evaluate tiny.json --backend ideal,ibm_lima {FEW}2", "Ctrl-C", interrupted),
     Command(f"evaluate tiny.json --backend fake_lima {FEW}3", "lost workers, then Ctrl-C", losing),
     Command(

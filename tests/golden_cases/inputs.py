@@ -58,7 +58,9 @@ def with_qubit(index: int = 1, **changes: Any) -> dict[str, Any]:
 
 
 @functools.cache
-def _calibrated(backend: str, qubits: tuple[int, ...], shots: int | None, parts: Any) -> Calibration:
+def _calibrated(
+    backend: str, qubits: tuple[int, ...], shots: int | None, parts: Any
+) -> Calibration:
     executor = OfflineExecutor(load_device(backend), seed=1)
     return calibrate(executor, np.array(qubits), shots, parts=parts)
 

@@ -25,6 +25,7 @@ VALIDATE = "validate lima.json --policy tiny.json --observations 2 --shots 100 -
 LIMIT = "--max-qpu-seconds 60"
 
 SOMEBODY = setting("qcompile.cli.live_options.somebody_is_there", lambda: True)
+NO_PAUSE = setting("urllib3.util.retry.Retry.get_backoff_time", lambda retry: 0.0)
 NOWHERE = "QISKIT_IBM_URL=http://127.0.0.1:9/experimental IAM_URL=http://127.0.0.1:9"
 
 ACCOUNTS = "qiskit_ibm_runtime.accounts.management._DEFAULT_ACCOUNT_CONFIG_JSON_FILE"
@@ -66,6 +67,11 @@ USAGE = (
         for seconds in ("soon", "''", "-1", "inf")
     ),
     Command(f"QCOMPILE_SETTLE_SECONDS=soon {YES} 60", change=patient),
+    Command(
+        f"{YES} 60",
+        "without qiskit-ibm-runtime",
+        setting("qcompile.live.connection.find_spec", lambda package: None),
+    ),
     f"QCOMPILE_DOUBT_SECONDS=soon {YES} 60",
 )
 
@@ -130,7 +136,9 @@ def cases(service: StandIn) -> list[Command]:
     """Those that need the service, which has recovered before each of them."""
     faults, settings = service.faults, service.settings
 
-    def said(line: str, note: str = "", trouble: Change = lambda patch: None, **more: Any) -> Command:
+    def said(
+        line: str, note: str = "", trouble: Change = lambda patch: None, **more: Any
+    ) -> Command:
         def change(patch: pytest.MonkeyPatch) -> None:
             service.recover()
             faults.retry_after_seconds = 0
@@ -159,9 +167,9 @@ def cases(service: StandIn) -> list[Command]:
     return [
         said(f"{YES} 60", "no account is saved", no_account),
         said(f"{YES} 60 --account nosuch", "an account is saved, by another name", other_account),
-        said(f"{NOWHERE} {YES} 60"),
+        said(f"{NOWHERE} {YES} 60", trouble=NO_PAUSE),
         said(f"{YES} 60 --backend nosuch"),
-        said(f"plan tiny.json --backend nosuch --live"),
+        said("plan tiny.json --backend nosuch --live"),
         said(f"{YES} 60 --instance nosuch"),
         said(f"{YES} 60", "the key is refused", lambda patch: faults.refuse_key()),
         said(f"{YES} 7", "a second less than is needed"),
@@ -169,17 +177,35 @@ def cases(service: StandIn) -> list[Command]:
         said(f"{LIVE} {LIMIT}", "declined", SOMEBODY, typed="n\n"),
         said(f"{YES} 60", "the plan has 6 s left", set_to("usage_limit_seconds", 6.0)),
         said(f"{YES} 60 --runs file/runs"),
-        said(f"validate belem.json --policy tiny.json --observations 1 --shots 9 --live --yes {LIMIT}"),
-        said(f"{YES} 60", "the first job is cancelled", lambda patch: faults.once(Fault.JOB_CANCELLED)),
+        said(f"validate belem.json --policy tiny.json --observations 1 --live --yes {LIMIT}"),
+        said(
+            f"{YES} 60",
+            "the first job is cancelled",
+            lambda patch: faults.once(Fault.JOB_CANCELLED),
+        ),
         said("runs show last"),
         said("resume last --max-qpu-seconds 2"),
-        said("resume last", "other counts are in the journal", change_journal("submission.ones", counts)),
+        said(
+            "resume last",
+            "other counts are in the journal",
+            change_journal("submission.ones", counts),
+        ),
         said(f"{YES} 60"),
         said("resume last --out a.json"),
-        said("resume last", "other actions are in the journal", change_journal("step.actions", actions)),
+        said(
+            "resume last",
+            "other actions are in the journal",
+            change_journal("step.actions", actions),
+        ),
         said(f"{YES} 60"),
-        said("resume last", "other rewards are in the journal", change_journal("step.rewards", rewards)),
-        said("resume last", "another policy is in the journal", change_journal("run.settings", theta)),
+        said(
+            "resume last",
+            "other rewards are in the journal",
+            change_journal("step.rewards", rewards),
+        ),
+        said(
+            "resume last", "another policy is in the journal", change_journal("run.settings", theta)
+        ),
         said(f"{YES} 60", "jobs fail", always(Fault.JOB_FAILS)),
         said(f"{YES} 60", "jobs fail and are charged", always(Fault.JOB_FAILS_CHARGED)),
         said("resume last"),

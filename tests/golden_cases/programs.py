@@ -37,7 +37,7 @@ SYNTAX = (
     f"{HEAD_2}x q[0]\nx q[1];\n",
     f"{HEAD_2}gate g(a b {{ }}\n",
     f"{HEAD_2}sxx q[0];\n",
-    'qubit q;\n#pragma braket unitary([[0, 1], [1, 0]]) q\n',
+    "qubit q;\n#pragma braket unitary([[0, 1], [1, 0]]) q\n",
     'qubit q;\ninclude "\x1b[31mred\u202e";\n',
 )
 
@@ -122,7 +122,10 @@ GATES = (
     f"{HEAD}qubit q;\nctrl(2) @ gphase(1) q;\n",
     f"{HEAD}qubit q;\npow(1000000000) @ x q;\n",
     "\n".join(
-        ("gate g0 a { x a; }", *(f"gate g{i} a {{ g{i - 1} a; g{i - 1} a; }}" for i in range(1, 60)))
+        (
+            "gate g0 a { x a; }",
+            *(f"gate g{i} a {{ g{i - 1} a; g{i - 1} a; }}" for i in range(1, 60)),
+        )
     )
     + "\nqubit q;\ng59 q;\n",
 )

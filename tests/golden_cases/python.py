@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +14,14 @@ import qcompile
 from qcompile.ir import Definition, Gate
 from qcompile.ir.angle import check_symbol
 from qcompile.live.connection import Connection
+from qcompile.live.executor import IBMExecutor
 from qcompile.live.journal import Journal
 from qcompile.mitigation import measure_drift
 from qcompile.mitigation.fits import fit_readout, fit_response
 from qcompile.mitigation.predistort import predistorted
 from qcompile.policy.layouts import single
-from qcompile.qasm import Layout, Register, write as write_qasm
+from qcompile.qasm import Layout, Register
+from qcompile.qasm import write as write_qasm
 from qcompile.rl.environments import make_environments
 from qcompile.rl.evaluate import Deployment, play
 from qcompile.rl.presets import settings_for
@@ -28,7 +31,6 @@ from qcompile.study.study import write_up
 
 from .case import Expression
 from .inputs import calibration, policy, write
-
 
 MEASURED = ("counted", "fewer", "answering", "turned", "belem", "readout")
 
@@ -44,18 +46,43 @@ def names() -> dict[str, Any]:
     small = qcompile.load_policy("tiny.json")
     known = {name: getattr(qcompile, name) for name in qcompile.__all__}
     return known | {
-        **{"np": np, "torch": torch, "Path": Path, "Gate": Gate, "Definition": Definition},
-        **{"check_symbol": check_symbol, "single": single, "predistorted": predistorted},
-        **{"Layout": Layout, "Register": Register, "write": write_qasm, "Settings": Settings},
-        **{"make_environments": make_environments, "settings_for": settings_for},
-        **{"Deployment": Deployment, "play": play, "Journal": Journal, "Connection": Connection},
-        **{"fit_readout": fit_readout, "fit_response": fit_response, "run_all": run_all},
-        **{"measure_drift": measure_drift, "write_up": write_up},
-        **{"lima": lima, "program": program, "executable": fused, "bent": bent, "policy": small},
-        **{"calibration": measured, "executor": qcompile.OfflineExecutor(lima)},
+        "np": np,
+        "torch": torch,
+        "Path": Path,
+        "Gate": Gate,
+        "Definition": Definition,
+        "check_symbol": check_symbol,
+        "single": single,
+        "predistorted": predistorted,
+        "Layout": Layout,
+        "Register": Register,
+        "write": write_qasm,
+        "Settings": Settings,
+        "make_environments": make_environments,
+        "settings_for": settings_for,
+        "Deployment": Deployment,
+        "IBMExecutor": IBMExecutor,
+        "replace": replace,
+        "play": play,
+        "Journal": Journal,
+        "Connection": Connection,
+        "fit_readout": fit_readout,
+        "fit_response": fit_response,
+        "run_all": run_all,
+        "measure_drift": measure_drift,
+        "write_up": write_up,
+        "lima": lima,
+        "program": program,
+        "executable": fused,
+        "bent": bent,
+        "policy": small,
+        "calibration": measured,
+        "executor": qcompile.OfflineExecutor(lima),
         **{name: qcompile.load_calibration(Path(f"{name}.json")) for name in MEASURED},
-        **{"bound": program.substitute({"x0": 0.5, "theta0": 1.0}), "x": np.zeros((2, 1))},
-        **{"theta": np.zeros(1), "ones": np.zeros((2, 1))},
+        "bound": program.substitute({"x0": 0.5, "theta0": 1.0}),
+        "x": np.zeros((2, 1)),
+        "theta": np.zeros(1),
+        "ones": np.zeros((2, 1)),
     }
 
 
@@ -97,6 +124,7 @@ CASES = tuple(
         'Gate("h", Angle(1.0))',
         'Gate("ry")',
         'Circuit.parse("h ry(x0")',
+        'Circuit.parse("h (")',
         'Circuit.of(["h"])',
         "Circuit.of([[3]])",
         'Program((), ("x0", "x0"))',
@@ -130,6 +158,11 @@ CASES = tuple(
         "predistorted(executable, readout)",
         "fit_readout(np.zeros((2, 1), int), ones, 10, np.array([0]))",
         "fit_response(np.zeros(2), ones, 10, np.array([0]))",
+        "IBMExecutor.expectation(executor, executable, x, theta)",
+        "replace(policy, bias=np.zeros(3))",
+        "replace(policy, bias=np.array([0.0, np.nan]))",
+        "replace(policy, encoder=replace(policy.encoder, scale=np.full(4, 1e30)))",
+        'save_policy(replace(policy, name="a\\nb"), "p.json")',
         "policy.encode(np.zeros((1, 3)))",
         "policy.encode(np.zeros(4))",
         "single(2, 1)",
@@ -147,6 +180,7 @@ CASES = tuple(
         'Layout((), (), (("q", 0),), (None,))',
         'Layout((), (Register("c", 1),), (0,), (("c", 1),))',
         'Layout((), (Register("c", 1),), (0,), (("c", 0),), ((3, ("c", 0)),))',
+        'Layout((Register("q", 1),), (Register("c", 1),), (("q", 0),), (None,), ((3, ("c", 0)),))',
         'Deployment(policy, "fake_lima", mitigation="magic")',
         'Deployment(policy, "fake_lima", mitigation="readout", predistort=True)',
         'Deployment(policy, "fake_lima", mitigation="readout", calibration=belem)',

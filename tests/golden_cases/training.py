@@ -13,8 +13,8 @@ from typing import Any
 import torch
 
 from qcompile.rl.checkpoint import save_checkpoint
-from qcompile.rl.presets import settings_for
 from qcompile.rl.ppo import Trainer
+from qcompile.rl.presets import settings_for
 from qcompile.rl.versions import versions
 
 from .case import Command
@@ -93,6 +93,13 @@ def checkpoints() -> dict[str, Any]:
         "environment-module": altered(environment="trojan:Horse-v0"),
         "actor-nan": with_tensor("actor", "head.bias", torch.full_like(bias, torch.nan)),
         "critic-other": with_tensor("critic", "more", torch.zeros(3)),
+        "best-other": altered(
+            tensors=saved()["tensors"]
+            | {"pause": saved()["tensors"]["pause"] | {"best": saved()["tensors"]["critic"]}}
+        ),
+        "observations-other": collected(
+            lambda collector: collector.update(observations=[[9.0] * 4])
+        ),
         "steps-text": collected(lambda collector: collector.update(steps="many")),
         "walk-too-long": walked([0] * 1000),
         "walk-impossible": walked([5]),
@@ -113,6 +120,7 @@ ENVIRONMENTS = ("Nope-v1", "''", "CartPole-v99", "Pendulum-v1", "Blackjack-v1", 
 ASSIGNMENTS = (
     *("clp=1", "nothing=1", "clip", "model=fcn", "layout=serial", "hidden=[1"),
     *("clip=-1", "clip=none", "clip=much", "epochs=1.5", "gamma=2", "scales=1,-2", "scales=[]"),
+    "scales=[[1,2]]",
     *("hidden=8,8", "environments=2", "activation=step", "mitigation=magic", "pause_at=nan"),
 )
 OPTIONS = (
@@ -129,15 +137,33 @@ CASES = (
     "train",
     TRAIN,
     *(f"train {name} --out p.pt" for name in ENVIRONMENTS),
-    *(f"{TRAIN} --out {out}" for out in ("p.txt", "p", "file/p.pt", "folder.pt", f"new/{'x' * 252}.pt")),
+    *(
+        f"{TRAIN} --out {out}"
+        for out in ("p.txt", "p", "file/p.pt", "folder.pt", f"new/{'x' * 252}.pt")
+    ),
     *(f"{TRAIN} --out p.pt --set {assignment}" for assignment in ASSIGNMENTS),
     *(f"{TRAIN} --out p.pt {option}" for option in OPTIONS),
     f"{TRAIN} --model fcn --out p.json",
     "train CartPole-v1 --preset tuned --model cnn --out p.pt",
     "train CartPole-v1 --preset tuned --model mvqc --out p.pt",
+    Command(
+        "train CartPole-v1 --preset paper --model mvqc --episodes 1 --out p.pt",
+        "with 3 qubits at most",
+        setting("qcompile.rl.models.mvqc._MOST_QUBITS", 3),
+    ),
+    f"{TRAIN} --out 'bell\a.pt'",
     "train CartPole-v1 --preset paper --set steps=none --set episodes=none --out p.pt",
-    Command(f"{TRAIN} --out p.pt --tensorboard t", "without TensorBoard", without("torch.utils.tensorboard")),
-    Command("train CartPole-v1 --preset paper --out q.pt", "Ctrl-C after the second episode", ctrl_c_after(2), masked=True),
+    Command(
+        f"{TRAIN} --out p.pt --tensorboard t",
+        "without TensorBoard",
+        without("torch.utils.tensorboard"),
+    ),
+    Command(
+        "train CartPole-v1 --preset paper --out q.pt",
+        "Ctrl-C after the second episode",
+        ctrl_c_after(2),
+        masked=True,
+    ),
     Command(
         "train CartPole-v1 --preset paper --out q.pt --checkpoint kept",
         "Ctrl-C after the second episode",
