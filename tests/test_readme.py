@@ -58,7 +58,7 @@ def check_command(line: str) -> None:
     """Fail where a command, an argument or an option in `line` is not of the command line."""
     words = [word for word in shlex.split(line)[1:] if word not in ("...", "COMMAND")]
     command: click.Command = cli
-    context = click.Context(cli, info_name="qcompile")
+    context = click.Context(cli, info_name="qcompile", **cli.context_settings)
     while words and isinstance(command, click.Group):
         if words[0].startswith("-"):
             assert words.pop(0) in {o for p in command.get_params(context) for o in p.opts}

@@ -1,0 +1,71 @@
+"""`qcompile study`: wrong usage, and studies that cannot be run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from .case import Command
+from .inputs import without, write
+
+STORED = Path(__file__).parents[2] / "docs/study/cells"
+ROW = "study paper --row cartpole-svqc-paper --episodes 3 --evaluation 2 --seeds 1 --workers 1"
+
+
+def interrupted(patch: pytest.MonkeyPatch) -> None:
+    def run_cells(*_: Any, **__: Any) -> None:
+        raise KeyboardInterrupt
+
+    patch.setattr("qcompile.study.engine.run_cells", run_cells)
+
+
+def failing(patch: pytest.MonkeyPatch) -> None:
+    """The first training fails."""
+    from qcompile.study.engine import _Failure
+
+    def outcomes(cells: Any, *_: Any) -> Any:
+        yield cells[0].name, _Failure("ZeroDivisionError: no wheels")
+
+    patch.setattr("qcompile.study.engine._outcomes", outcomes)
+
+
+def loses_its_workers(patch: pytest.MonkeyPatch) -> None:
+    def outcomes(*_: Any) -> Any:
+        raise RuntimeError("a worker was killed")
+        yield
+
+    patch.setattr("qcompile.study.engine._outcomes", outcomes)
+
+
+def files() -> None:
+    write({"file": "", "taken/cells": ""})
+    name = "cartpole-svqc-paper-seed0.json"
+    write({f"stored/cells/{name}": (STORED / name).read_bytes()})
+
+
+CASES = (
+    "study rainbow",
+    "study paper --figure pong",
+    "study paper --row pong",
+    "study paper --row pong --row ping",
+    "study paper --figure acrobot --row cartpole",
+    "study paper --engine slurm",
+    "study paper --seeds 0",
+    "study paper --episodes 0",
+    "study paper --evaluation 0",
+    "study paper --workers 0",
+    "study paper --out file",
+    "study paper --out file/s",
+    "study paper --out taken",
+    "study paper --page file/p.md",
+    "study paper --page p.txt",
+    f"{ROW} --out stored",
+    f"{ROW} --out s --address tcp://127.0.0.1:1",
+    Command(f"{ROW} --out s --engine dask", "without dask", without("distributed")),
+    Command(f"{ROW} --out s --engine ray", "without ray", without("ray")),
+    Command(f"{ROW} --out s", "Ctrl-C", interrupted),
+    Command(f"{ROW} --out s", "a training fails", failing),
+    Command(f"{ROW} --out s", "workers are killed", loses_its_workers),
+)

@@ -1,0 +1,200 @@
+"""`qcompile train`: wrong usage, settings that do not fit, and checkpoints that are refused."""
+
+from __future__ import annotations
+
+import functools
+import io
+import json
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import torch
+
+from qcompile.rl.checkpoint import save_checkpoint
+from qcompile.rl.ppo import Trainer
+from qcompile.rl.presets import settings_for
+from qcompile.rl.versions import versions
+
+from .case import Command
+from .inputs import ctrl_c_after, policy, setting, without, write
+
+
+@functools.cache
+def checkpoint() -> bytes:
+    """That of a finished training of two episodes."""
+    trainer = Trainer("CartPole-v1", settings_for("paper", "CartPole-v1").changed(episodes=2), 0)
+    trainer.train()
+    with TemporaryDirectory() as folder:
+        save_checkpoint(trainer, path := Path(folder) / "state")
+        return path.read_bytes()
+
+
+def saved() -> dict[str, Any]:
+    values: dict[str, Any] = torch.load(io.BytesIO(checkpoint()), weights_only=True)
+    return values
+
+
+def packed(values: Any) -> bytes:
+    file = io.BytesIO()
+    torch.save(values, file)
+    return file.getvalue()
+
+
+def altered(**parts: Any) -> bytes:
+    """The checkpoint with other parts; one that is None is missing."""
+    return packed({key: part for key, part in (saved() | parts).items() if part is not None})
+
+
+def changed(part: str, **values: Any) -> bytes:
+    """The checkpoint with other values in a part that is JSON."""
+    return altered(**{part: json.dumps(json.loads(saved()[part]) | values)})
+
+
+def collected(change: Callable[[dict[str, Any]], object]) -> bytes:
+    collector = json.loads(saved()["plain"])["collector"]
+    change(collector)
+    return changed("plain", collector=collector)
+
+
+def with_tensor(model: str, name: str, tensor: torch.Tensor) -> bytes:
+    tensors = saved()["tensors"]
+    return altered(tensors=tensors | {model: tensors[model] | {name: tensor}})
+
+
+def walked(actions: list[int]) -> bytes:
+    """The checkpoint of a training that took these actions since a reset with seed 7."""
+    return collected(lambda collector: collector["walks"].__setitem__(0, [7, actions]))
+
+
+def checkpoints() -> dict[str, Any]:
+    bias = saved()["tensors"]["actor"]["head.bias"]
+    return {
+        "state": checkpoint(),
+        "empty": b"",
+        "text": "episode,steps,reward\n",
+        "cut": checkpoint()[:3000],
+        "tensor": packed(torch.zeros(3)),
+        "policy.pt": packed(policy()),
+        "format-2": altered(format="qcompile-checkpoint-2"),
+        "format-none": altered(format=None),
+        "without-seed": altered(seed=None),
+        "without-two": altered(seed=None, plain=None),
+        "seed-text": altered(seed="x"),
+        "plain-text": altered(plain="x"),
+        "settings-text": altered(settings="x"),
+        "settings-gamma": changed("settings", gamma=7),
+        "settings-unknown": changed("settings", unheard_of=1),
+        "settings-reuse": changed("settings", reuse=3),
+        "settings-environments": changed("settings", environments=10_000, horizon=10),
+        "environment-other": altered(environment="Acrobot-v1"),
+        "environment-unknown": altered(environment="Nowhere-v0"),
+        "environment-module": altered(environment="trojan:Horse-v0"),
+        "actor-nan": with_tensor("actor", "head.bias", torch.full_like(bias, torch.nan)),
+        "critic-other": with_tensor("critic", "more", torch.zeros(3)),
+        "best-other": altered(
+            tensors=saved()["tensors"]
+            | {"pause": saved()["tensors"]["pause"] | {"best": saved()["tensors"]["critic"]}}
+        ),
+        "observations-other": collected(
+            lambda collector: collector.update(observations=[[9.0] * 4])
+        ),
+        "steps-text": collected(lambda collector: collector.update(steps="many")),
+        "walk-too-long": walked([0] * 1000),
+        "walk-impossible": walked([5]),
+    }
+
+
+def files() -> None:
+    write(checkpoints())
+    write({"file": ""})
+    Path("folder.pt").mkdir()
+
+
+TRAIN = "train CartPole-v1 --preset paper --episodes 2"
+RESUME = "train CartPole-v1 --out p.pt --resume"
+NAMES = tuple(checkpoints())
+
+ENVIRONMENTS = ("Nope-v1", "''", "CartPole-v99", "Pendulum-v1", "Blackjack-v1", "a:CartPole-v1")
+ASSIGNMENTS = (
+    *("clp=1", "nothing=1", "clip", "model=fcn", "layout=serial", "hidden=[1"),
+    *("clip=-1", "clip=none", "clip=much", "epochs=1.5", "gamma=2", "scales=1,-2", "scales=[]"),
+    "scales=[[1,2]]",
+    *("hidden=8,8", "environments=2", "activation=step", "mitigation=magic", "pause_at=nan"),
+)
+OPTIONS = (
+    *("--set clip=1 --set clip=2", "--set reuse=3 --reuse 2", "--set clip=-1 --set gamma=2"),
+    *("--evaluate-episodes 3", "--reuse 0", "--steps 0", "--preset magic", "--model gnn"),
+    *("--layout ring", "--shots 0", "--mitigation response", "--seed -1", "--evaluate-every 0"),
+    *("--backend ibm_lim", "--model fcn --reuse 4", "--model fcn --layout serial"),
+    *("--model mvqc --backend ibm_lima", "--model surrogate --shots 9"),
+    *("--log file/log.csv", "--log ''", "--log p.pt", "--checkpoint p.pt", "--log p.pt/log.csv"),
+    *("--checkpoint b --log b", "--tensorboard file/runs", "--tensorboard file", "--log folder.pt"),
+)
+
+CASES = (
+    "train",
+    TRAIN,
+    *(f"train {name} --out p.pt" for name in ENVIRONMENTS),
+    *(
+        f"{TRAIN} --out {out}"
+        for out in ("p.txt", "p", "file/p.pt", "folder.pt", f"new/{'x' * 252}.pt")
+    ),
+    *(f"{TRAIN} --out p.pt --set {assignment}" for assignment in ASSIGNMENTS),
+    *(f"{TRAIN} --out p.pt {option}" for option in OPTIONS),
+    f"{TRAIN} --model fcn --out p.json",
+    "train CartPole-v1 --preset tuned --model cnn --out p.pt",
+    "train CartPole-v1 --preset tuned --model mvqc --out p.pt",
+    Command(
+        "train CartPole-v1 --preset paper --model mvqc --episodes 1 --out p.pt",
+        "with 3 qubits at most",
+        setting("qcompile.rl.models.mvqc._MOST_QUBITS", 3),
+    ),
+    f"{TRAIN} --out 'bell\a.pt'",
+    "train CartPole-v1 --preset paper --set steps=none --set episodes=none --out p.pt",
+    Command(
+        f"{TRAIN} --out p.pt --tensorboard t",
+        "without TensorBoard",
+        without("torch.utils.tensorboard"),
+    ),
+    Command(
+        "train CartPole-v1 --preset paper --out q.pt",
+        "Ctrl-C after the second episode",
+        ctrl_c_after(2),
+        masked=True,
+    ),
+    Command(
+        "train CartPole-v1 --preset paper --out q.pt --checkpoint kept",
+        "Ctrl-C after the second episode",
+        ctrl_c_after(2),
+        masked=True,
+    ),
+    Command(
+        "train CartPole-v1 --preset paper --model fcn --out net.pt",
+        "Ctrl-C after the second episode",
+        ctrl_c_after(2),
+        masked=True,
+    ),
+    f"{RESUME} none",
+    f"{RESUME} folder.pt",
+    *(f"{RESUME} {name}" for name in NAMES if name != "state"),
+    "train Acrobot-v1 --resume state --out p.pt",
+    f"{RESUME} state --model fcn",
+    f"{RESUME} state --seed 4",
+    *(
+        f"{RESUME} state {option}"
+        for option in (
+            *("--preset tuned", "--layout parallel", "--reuse 2", "--episodes 9", "--steps 9"),
+            *("--set clip=0.3", "--backend ideal", "--shots exact --mitigation none"),
+            *("--log state", "--checkpoint p.pt"),
+        )
+    ),
+    "train CartPole-v1 --resume state --out state",
+    Command(
+        f"{RESUME} state",
+        "made with another numpy",
+        setting("qcompile.rl.checkpoint.versions", lambda: versions() | {"numpy": "0.1"}),
+        masked=True,
+    ),
+)
