@@ -17,7 +17,7 @@ PACKAGE = Path(qcompile.__file__).parent
 
 ORDER = (
     {"errors", "limits"},
-    {"catalogue", "output", "validation", "terminal"},
+    {"catalogue", "output", "streams", "validation", "terminal"},
     {"reading"},
     {"ir"},
     {"simulate", "qasm", "device"},
