@@ -67,7 +67,7 @@ def binomial(
         ValueError: a probability is not a number.
     """
     counts = np.empty(p.size, dtype=np.int64)
-    refused = []
+    small, refused = [], []
     height = max(1, _BLOCK // max(p.shape[1], 1))
     for start in range(0, len(p), height):
         block = slice(start, start + height)
@@ -78,17 +78,23 @@ def binomial(
             _invert(shots, draws, keys, counts)
             continue
         if found < large.size:
-            _invert(shots, draws.take((~large).nonzero()[0]), keys, counts)
+            small.append(draws.take((~large).nonzero()[0]))
             draws = draws.take(large.nonzero()[0])
         rest = _attempt(shots, draws, keys, counts)
         if rest.where.size:
             refused.append(rest)
+    if small:
+        _invert(shots, _together(small), keys, counts)
     if refused:
-        draws = _Draws(*(np.concatenate(parts, axis=-1) for parts in zip(*refused, strict=True)))
-        while draws.where.size:
-            draws = _attempt(shots, draws, keys, counts)
+        rest = _together(refused)
+        while rest.where.size:
+            rest = _attempt(shots, rest, keys, counts)
     np.subtract(shots, counts, out=counts, where=p.ravel() > 0.5)
     return counts.reshape(p.shape)
+
+
+def _together(draws: list[_Draws]) -> _Draws:
+    return _Draws(*(np.concatenate(parts, axis=-1) for parts in zip(*draws, strict=True)))
 
 
 def _draws(p: FloatArray, row: WordArray, column: WordArray, start: int) -> _Draws:

@@ -35,15 +35,15 @@ def round_keys(key: tuple[int, int]) -> RoundKeys:
 
 
 def philox(state: WordArray, keys: RoundKeys) -> WordArray:
-    """`state`, (2, n), in which the random bits have replaced the counters.
+    """The random bits of the counters in `state`, (2, n), which is overwritten.
 
     The four words (w0, w1, w2, w3) of a counter, and of its bits, are two numbers of 64 bits:
     state[0] = w0 * 2**32 + w1 and state[1] = w2 * 2**32 + w3. A round takes them to
 
         state[0] = M1 * w2 ^ (w1 ^ k0) * 2**32,     state[1] = M0 * w0 ^ (w3 ^ k1) * 2**32.
 
-    Every step is one pass over contiguous rows, which costs numpy least; outputs stand third, and
-    are never the operand of a constant, which would take three times as long for n = 1.
+    Each step is one pass over contiguous rows. Outputs stand third; they are never operands, which
+    would take numpy three times as long for n = 1.
     """
     low, high = np.empty_like(state), np.empty_like(state)
     (state_0, state_1), (low_0, low_1), (high_0, high_1) = state, low, high
@@ -55,6 +55,14 @@ def philox(state: WordArray, keys: RoundKeys) -> WordArray:
         np.bitwise_xor(low_1, k1, state_1)
         np.multiply(high_0, m0, low_0)
         np.multiply(high_1, m1, low_1)
-        np.bitwise_xor(state_0, low_1, state_0)
-        np.bitwise_xor(state_1, low_0, state_1)
+        np.bitwise_xor(state_0, low_1, high_0)
+        np.bitwise_xor(state_1, low_0, high_1)
+        state, state_0, state_1, high, high_0, high_1 = (
+            high,
+            high_0,
+            high_1,
+            state,
+            state_0,
+            state_1,
+        )
     return state

@@ -43,7 +43,7 @@ def test_counts_have_the_frequencies_of_their_law(shots: int, p: float) -> None:
 
 @pytest.mark.parametrize(("shots", "p"), [(65, 0.16), (1024, 0.5), (8192, 0.98)])
 def test_frequencies_hold_for_millions(shots: int, p: float) -> None:
-    """Where attempts are refused: a hat too low by 2 % would show."""
+    """Three million counts show errors of the rejection that a smaller sample hides."""
     assert surprise(sample(shots, p, 75_000, seed=2), shots, p) > 1e-5
 
 
