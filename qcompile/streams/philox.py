@@ -57,12 +57,6 @@ def philox(state: WordArray, keys: RoundKeys) -> WordArray:
         np.multiply(high_1, m1, low_1)
         np.bitwise_xor(state_0, low_1, high_0)
         np.bitwise_xor(state_1, low_0, high_1)
-        state, state_0, state_1, high, high_0, high_1 = (
-            high,
-            high_0,
-            high_1,
-            state,
-            state_0,
-            state_1,
-        )
+        state, high = high, state
+        state_0, state_1, high_0, high_1 = high_0, high_1, state_0, state_1
     return state
