@@ -17,7 +17,7 @@ PACKAGE = Path(qcompile.__file__).parent
 
 ORDER = (
     {"arrays", "errors", "limits", "version"},
-    {"catalogue", "output", "validation", "terminal"},
+    {"catalogue", "output", "validation", "terminal", "streams"},
     {"reading"},
     {"ir"},
     {"simulate", "qasm", "device"},

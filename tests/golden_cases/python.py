@@ -11,6 +11,9 @@ import numpy as np
 import torch
 
 import qcompile
+from qcompile.deploy.deployment import Deployment
+from qcompile.deploy.environments import make_environments
+from qcompile.deploy.play import play
 from qcompile.ir import Definition, Gate
 from qcompile.ir.angle import check_symbol
 from qcompile.live.connection import Connection
@@ -22,12 +25,10 @@ from qcompile.mitigation.predistort import predistorted
 from qcompile.policy.layouts import single
 from qcompile.qasm import Layout, Register
 from qcompile.qasm import write as write_qasm
-from qcompile.rl.environments import make_environments
-from qcompile.rl.evaluate import Deployment, play
 from qcompile.rl.presets import settings_for
 from qcompile.rl.settings import Settings
-from qcompile.study.engine import run_all
-from qcompile.study.study import write_up
+from qcompile.sweep.engine import run_all
+from qcompile.sweep.study.study import write_up
 
 from .case import Expression
 from .inputs import calibration, policy, write

@@ -18,17 +18,17 @@ def interrupted(patch: pytest.MonkeyPatch) -> None:
     def run_cells(*_: Any, **__: Any) -> None:
         raise KeyboardInterrupt
 
-    patch.setattr("qcompile.study.engine.run_cells", run_cells)
+    patch.setattr("qcompile.sweep.engine.run_cells", run_cells)
 
 
 def failing(patch: pytest.MonkeyPatch) -> None:
     """The first training fails."""
-    from qcompile.study.engine import _Failure
+    from qcompile.sweep.engine import _Failure
 
     def outcomes(cells: Any, *_: Any) -> Any:
         yield cells[0].name, _Failure("ZeroDivisionError: no wheels")
 
-    patch.setattr("qcompile.study.engine._outcomes", outcomes)
+    patch.setattr("qcompile.sweep.engine._outcomes", outcomes)
 
 
 def loses_its_workers(patch: pytest.MonkeyPatch) -> None:
@@ -36,7 +36,7 @@ def loses_its_workers(patch: pytest.MonkeyPatch) -> None:
         raise RuntimeError("a worker was killed")
         yield
 
-    patch.setattr("qcompile.study.engine._outcomes", outcomes)
+    patch.setattr("qcompile.sweep.engine._outcomes", outcomes)
 
 
 def files() -> None:

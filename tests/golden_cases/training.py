@@ -11,11 +11,11 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import torch
+from qcompile.rl.versions import versions
 
 from qcompile.rl.checkpoint import save_checkpoint
 from qcompile.rl.ppo import Trainer
 from qcompile.rl.presets import settings_for
-from qcompile.rl.versions import versions
 
 from .case import Command
 from .inputs import ctrl_c_after, policy, setting, without, write

@@ -1,0 +1,78 @@
+"""Streams: what a draw is for, and where, as keys and counters of Philox."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from qcompile.arrays import CountArray, FloatArray
+from qcompile.streams.binomial import binomial
+from qcompile.streams.philox import THIRTY_TWO, RoundKeys, WordArray, constant, philox, round_keys
+
+Purpose = Literal["shots", "actions"]
+"""What a stream is for. The order is part of the law: a new purpose goes to the end."""
+
+_UNIFORM = constant(0xFFFFFFFF)
+"""In the place of the attempt: no count comes to so many, so no uniform shares its counter."""
+_ELEVEN = constant(11)
+
+
+@dataclass(frozen=True)
+class Stream:
+    """Draws keyed by `seed`, any integer from 0, by `purpose`, and by where each of them is used.
+
+    Streams of other seeds or purposes are independent of this one.
+    """
+
+    seed: int
+    purpose: Purpose
+    _keys: RoundKeys = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        number = get_args(Purpose).index(self.purpose)
+        sequence = np.random.SeedSequence(self.seed, spawn_key=(number,))
+        first, second = map(int, sequence.generate_state(2))
+        object.__setattr__(self, "_keys", round_keys((first, second)))
+
+    def uniforms(self, episode: ArrayLike, decision: ArrayLike, index: ArrayLike = 0) -> FloatArray:
+        """Numbers in [0, 1), multiples of 2**-53, one for each (episode, decision, index).
+
+        The three are integers whose shapes broadcast to the shape of the result: (B,) episodes and
+        decisions give (B,).
+        """
+        row, column = _pair(episode, decision), _pair(index, _UNIFORM)
+        shape = np.broadcast_shapes(row.shape, column.shape)
+        state = np.empty((2, *shape), dtype=np.uint64)
+        state[0], state[1] = row, column
+        bits = philox(state.reshape(2, -1), self._keys)[0]
+        return np.asarray((bits >> _ELEVEN) * 2.0**-53).reshape(shape)
+
+    def binomial(
+        self,
+        shots: int,
+        p: FloatArray,
+        episode: ArrayLike,
+        decision: ArrayLike,
+        circuit: ArrayLike | None = None,
+    ) -> CountArray:
+        """The successes among `shots` trials of probability `p`, (B, circuits), a count for each.
+
+        `episode` and `decision` are (B,) integers, `circuit` (circuits,), by default 0, 1, ...
+        A count is distributed exactly binomially (binomial.py) and depends on its own shots, p,
+        episode, decision and circuit alone. Probabilities outside [0, 1] count as 0 or 1.
+
+        Raises:
+            ValueError: a probability is not a number.
+        """
+        p = np.asarray(p, dtype=np.float64)
+        number = np.arange(p.shape[1]) if circuit is None else circuit
+        return binomial(shots, p, _pair(episode, decision), _pair(number, 0), self._keys)
+
+
+def _pair(upper: ArrayLike, lower: ArrayLike) -> WordArray:
+    """Two words of 32 bits, each modulo 2**32, as one of 64."""
+    word = np.asarray(upper).astype(np.uint64) << THIRTY_TWO
+    return np.asarray(word | np.asarray(lower).astype(np.uint32))
