@@ -108,7 +108,7 @@ def add(backend: str, name: str | None, out: Path | None) -> None:
     if name == IDEAL_NAME:
         raise click.BadParameter(f"{name!r} is the backend without noise.", param_hint="'--name'")
     found = find_backend(backend)
-    device = device_from_backend(found, name or (out.stem if out else found.name))
+    device = device_from_backend(found, name or (out.stem if out else None))
     path = out or Path("hardware") / f"{device.name}.json"
     if path.exists():
         raise OutputError(f"{path} is there already.", "Choose another with --out or --name.")
