@@ -62,15 +62,16 @@ def find_backend(name: str) -> Any:
 
 
 def properties_of(backend: Any) -> Any:
-    """`backend.properties()`, or None where there are none, or none with the T1 of a qubit.
+    """`backend.properties()`, or None where there are none, or no T1 and no T2 among them.
 
     The latter are those of `AerSimulator.from_backend`, which keeps T1 and T2 in its target.
     """
     properties = getattr(backend, "properties", None)
     properties = properties() if callable(properties) else properties
-    if properties is None or not any(v.name == "T1" for q in properties.qubits for v in q):
+    if properties is None:
         return None
-    return properties
+    names = {value.name for qubit in properties.qubits for value in qubit}
+    return None if names.isdisjoint(("T1", "T2")) else properties
 
 
 def device_name(backend: Any) -> str:

@@ -98,6 +98,7 @@ def show(name: str, as_json: bool) -> None:
 def add(backend: str, name: str | None, out: Path | None) -> None:
     """Snapshot a Qiskit fake backend, such as FakeLimaV2, into a device file.
 
+    FakeLimaV2, fake_lima and qiskit:FakeLimaV2 are the same backend.
     A file in hardware/ of the working folder is then known by its name.
     """
     from qcompile.device import IDEAL_NAME
