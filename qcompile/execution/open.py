@@ -60,7 +60,7 @@ def load_backend(backend: Any, *, sampler: Any = None) -> Any:
         return DeviceBackend(backend)
     if isinstance(backend, Calibration):
         return TwinBackend(f"twin of {backend.device.name}", backend)
-    if isinstance(backend, Executor) or hasattr(backend, "open"):
+    if isinstance(backend, Executor) or (hasattr(backend, "open") and hasattr(backend, "device")):
         return backend
     raise DeviceError(
         f"load_backend found {what_it_is(backend)}.",

@@ -55,7 +55,7 @@ def program_of(function: Any, inputs: Shape = 0, parameters: Shape = 0) -> Progr
                 "Give the quantum function that makes the tape instead.",
             )
     else:
-        tape = _called(getattr(function, "func", function), inputs, parameters)
+        tape = _called(function, inputs, parameters)
     gates: dict[Any, list[Gate]] = {wire: [] for wire in tape.wires}
     for operation in tape.operations:
         for wire, gate in _expanded(operation):
@@ -73,6 +73,8 @@ def _called(function: Any, inputs: Shape, parameters: Shape) -> Any:
     import autoray
     import pennylane as qml
 
+    if isinstance(function, qml.QNode):
+        function = function.func
     if not callable(function):
         raise CircuitError(
             f"Program.from_pennylane takes a quantum function, a QNode or a tape, "

@@ -87,7 +87,7 @@ class _Reader:
             if qubit in self.bits:
                 raise CircuitError(
                     f"{where} comes after the measurement of qubit {qubit}.",
-                    "Circuits are measured once, at their end; take the first measurement out.",
+                    "Circuits are measured once, at their end; remove the first measurement.",
                 )
         if name == "measure":
             self._measure(qubits[0], bits[0])

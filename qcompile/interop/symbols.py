@@ -89,7 +89,7 @@ def not_affine(angle: str) -> CircuitError:
     return CircuitError(
         f"{angle[:80]} is not an affine angle.",
         "An angle is a sum of numbers times inputs or parameters, and of numbers: 0.5*x0+theta0.",
-        "Scales of inputs, and functions such as arctan, belong into the policy's Encoder.",
+        "Scales of inputs, and functions such as arctan, belong in the policy's Encoder.",
     )
 
 
@@ -106,9 +106,9 @@ def at(gate: str, what: str, operands: Sequence[Any], within: Sequence[str]) -> 
 def unknown(gate: str, where: str) -> CircuitError:
     """The refusal of a gate that is neither known nor defined; `where` is what `at` says of it."""
     advice = {
-        "reset": "Qubits start in |0>; take the reset out.",
-        "if_else": "Take the side that runs, as an own circuit.",
-    }.get(gate, "Take it out, or replace it by gates of one qubit.")
+        "reset": "Qubits start in |0>; remove the reset.",
+        "if_else": "Keep only the branch that runs.",
+    }.get(gate, "Remove it, or replace it with gates of one qubit.")
     return CircuitError(
         f"{where} is not a gate that qcompile can compile.",
         "Circuits hold gates of one qubit, and measurements at their end.",

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
 
-from qcompile.errors import CircuitError
+from qcompile.errors import CircuitError, MissingExtraError
 from qcompile.ir import Program
 from qcompile.simulate import Simulator
 
@@ -101,6 +103,20 @@ def test_a_tape_is_a_program_of_numbers() -> None:
     assert str(Program.from_pennylane(tape)) == "inputs\nparameters\n0: rx(0.3)\n1: h"
     with pytest.raises(CircuitError, match="A tape holds numbers"):
         Program.from_pennylane(tape, inputs=1)
+
+
+def test_a_function_with_an_argument_bound_is_a_function() -> None:
+    def body(x: Any, wire: int) -> None:
+        qml.RX(x[0], wire)
+
+    program = Program.from_pennylane(partial(body, wire=3), inputs=1)
+    assert str(program.circuits[0]) == "rx(x0)"
+
+
+def test_pennylane_is_needed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pennylane", None)
+    with pytest.raises(MissingExtraError, match=r"pip install 'qcompile\[pennylane\]'"):
+        Program.from_pennylane(rotated, inputs=())
 
 
 def test_scalars_are_given_alone() -> None:

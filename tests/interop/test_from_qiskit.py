@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -11,7 +12,7 @@ from qiskit.circuit import Gate, Parameter, ParameterVector, QuantumCircuit
 from qiskit.circuit.library import UnitaryGate
 from qiskit.quantum_info import Operator, SparsePauliOp, Statevector, random_unitary
 
-from qcompile.errors import CircuitError
+from qcompile.errors import CircuitError, MissingExtraError
 from qcompile.ir import Program
 from qcompile.simulate import Simulator
 
@@ -232,6 +233,20 @@ def test_inputs_that_are_not_there(inputs: Any, words: str) -> None:
     circuit.ry(X + THETA, 0)
     with pytest.raises(CircuitError, match=words):
         Program.from_qiskit(circuit, inputs=inputs)
+
+
+def test_angles_whose_parameters_are_gone_are_numbers() -> None:
+    circuit = QuantumCircuit(1)
+    circuit.ry(2 * X + 1, 0)
+    circuit.rx(THETA - THETA, 0)
+    program = Program.from_qiskit(circuit.assign_parameters({X: 0.5}))
+    assert str(program.circuits[0]) == "ry(2.0) rx(0.0)"
+
+
+def test_qiskit_is_needed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "qiskit.circuit", None)
+    with pytest.raises(MissingExtraError, match=r"pip install 'qcompile\[qiskit\]'"):
+        Program.from_qiskit(QuantumCircuit(1))
 
 
 def test_what_is_no_circuit() -> None:

@@ -86,6 +86,14 @@ def test_registers_and_measurements() -> None:
     assert not constant.parameters
 
 
+def test_the_ideal_device_has_as_many_qubits_as_are_used() -> None:
+    executable = compile(PROGRAM)
+    (circuit,) = executable.to_qiskit(X, THETA)
+    assert circuit.num_qubits == 3
+    wanted = OfflineExecutor(IDEAL).expectation(executable, X[None], THETA)[0]
+    np.testing.assert_allclose(qiskit_z(executable, [circuit]), wanted, atol=1e-9)
+
+
 def test_x_without_theta_is_refused() -> None:
     executable = compile(PROGRAM, perfect(3))
     with pytest.raises(CircuitError, match="x was given without theta"):
