@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from qcompile.catalogue import find, names, nearest
 from qcompile.errors import DeviceError
+from qcompile.foreign import is_qiskit_backend
 from qcompile.reading import ContentsError, check_json, read_file
 from qcompile.validation import Line, Many, explain
 
@@ -241,6 +242,11 @@ def load_device(name: str | Path) -> Device:
     Raises:
         DeviceError: no such device (the message has the nearest names), or a wrong file.
     """
+    if is_qiskit_backend(name):
+        raise DeviceError(
+            "load_device takes a name or a file, found a Qiskit backend.",
+            "load_backend(backend).device is its calibration as a device.",
+        )
     name = str(name)
     if name == IDEAL_NAME:
         return IDEAL

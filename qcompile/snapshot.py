@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import statistics
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from importlib import metadata
@@ -14,6 +15,7 @@ from qcompile.device import Device, GateCalibration, Qubit, relaxation_error
 from qcompile.errors import DeviceError, MissingExtraError
 from qcompile.validation import explain
 
+QISKIT_PREFIX = "qiskit:"
 NATIVE_GATES = ("rz", "sx", "x", "rx")
 USUAL_SX_NS = 320 / 9
 """160 samples of 2/9 ns: the sx of IBM's Falcon processors."""
@@ -35,7 +37,7 @@ _NS = {"ns": 1.0, "us": 1e3, "µs": 1e3, "ms": 1e6, "s": 1e9}
 def find_backend(name: str) -> Any:
     """A fresh fake backend of qiskit-ibm-runtime, by class or backend name.
 
-    `FakeLimaV2` and `fake_lima` are the same.
+    `FakeLimaV2`, `fake_lima` and `qiskit:FakeLimaV2` are the same.
 
     Raises:
         DeviceError: there is no such fake backend; the message has the nearest names.
@@ -52,25 +54,45 @@ def find_backend(name: str) -> Any:
             known[found.__name__] = found
             if backend_name := getattr(found, "backend_name", None):
                 known[backend_name] = found
+    name = name.removeprefix(QISKIT_PREFIX)
     if name not in known:
         same_way = sorted(word for word in known if word.islower() == name.islower())
         raise DeviceError(f"Unknown fake backend {name!r}.", nearest(name, same_way))
     return known[name]()
 
 
-def device_from_backend(backend: Any, name: str) -> Device:
+def properties_of(backend: Any) -> Any:
+    """`backend.properties()`, or None where there are none, or no T1 and no T2 among them.
+
+    The latter are those of `AerSimulator.from_backend`, which keeps T1 and T2 in its target.
+    """
+    properties = getattr(backend, "properties", None)
+    properties = properties() if callable(properties) else properties
+    if properties is None:
+        return None
+    names = {value.name for qubit in properties.qubits for value in qubit}
+    return None if names.isdisjoint(("T1", "T2")) else properties
+
+
+def device_name(backend: Any) -> str:
+    """The name of a Qiskit backend with what a device may not be called replaced by `_`."""
+    name = getattr(backend, "name", None) or type(backend).__name__
+    return re.sub(r"[^\w.-]+", "_", str(name)).strip("_")[:100] or "backend"
+
+
+def device_from_backend(backend: Any, name: str | None = None) -> Device:
     """A Device called `name` with the calibration that a Qiskit BackendV2 holds now.
 
-    It is read from `backend.properties()`, or from `backend.target` where there are none; a target
-    knows one readout error for both states. Values that look wrong are kept and flagged, in
-    `Qubit.doubtful` and `Device.notes`. Qubits that IBM marks as faulty, or that lack a value or
-    have an impossible one, are in `Device.left_out`.
+    The name is that of `device_name` where none is given. Values are those of `properties_of`,
+    or from `backend.target` where there are none; a target knows one readout error for both states.
+    Values that look wrong are kept and flagged, in `Qubit.doubtful` and `Device.notes`. Qubits that
+    IBM marks as faulty, or that lack a value or have an impossible one, are in `Device.left_out`.
 
     Raises:
         DeviceError: other gates, an unknown unit, or no qubit is left.
     """
-    properties = getattr(backend, "properties", None)
-    properties = properties() if callable(properties) else properties
+    name = device_name(backend) if name is None else name
+    properties = properties_of(backend)
     basis = tuple(gate for gate in NATIVE_GATES if gate in backend.operation_names)
     if not (set(basis) >= {"rz", "rx"} or set(basis) >= {"rz", "sx", "x"}):
         raise DeviceError(

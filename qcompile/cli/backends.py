@@ -98,6 +98,7 @@ def show(name: str, as_json: bool) -> None:
 def add(backend: str, name: str | None, out: Path | None) -> None:
     """Snapshot a Qiskit fake backend, such as FakeLimaV2, into a device file.
 
+    FakeLimaV2, fake_lima and qiskit:FakeLimaV2 are the same backend.
     A file in hardware/ of the working folder is then known by its name.
     """
     from qcompile.device import IDEAL_NAME
@@ -108,7 +109,7 @@ def add(backend: str, name: str | None, out: Path | None) -> None:
     if name == IDEAL_NAME:
         raise click.BadParameter(f"{name!r} is the backend without noise.", param_hint="'--name'")
     found = find_backend(backend)
-    device = device_from_backend(found, name or (out.stem if out else found.name))
+    device = device_from_backend(found, name or (out.stem if out else None))
     path = out or Path("hardware") / f"{device.name}.json"
     if path.exists():
         raise OutputError(f"{path} is there already.", "Choose another with --out or --name.")

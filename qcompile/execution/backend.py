@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -14,8 +14,7 @@ from qcompile.execution.executor import Executor
 from qcompile.execution.offline import OfflineExecutor
 from qcompile.execution.primitive import PrimitiveExecutor
 from qcompile.execution.twin import TwinExecutor
-
-QISKIT_PREFIX = "qiskit:"
+from qcompile.snapshot import QISKIT_PREFIX, device_from_backend, find_backend
 
 Seed = int | np.random.SeedSequence | None
 
@@ -129,10 +128,7 @@ class SamplerBackend:
 
     @cached_property
     def device(self) -> Device:
-        from qcompile.snapshot import device_from_backend, find_backend
-
-        backend = find_backend(self.fake)
-        return device_from_backend(backend, backend.name)
+        return device_from_backend(find_backend(self.fake))
 
     @cached_property
     def contents(self) -> str:
@@ -144,6 +140,39 @@ class SamplerBackend:
         return f"shots exact on {self.name}: it runs through a sampler, which only has shots"
 
     def open(self, seed: Seed = None) -> Executor:
-        from qcompile.snapshot import find_backend
-
         return PrimitiveExecutor(find_backend(self.fake), seed=seed)
+
+
+@dataclass(frozen=True, eq=False)
+class ObjectBackend:
+    """A Qiskit backend object, played through a SamplerV2 of the user's.
+
+    It is named after the backend; it can be pickled where both objects can.
+    """
+
+    backend: Any
+    sampler: Any
+
+    packages = ("qiskit",)
+    calibration = None
+
+    @property
+    def name(self) -> str:
+        return self.device.name
+
+    @cached_property
+    def device(self) -> Device:
+        return device_from_backend(self.backend)
+
+    @cached_property
+    def contents(self) -> str:
+        home = type(self.sampler)
+        return f"{home.__module__}.{home.__name__}\n{self.device.to_json()}"
+
+    def cannot_play(self, shots: int | None, level: int) -> str | None:
+        if shots is not None:
+            return None
+        return f"shots exact on {self.name}: it runs through a sampler, which only has shots"
+
+    def open(self, seed: Seed = None) -> Executor:
+        return PrimitiveExecutor(self.backend, sampler=self.sampler, seed=seed)

@@ -1,58 +1,91 @@
-"""From the name of a backend to the executor that runs it."""
+"""From a backend, in any form that a user has it, to the executor that runs it."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any, overload
 
-from qcompile.calibration import is_calibration, load_calibration
+from qcompile.calibration import Calibration, is_calibration, load_calibration
 from qcompile.device import Device, load_device
+from qcompile.errors import DeviceError
 from qcompile.execution.backend import (
-    QISKIT_PREFIX,
     Backend,
     DeviceBackend,
+    ObjectBackend,
     SamplerBackend,
     Seed,
     TwinBackend,
 )
 from qcompile.execution.executor import Executor
+from qcompile.foreign import is_qiskit_backend, what_it_is
+from qcompile.snapshot import QISKIT_PREFIX, device_from_backend, find_backend
 
 
-def load_backend(name: str) -> Backend:
-    """The backend of a name: that of a device, its file, a calibration file, or `qiskit:NAME`.
+@overload
+def load_backend(backend: str | Path | Device | Calibration | Backend) -> Backend: ...
+@overload
+def load_backend(backend: Executor) -> Executor: ...
+@overload
+def load_backend(backend: Any, *, sampler: Any = None) -> Backend: ...
 
-    A calibration file is played as the twin of its device. `qiskit:FakeLimaV2` is a fake backend of
-    qiskit-ibm-runtime, run through its sampler. Anything else is played on the noise model of the
-    device.
+
+def load_backend(backend: Any, *, sampler: Any = None) -> Any:
+    """The backend that a name, a file or an object stands for.
+
+    A name or a path is that of a device or its file, of a calibration file, which is played as the
+    twin of its device, or `qiskit:FakeLimaV2`, a fake backend of qiskit-ibm-runtime that is run
+    through its sampler. A Device is played on its noise model, a Calibration as a twin. The
+    calibration of a Qiskit BackendV2 is read now and played as a noise model, in arrays; with
+    `sampler`, a SamplerV2, the circuits go through that sampler instead, and its counts are of the
+    kind that `sampler_kind` says. A backend or an executor is given back as it is.
 
     Raises:
-        CalibrationError: a calibration file with wrong contents, or without response curves.
-        DeviceError: no such device or fake backend; the message has the nearest names.
+        CalibrationError: a calibration with wrong contents, or without response curves.
+        DeviceError: no such device or fake backend (the message has the nearest names), a Qiskit
+            backend that cannot be made a device, or a sampler without one.
         MissingExtraError: `qiskit:NAME` without qiskit-ibm-runtime.
     """
-    if name.startswith(QISKIT_PREFIX):
-        from qcompile.snapshot import find_backend
+    if is_qiskit_backend(backend):
+        if sampler is not None:
+            return ObjectBackend(backend, sampler)
+        return DeviceBackend(device_from_backend(backend))
+    if sampler is not None:
+        raise DeviceError(
+            f"sampler= needs the Qiskit backend it runs on, found {what_it_is(backend)}.",
+            "load_backend(backend, sampler=sampler) with a BackendV2.",
+        )
+    if isinstance(backend, str | Path):
+        return _named(str(backend))
+    if isinstance(backend, Device):
+        return DeviceBackend(backend)
+    if isinstance(backend, Calibration):
+        return TwinBackend(f"twin of {backend.device.name}", backend)
+    if isinstance(backend, Executor) or (hasattr(backend, "open") and hasattr(backend, "device")):
+        return backend
+    raise DeviceError(
+        f"load_backend found {what_it_is(backend)}.",
+        "It takes a name, a file, a Device, a Calibration, an executor or a Qiskit BackendV2.",
+    )
 
-        return SamplerBackend(type(find_backend(name.removeprefix(QISKIT_PREFIX))).__name__)
+
+def _named(name: str) -> Backend:
+    if name.startswith(QISKIT_PREFIX):
+        return SamplerBackend(type(find_backend(name)).__name__)
     path = Path(name)
     if is_calibration(path):
         return TwinBackend(str(path), load_calibration(path))
     return DeviceBackend(load_device(name))
 
 
-def open_executor(backend: str | Device | Backend | Executor, seed: Seed = None) -> Executor:
-    """The executor of a backend, of one that `load_backend` finds, or of a device's noise model.
-
-    An executor is given back as it is.
+def open_executor(backend: Any, seed: Seed = None) -> Executor:
+    """The executor of whatever `load_backend` takes; an executor is given back as it is.
 
     Raises:
         CalibrationError, DeviceError: what `load_backend` raises.
         MissingExtraError: `qiskit:NAME` without Qiskit, Aer and qiskit-ibm-runtime.
     """
-    if isinstance(backend, str):
-        backend = load_backend(backend)
-    elif isinstance(backend, Device):
-        backend = DeviceBackend(backend)
-    return backend if isinstance(backend, Executor) else backend.open(seed)
+    loaded: Backend | Executor = load_backend(backend)
+    return loaded if isinstance(loaded, Executor) else loaded.open(seed)
 
 
 def open_device(backend: str) -> Device:

@@ -41,7 +41,10 @@ class PackedRound:
 
 
 def pack_round(executable: Executable, index: int) -> PackedRound:
-    """Round `index` of the executable as one circuit on all qubits of its device."""
+    """Round `index` of the executable as one circuit on all qubits of its device.
+
+    The ideal device has as many as the executable uses.
+    """
     from qiskit.circuit import ClassicalRegister, Parameter, QuantumCircuit, QuantumRegister
 
     template = executable.template()
@@ -49,7 +52,7 @@ def pack_round(executable: Executable, index: int) -> PackedRound:
     places = [place for place in executable.open_slots if place[0] in circuits]
     parameters = {name: Parameter(name) for name in (f"a{i}_{k}" for i, k in places)}
     built = QuantumCircuit(
-        QuantumRegister(len(executable.device.qubits), "q"),
+        QuantumRegister(len(executable.device.qubits) or len(executable.native), "q"),
         ClassicalRegister(len(circuits), REGISTER),
     )
     qubits = executable.qubits[circuits].tolist()

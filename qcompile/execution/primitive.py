@@ -19,6 +19,7 @@ from qcompile.errors import CountsError, DeviceError, MissingExtraError
 from qcompile.execution.executor import Kind, check_device, check_shots
 from qcompile.execution.packed import REGISTER, PackedRound, count_ones, pack_round
 from qcompile.passes import Executable
+from qcompile.snapshot import device_from_backend, properties_of
 
 _SIMULATORS = (
     "qiskit_aer.",
@@ -56,9 +57,7 @@ class PrimitiveExecutor:
         seed: int | np.random.SeedSequence | None = None,
         kind: Kind | None = None,
     ):
-        from qcompile.snapshot import device_from_backend
-
-        self.device = device_from_backend(backend, backend.name)
+        self.device = device_from_backend(backend)
         self.kind: Kind = sampler_kind(sampler, backend) if kind is None else kind
         self.rng = np.random.default_rng(seed)
         self._sampler = sampler
@@ -182,8 +181,7 @@ def _simulator(backend: Any, device: Device) -> Any:
         from qiskit_aer.noise.device import basic_device_gate_errors, basic_device_readout_errors
     except ImportError as missing:
         raise MissingExtraError("Running circuits through a Qiskit sampler", "qiskit") from missing
-    properties = getattr(backend, "properties", None)
-    properties = properties() if callable(properties) else properties
+    properties = properties_of(backend)
     source = {"target": backend.target}
     if properties is not None:
         properties = copy(properties)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from pathlib import Path
+from typing import Any, Literal
 
 from qcompile.errors import CircuitError
 from qcompile.ir.angle import check_symbol
@@ -144,6 +145,62 @@ class Program:
             tuple(f"x{i}" for i in range(inputs)),
             tuple(f"theta{i}" for i in range(parameters)),
         )
+
+    @classmethod
+    def from_qiskit(cls, circuit: Any, inputs: str | Iterable[Any] | None = None) -> Program:
+        """The program of a Qiskit QuantumCircuit without entangling gates, up to global phase.
+
+        Qubit i is circuit i; where qubits are measured, those alone, in the order of their bits.
+        Parameters whose names start with x are inputs and all others are parameters, unless
+        `inputs` says otherwise: another prefix, a ParameterVector, or a list of Parameters and
+        names. Both are sorted by name, numbers as numbers; `inputs` given as a list keeps its
+        order. The symbol of element x[3] of a vector is x3.
+
+        Raises:
+            CircuitError: a gate entangles qubits or is not known, an angle is not affine, or a
+                qubit is used after its measurement.
+            MissingExtraError: Qiskit is not installed.
+        """
+        from qcompile.interop.qiskit import program_of
+
+        return program_of(circuit, inputs)
+
+    @classmethod
+    def from_pennylane(
+        cls, function: Any, inputs: int | tuple[int, ...] = 0, parameters: int | tuple[int, ...] = 0
+    ) -> Program:
+        """The program of a PennyLane quantum function, QNode or tape, up to global phase.
+
+        The function is called once, as function(x, theta), with arrays of symbols of the shapes
+        `inputs` and `parameters`; an argument of size 0 is not given. Their elements are x0, x1,
+        ... and theta0, theta1, ... in C order. Circuit i is the i-th wire that is measured in Z;
+        where none is, the i-th wire that the function uses. A tape holds numbers alone.
+
+        Raises:
+            CircuitError: a gate entangles wires or is not known, an angle is not affine, or the
+                function asks for the value of a symbol.
+            MissingExtraError: PennyLane is not installed.
+        """
+        from qcompile.interop.pennylane import program_of
+
+        return program_of(function, inputs, parameters)
+
+    @classmethod
+    def from_qasm(
+        cls, text_or_path: str | Path, inputs: str | Iterable[Any] | None = None
+    ) -> Program:
+        """The program of OpenQASM 2 or 3, up to global phase.
+
+        A str with a line break, or that starts with OPENQASM, is the text itself; any other, and a
+        Path, is a file. Circuits are ordered as `from_qiskit` orders them, and `inputs` says the
+        same; inputs and parameters keep the order in which the file declares them.
+
+        Raises:
+            ProgramFileError: the file cannot be read, or the text cannot be compiled.
+        """
+        from qcompile.interop.openqasm import program_of
+
+        return program_of(text_or_path, inputs)
 
     @property
     def symbols(self) -> tuple[str, ...]:

@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -157,6 +158,24 @@ class Executable:
         It is 1 on the ideal device too, where side by side saves nothing.
         """
         return max(len(self.device.usable) // max(len(self.native), 1), 1)
+
+    def to_qiskit(
+        self, x: FloatArray | None = None, theta: FloatArray | None = None, *, measure: bool = True
+    ) -> list[Any]:
+        """A Qiskit QuantumCircuit for each round, on the physical qubits of the device.
+
+        Native gates alone. Without x (inputs,) and theta (parameters,) the open angles are
+        parameters a{i}_{k}, slot k of circuit i, whose values `bind` gives; with both the circuit
+        holds numbers. Its register c has a bit for each circuit of the round, in their order;
+        `measure=False` leaves measurements and register out.
+
+        Raises:
+            CircuitError: x or theta has another shape, or one of them is missing.
+            MissingExtraError: Qiskit is not installed.
+        """
+        from qcompile.interop.qiskit import circuits_of
+
+        return circuits_of(self, x, theta, measure=measure)
 
     def gate_counts(self) -> list[Counter[str]]:
         """Native gates of each circuit by name."""

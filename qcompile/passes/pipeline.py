@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from qcompile.arrays import FloatArray
 from qcompile.device import IDEAL, Device
-from qcompile.errors import CircuitError
+from qcompile.errors import CircuitError, DeviceError
+from qcompile.foreign import is_qiskit_backend, way_to_a_program, what_it_is
 from qcompile.ir import Program
 from qcompile.passes.base import Pass
 from qcompile.passes.drop_unobservable import DropUnobservable
@@ -81,8 +82,16 @@ def compile(
     (B, copies * inputs) and results (B, copies * circuits), both copy by copy.
 
     Raises:
-        CircuitError: there is no such level, or importance or copies are out of range.
+        CircuitError: `program` is no Program (the message says how to make it one), there is no
+            such level, or importance or copies are out of range.
+        DeviceError: `device` is no Device.
     """
+    if not isinstance(program, Program):
+        what = f"compile takes a Program; this is {what_it_is(program)}"
+        raise CircuitError(f"{what}: {way_to_a_program(program)}")
+    if not isinstance(device, Device):
+        door = "load_backend(backend).device" if is_qiskit_backend(device) else "load_device(name)"
+        raise DeviceError(f"compile takes a Device; this is {what_it_is(device)}: {door}")
     qubits, rounds = place(len(program), device, importance, copies)
     program = program.side_by_side(copies)
     native = lower(program, level, native_set(device))

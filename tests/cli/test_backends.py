@@ -96,6 +96,13 @@ Error: hardware/mine.json is there already.
     )
 
 
+@pytest.mark.parametrize("spelling", ["fake_lima", "qiskit:FakeLimaV2", "qiskit:fake_lima"])
+def test_a_snapshot_is_spelled_as_backends_are(qcompile: Call, left: Call, spelling: str) -> None:
+    pytest.importorskip("qiskit_ibm_runtime")
+    assert qcompile("backends", "add", spelling, "--out", "a.json").code == 0
+    assert left() == ["a.json"]
+
+
 def test_a_snapshot_of_an_unknown_backend(qcompile: Call, left: Call) -> None:
     pytest.importorskip("qiskit_ibm_runtime")
     answer = qcompile("backends", "add", "FakeLimma")

@@ -1,0 +1,177 @@
+"""PennyLane's quantum functions, QNodes and tapes as programs.
+
+A function is called once, with symbols instead of numbers; what it does with them is read from the
+tape. Source: pennylane.tape, pennylane.ops.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from qcompile.errors import CircuitError, MissingExtraError
+from qcompile.interop.symbols import at, entangles, unknown
+from qcompile.interop.tracing import TracedAngle, traced
+from qcompile.ir import Angle, Circuit, Gate, Program
+from qcompile.qasm.gates import standard
+from qcompile.qasm.modifiers import inverse
+
+Shape = int | tuple[int, ...]
+
+_GATES = {
+    "Hadamard": "h",
+    "PauliX": "x",
+    "PauliY": "y",
+    "PauliZ": "z",
+    "S": "s",
+    "T": "t",
+    "SX": "sx",
+    "RX": "rx",
+    "RY": "ry",
+    "RZ": "rz",
+    "PhaseShift": "p",
+    "U1": "u1",
+    "U2": "u2",
+    "U3": "u3",
+}
+"""PennyLane's names of gates of `qasm.gates`; angles come in the same order."""
+
+_WITHOUT_EFFECT = ("Identity", "GlobalPhase", "Barrier", "Snapshot", "WireCut")
+
+
+def program_of(function: Any, inputs: Shape = 0, parameters: Shape = 0) -> Program:
+    """The program of a quantum function, a QNode or a tape; what `Program.from_pennylane` says."""
+    try:
+        import pennylane as qml
+    except ImportError as error:
+        raise MissingExtraError("Reading a PennyLane circuit", "pennylane") from error
+    tape = function
+    if isinstance(function, qml.tape.QuantumScript):
+        if inputs != 0 or parameters != 0:
+            raise CircuitError(
+                "A tape holds numbers, so it has no inputs and no parameters.",
+                "Give the quantum function that makes the tape instead.",
+            )
+    else:
+        tape = _called(function, inputs, parameters)
+    gates: dict[Any, list[Gate]] = {wire: [] for wire in tape.wires}
+    for operation in tape.operations:
+        for wire, gate in _expanded(operation):
+            gates[wire].append(gate)
+    circuits = [Circuit(tuple(gates[wire])) for wire in _measured(tape)]
+    return Program.of(circuits, _size(inputs), _size(parameters))
+
+
+def _size(shape: Shape) -> int:
+    return int(np.prod(shape, dtype=int))
+
+
+def _called(function: Any, inputs: Shape, parameters: Shape) -> Any:
+    """The tape of one call, with symbols for every input and parameter."""
+    import autoray
+    import pennylane as qml
+
+    if isinstance(function, qml.QNode):
+        function = function.func
+    if not callable(function):
+        raise CircuitError(
+            f"Program.from_pennylane takes a quantum function, a QNode or a tape, "
+            f"found {type(function).__name__}."
+        )
+    autoray.register_backend(TracedAngle, "numpy")
+    named = (("x", inputs), ("theta", parameters))
+    arguments = [traced(name, shape) for name, shape in named if shape != 0]
+    try:
+        return qml.tape.make_qscript(function)(*arguments)
+    except CircuitError:
+        raise
+    except (TypeError, ValueError, AttributeError, IndexError, ImportError) as error:
+        shapes = " and ".join(f"{name} of shape {shape}" for name, shape in named if shape != 0)
+        raise CircuitError(
+            "The quantum function cannot be called with symbols for numbers.",
+            f"It was given {shapes or 'no arguments'}: {str(error)[:200]}",
+            "inputs= and parameters= say how many numbers its arguments hold, or their shapes.",
+            "Only + and - of them, and * and / by numbers, make angles.",
+        ) from error
+
+
+def _expanded(operation: Any, within: tuple[str, ...] = ()) -> Iterator[tuple[Any, Gate]]:
+    """Wire and gate of everything that an operation does, in order."""
+    name, wires = operation.name, list(operation.wires)
+    if name in _WITHOUT_EFFECT:
+        return
+    where = at(name, "wire", wires, within)
+    if len(wires) == 1 and (gates := _of_one_wire(operation)) is not None:
+        yield from ((wires[0], gate) for gate in gates)
+        return
+    if _is_controlled(operation) and len(wires) > 1:
+        raise entangles(name, where)
+    if not getattr(operation, "has_decomposition", False):
+        if len(wires) > 1:
+            raise entangles(name, where)
+        raise unknown(name, where)
+    for part in operation.decomposition():
+        yield from _expanded(part, (*within, name))
+
+
+def _of_one_wire(operation: Any) -> Sequence[Gate] | None:
+    """The gates of a known operation on one wire; None where its decomposition says more."""
+    name = operation.name
+    if name.startswith("Adjoint("):
+        base = [gate for _, gate in _expanded(operation.base)]
+        return inverse(base)
+    if name == "Rot":
+        first, middle, last = (_angle(value, name) for value in operation.data)
+        return standard("u", (middle, last, first))
+    if name in _GATES:
+        return standard(_GATES[name], [_angle(value, name) for value in operation.data])
+    return None
+
+
+def _is_controlled(operation: Any) -> bool:
+    from pennylane.ops.op_math import Controlled
+
+    return isinstance(operation, Controlled)
+
+
+def _angle(value: Any, gate: str) -> Angle:
+    if isinstance(value, TracedAngle):
+        return value.angle
+    array = np.asarray(value)
+    if array.shape != ():
+        raise CircuitError(
+            f"{gate} has an array of angles of shape {array.shape}.",
+            "A gate takes one angle: give each its entry, such as x[0].",
+        )
+    item = array.item()
+    return item.angle if isinstance(item, TracedAngle) else Angle.of(float(item))
+
+
+def _measured(tape: Any) -> list[Any]:
+    """The wires that become circuits: those measured, in this order; all where none is."""
+    import pennylane as qml
+
+    wires: list[Any] = []
+    for measurement in tape.measurements:
+        observable = measurement.obs
+        if isinstance(measurement, qml.measurements.ExpectationMP):
+            if not isinstance(observable, qml.Z):
+                raise CircuitError(
+                    f"expval({observable}) is not the Z of one wire.",
+                    "Circuits are measured in Z, one by one: return [qml.expval(qml.Z(0)), ...].",
+                    "Turn other axes to Z by a gate, such as qml.Hadamard for X.",
+                )
+        elif observable is not None:
+            raise CircuitError(
+                f"{measurement} is not a measurement that a circuit has here.",
+                "Return expectation values of qml.Z, or counts, samples or probabilities.",
+            )
+        wires += list(measurement.wires) or list(tape.wires)
+    repeated = [wire for wire in wires if wires.count(wire) > 1]
+    if repeated:
+        raise CircuitError(
+            f"Wire {repeated[0]} is measured twice.", "A circuit gives one value; measure it once."
+        )
+    return wires or list(tape.wires)

@@ -1,0 +1,200 @@
+"""Qiskit circuits as programs, and executables as Qiskit circuits.
+
+Source: qiskit.circuit, QuantumCircuit and ParameterExpression; the gates are those of
+`qasm.gates`, which files of Qiskit name alike.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from qcompile.arrays import FloatArray
+from qcompile.errors import CircuitError, MissingExtraError
+from qcompile.execution.packed import pack_round
+from qcompile.foreign import what_it_is
+from qcompile.interop.symbols import (
+    Inputs,
+    at,
+    entangles,
+    measured_in_order,
+    natural,
+    not_affine,
+    split,
+    symbols,
+    unknown,
+)
+from qcompile.ir import Angle, Circuit, Gate, Program
+from qcompile.passes import Executable
+from qcompile.qasm.gates import KNOWN_GATES, standard
+
+_WITHOUT_EFFECT = ("barrier", "delay")
+_STANDARD = "qiskit.circuit.library.standard_gates"
+_PROBES = (0.7390851332151607, -1.3247179572447460)
+"""Where an angle that claims to be affine is checked."""
+
+
+def program_of(circuit: Any, inputs: Inputs = None) -> Program:
+    """The program of a QuantumCircuit; what `Program.from_qiskit` says."""
+    try:
+        from qiskit.circuit import QuantumCircuit
+    except ImportError as error:
+        raise MissingExtraError("Reading a Qiskit circuit", "qiskit") from error
+    if not isinstance(circuit, QuantumCircuit):
+        raise CircuitError(
+            f"Program.from_qiskit takes a QuantumCircuit, found {what_it_is(circuit)}."
+        )
+    own, trained = split(natural(p.name for p in circuit.parameters), inputs)
+    names = symbols([*own, *trained])
+    reader = _Reader(circuit.num_qubits, names)
+    reader.read(circuit, range(circuit.num_qubits), range(circuit.num_clbits))
+    order = measured_in_order(reader.bits, circuit.num_qubits)
+    return Program(
+        tuple(Circuit(tuple(reader.gates[qubit])) for qubit in order),
+        tuple(names[name] for name in own),
+        tuple(names[name] for name in trained),
+    )
+
+
+class _Reader:
+    """The gates of each qubit, and the bit that each measured qubit is measured into."""
+
+    def __init__(self, qubits: int, names: Mapping[str, str]):
+        self.gates: list[list[Gate]] = [[] for _ in range(qubits)]
+        self.bits: dict[int, int] = {}
+        self._names = names
+
+    def read(
+        self, circuit: Any, qubits: Sequence[int], bits: Sequence[int], within: tuple[str, ...] = ()
+    ) -> None:
+        """Add what `circuit` does to these qubits and bits; `within` names what it defines."""
+        for instruction in circuit.data:
+            operands = [qubits[circuit.find_bit(q).index] for q in instruction.qubits]
+            targets = [bits[circuit.find_bit(c).index] for c in instruction.clbits]
+            self._add(instruction.operation, operands, targets, within)
+
+    def _add(
+        self, operation: Any, qubits: Sequence[int], bits: Sequence[int], within: tuple[str, ...]
+    ) -> None:
+        name = operation.name
+        if name in _WITHOUT_EFFECT or not qubits:
+            return
+        where = at(name, "qubit", qubits, within)
+        for qubit in qubits:
+            if qubit in self.bits:
+                raise CircuitError(
+                    f"{where} comes after the measurement of qubit {qubit}.",
+                    "Circuits are measured once, at their end; remove the first measurement.",
+                )
+        if name == "measure":
+            self._measure(qubits[0], bits[0])
+            return
+        definition = _definition(operation)
+        if len(qubits) == 1 and name in KNOWN_GATES and definition is None:
+            angles = [_angle(value, self._names) for value in operation.params]
+            self.gates[qubits[0]] += standard(name, angles)
+        elif definition is not None:
+            self.read(definition, qubits, bits, (*within, name))
+        elif len(qubits) > 1 and _is_gate(operation):
+            raise entangles(name, where)
+        else:
+            raise unknown(name, where)
+
+    def _measure(self, qubit: int, bit: int) -> None:
+        if bit in self.bits.values():
+            raise CircuitError(
+                f"measure of qubit {qubit} writes bit {bit}, which another qubit has written.",
+                "Measure every qubit into a bit of its own.",
+            )
+        self.bits[qubit] = bit
+
+
+def _is_gate(operation: Any) -> bool:
+    from qiskit.circuit import Gate as QiskitGate
+
+    return isinstance(operation, QiskitGate)
+
+
+def _definition(operation: Any) -> Any:
+    """The circuit that an operation stands for; None for standard gates and what has none."""
+    from qiskit.circuit import ControlFlowOp
+
+    home = getattr(operation, "base_class", type(operation)).__module__
+    if home.startswith(_STANDARD) or isinstance(operation, ControlFlowOp):
+        return None
+    return getattr(operation, "definition", None)
+
+
+def _angle(value: Any, names: Mapping[str, str]) -> Angle:
+    """A number, or a ParameterExpression that is affine, as an angle."""
+    if not hasattr(value, "parameters"):
+        return Angle.of(float(value))
+    terms = {}
+    for parameter in value.parameters:
+        try:
+            slope = complex(value.gradient(parameter))
+        except (TypeError, ValueError, RuntimeError) as error:
+            raise not_affine(str(value)) from error
+        terms[parameter] = slope
+    constant = _at(value, dict.fromkeys(terms, 0.0))
+    for probe in _PROBES:
+        point = {p: probe * (i + 1) for i, p in enumerate(terms)}
+        linear = constant + sum(slope * point[p] for p, slope in terms.items())
+        size = sum(abs(slope * point[p]) for p, slope in terms.items()) + abs(constant)
+        if abs(_at(value, point) - linear) > 1e-12 * size:
+            raise not_affine(str(value))
+    if any(number.imag for number in (constant, *terms.values())):
+        raise CircuitError(f"The angle {value} is not real.", "An angle is a real number.")
+    angle = Angle.of(constant.real)
+    for parameter, slope in terms.items():
+        angle += Angle.symbol(names[parameter.name]) * slope.real
+    return angle
+
+
+def _at(value: Any, point: Mapping[Any, float]) -> complex:
+    try:
+        number = complex(value.bind(dict(point)))
+    except (TypeError, ValueError, ZeroDivisionError, RuntimeError) as error:
+        raise not_affine(str(value)) from error
+    if not (math.isfinite(number.real) and math.isfinite(number.imag)):
+        raise not_affine(str(value))
+    return number
+
+
+def circuits_of(
+    executable: Executable,
+    x: FloatArray | None = None,
+    theta: FloatArray | None = None,
+    *,
+    measure: bool = True,
+) -> list[Any]:
+    """A QuantumCircuit for each round; what `Executable.to_qiskit` says."""
+    try:
+        import qiskit  # noqa: F401
+    except ImportError as error:
+        raise MissingExtraError("A Qiskit circuit", "qiskit") from error
+    if (x is None) != (theta is None):
+        raise CircuitError(
+            f"{'theta' if x is None else 'x'} was given without {'x' if x is None else 'theta'}.",
+            "Give both for a circuit of numbers, or neither for one with parameters.",
+        )
+    angles = None
+    if x is not None and theta is not None:
+        x, theta = np.asarray(x, dtype=float), np.asarray(theta, dtype=float)
+        angles = executable.bind_slots(x[None], theta)
+    circuits = []
+    for index in range(executable.round_count):
+        packed = pack_round(executable, index)
+        circuit = packed.circuit
+        if not packed.owners.size:
+            circuit.global_phase = 0.0
+        elif angles is not None:
+            (parameters, values), *_ = packed.pub(angles)[1].items()
+            circuit = circuit.assign_parameters(dict(zip(parameters, values[0], strict=True)))
+        if not measure:
+            circuit = circuit.remove_final_measurements(inplace=False)
+        circuits.append(circuit)
+    return circuits

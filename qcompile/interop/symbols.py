@@ -1,0 +1,134 @@
+"""Names of other packages as symbols, split into inputs and parameters."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from qcompile.errors import CircuitError
+
+INPUT_PREFIX = "x"
+"""Names that start like this are inputs unless one says otherwise."""
+
+Inputs = str | Iterable[Any] | None
+"""Which names are inputs: a prefix, or names and objects with a `name`; None is INPUT_PREFIX."""
+
+
+def natural(names: Iterable[str]) -> list[str]:
+    """`names` sorted with their numbers as numbers: x2 before x10, x[2] before x[10]."""
+
+    def key(name: str) -> list[tuple[int, int, str]]:
+        parts = re.split(r"([0-9]+)", name)
+        return [(0, int(p), "") if i % 2 else (1, 0, p) for i, p in enumerate(parts)]
+
+    return sorted(names, key=key)
+
+
+def split(names: Sequence[str], inputs: Inputs = None) -> tuple[list[str], list[str]]:
+    """`names` as inputs and parameters, both in their order.
+
+    A text is a prefix; underscores before a name are passed over. Of a list, inputs have the order
+    of the list: an object with a `name` (a Parameter) that no circuit uses stays an input, so that
+    x keeps its width. The name of a vector stands for its elements.
+
+    Raises:
+        CircuitError: no name starts with the prefix, or a text of the list is not among `names`.
+    """
+    if inputs is None or isinstance(inputs, str):
+        prefix = INPUT_PREFIX if inputs is None else inputs
+        chosen = [name for name in names if name.lstrip("_").startswith(prefix)]
+        if inputs is not None and not chosen:
+            raise _unknown(f"No parameter starts with {prefix!r}.", names)
+    else:
+        entries = [inputs] if hasattr(inputs, "name") and not hasattr(inputs, "params") else inputs
+        chosen = [name for entry in entries for name in _named(entry, names)]
+        repeated = [name for name in chosen if chosen.count(name) > 1]
+        if repeated:
+            raise CircuitError(f"inputs names {repeated[0]!r} twice.", "Name each input once.")
+    return chosen, [name for name in names if name not in set(chosen)]
+
+
+def _named(entry: Any, names: Sequence[str]) -> list[str]:
+    if hasattr(entry, "params"):  # a ParameterVector
+        return [element.name for element in entry.params]
+    if hasattr(entry, "name"):
+        return [str(entry.name)]
+    found = [name for name in names if name == entry or name.startswith(f"{entry}[")]
+    if not found:
+        raise _unknown(f"inputs names {str(entry)!r}, which the circuit does not have.", names)
+    return found
+
+
+def _unknown(what: str, names: Sequence[str]) -> CircuitError:
+    if not names:
+        return CircuitError(what, "The circuit has no parameters.")
+    return CircuitError(what, f"Its parameters: {', '.join(names)[:300]}.")
+
+
+def symbols(names: Iterable[str]) -> dict[str, str]:
+    """A symbol for each name: itself where it can be one, x3 for x[3], else with underscores."""
+    given = list(names)
+    result = {name: name for name in given if re.fullmatch(r"[^\W\d]\w*", name) and name != "pi"}
+    for name in given:
+        if name in result:
+            continue
+        element = re.fullmatch(r"(.*)\[([0-9]+)\]", name)
+        plain = "".join(element.groups()) if element else name
+        symbol = re.sub(r"\W", "_", plain)
+        if not symbol or symbol[0].isdigit():
+            symbol = f"_{symbol}"
+        while symbol in result.values() or symbol == "pi":
+            symbol += "_"
+        result[name] = symbol
+    return result
+
+
+def not_affine(angle: str) -> CircuitError:
+    """The refusal of an angle that is no sum of multiples of symbols."""
+    return CircuitError(
+        f"{angle[:80]} is not an affine angle.",
+        "An angle is a sum of numbers times inputs or parameters, and of numbers: 0.5*x0+theta0.",
+        "Scales of inputs, and functions such as arctan, belong in the policy's Encoder.",
+    )
+
+
+def at(gate: str, what: str, operands: Sequence[Any], within: Sequence[str]) -> str:
+    """A gate and its operands in words; `within` names the gates that define it, outermost first.
+
+    `what` is what the package calls its operands: "qubit" or "wire".
+    """
+    plural = "s" if len(operands) > 1 else ""
+    inside = f" (within {' > '.join(within)})" if within else ""
+    return f"{gate} on {what}{plural} {', '.join(map(str, operands))}{inside}"
+
+
+def unknown(gate: str, where: str) -> CircuitError:
+    """The refusal of a gate that is neither known nor defined; `where` is what `at` says of it."""
+    advice = {
+        "reset": "Qubits start in |0>; remove the reset.",
+        "if_else": "Keep only the branch that runs.",
+    }.get(gate, "Remove it, or replace it with gates of one qubit.")
+    return CircuitError(
+        f"{where} is not a gate that qcompile can compile.",
+        "Circuits hold gates of one qubit, and measurements at their end.",
+        advice,
+    )
+
+
+def entangles(gate: str, where: str) -> CircuitError:
+    """The refusal of a gate that joins qubits; `where` is what `at` says of it."""
+    verb = "exchanges" if gate.lower() in ("swap", "permutation") else "entangles"
+    return CircuitError(
+        f"{where} {verb} them.",
+        "qcompile compiles circuits without entangling gates.",
+        "Remove the gate, or compile the circuit with Qiskit's transpile.",
+    )
+
+
+def measured_in_order(bits: Mapping[int, Any], qubits: int) -> list[int]:
+    """The qubits that become circuits: those measured, by bit; all in order where none is.
+
+    `bits` holds what each measured qubit is sorted by.
+    """
+    return sorted(bits, key=bits.__getitem__) if bits else list(range(qubits))

@@ -1,0 +1,129 @@
+"""Angles that Python code computes with, so that what it makes of its arguments can be read."""
+
+from __future__ import annotations
+
+from numbers import Real
+from typing import Any
+
+import numpy as np
+
+from qcompile.errors import CircuitError
+from qcompile.interop.symbols import not_affine
+from qcompile.ir import Angle
+
+_FUNCTIONS = (
+    *("sin", "cos", "tan", "arcsin", "arccos", "arctan", "sinh", "cosh", "tanh", "sign", "square"),
+    *("exp", "log", "sqrt", "floor", "ceil", "rint", "trunc"),
+)
+
+
+class TracedAngle:
+    """An input, a parameter, or a sum of multiples of them; numpy arrays hold it as an object.
+
+    Raises:
+        CircuitError: it is used as a number whose value is known, or in what is not affine.
+    """
+
+    __slots__ = ("angle",)
+
+    def __init__(self, angle: Angle):
+        self.angle = angle
+
+    def __add__(self, other: Any) -> Any:
+        value = _value(other)
+        return NotImplemented if value is None else TracedAngle(self.angle + value)
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Any) -> Any:
+        value = _value(other)
+        return NotImplemented if value is None else TracedAngle(self.angle - value)
+
+    def __rsub__(self, other: Any) -> Any:
+        return -self + other
+
+    def __mul__(self, other: Any) -> Any:
+        value = _value(other)
+        if value is None:
+            return NotImplemented
+        if not self.angle.is_constant and not value.is_constant:
+            raise not_affine(f"({self.angle})*({value})")
+        if self.angle.is_constant:
+            return TracedAngle(value * self.angle.constant)
+        return TracedAngle(self.angle * value.constant)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Any) -> Any:
+        value = _value(other)
+        if value is None:
+            return NotImplemented
+        if not value.is_constant:
+            raise not_affine(f"({self.angle})/({value})")
+        scaled = {symbol: c / value.constant for symbol, c in self.angle.terms}
+        angle = Angle.of(self.angle.constant / value.constant)
+        for symbol, coefficient in scaled.items():
+            angle += Angle.symbol(symbol) * coefficient
+        return TracedAngle(angle)
+
+    def __rtruediv__(self, other: Any) -> Any:
+        raise not_affine(f"{other}/({self.angle})")
+
+    def __pow__(self, exponent: Any) -> Any:
+        if exponent == 1:
+            return self
+        raise not_affine(f"({self.angle})**{exponent}")
+
+    def __mod__(self, other: Any) -> Any:
+        raise not_affine(f"({self.angle}) % {other}")
+
+    def __abs__(self) -> Any:
+        raise not_affine(f"abs({self.angle})")
+
+    def __neg__(self) -> TracedAngle:
+        return TracedAngle(-self.angle)
+
+    def __pos__(self) -> TracedAngle:
+        return self
+
+    def _unknown(self, *_: Any) -> Any:
+        raise CircuitError(
+            f"The function asks for the value of {self.angle}, which is a symbol here.",
+            "Its gates may not depend on the values of inputs and parameters, only their angles.",
+        )
+
+    __float__ = __int__ = __complex__ = __bool__ = __index__ = _unknown
+    __lt__ = __le__ = __gt__ = __ge__ = _unknown
+
+    def __repr__(self) -> str:
+        return str(self.angle)
+
+
+def _refusal(function: str) -> Any:
+    def refuse(self: TracedAngle, *_: Any) -> Any:
+        raise not_affine(f"{function}({self.angle})")
+
+    return refuse
+
+
+for _function in _FUNCTIONS:  # what numpy calls on objects
+    setattr(TracedAngle, _function, _refusal(_function))
+
+
+def _value(other: Any) -> Angle | None:
+    """What is computed with as an angle; None where it is an array, or no number at all."""
+    if isinstance(other, TracedAngle):
+        return other.angle
+    if getattr(other, "shape", None) == () and hasattr(other, "item"):
+        other = other.item()
+    if isinstance(other, TracedAngle):
+        return other.angle
+    return Angle.of(float(other)) if isinstance(other, Real) else None
+
+
+def traced(name: str, shape: int | tuple[int, ...]) -> Any:
+    """An array of `shape` of the symbols name0, name1, ..., in C order; one alone for ()."""
+    size = int(np.prod(shape, dtype=int))
+    array = np.empty(size, dtype=object)
+    array[:] = [TracedAngle(Angle.symbol(f"{name}{i}")) for i in range(size)]
+    return array.reshape(shape) if shape != () else array[0]
