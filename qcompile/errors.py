@@ -56,6 +56,10 @@ class PolicyError(QcompileError, ValueError):
     """A policy file cannot be read, or an array does not fit the policy."""
 
 
+class OptionError(QcompileError, ValueError):
+    """Options, or settings, contradict each other or are of another type."""
+
+
 class CountsError(QcompileError, ValueError):
     """Shots or counts lie outside their range."""
 

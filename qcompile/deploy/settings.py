@@ -1,0 +1,120 @@
+"""How a policy is played: one frozen record, which everything that plays reads."""
+
+from __future__ import annotations
+
+from typing import Any, Literal, Self, get_args
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from qcompile.calibration import Calibration
+from qcompile.device import Device
+from qcompile.errors import CalibrationError, CircuitError, CountsError, OptionError
+from qcompile.execution import check_shots
+from qcompile.mitigation import check_response_level
+from qcompile.validation import explain
+
+MitigationName = Literal["none", "readout", "response"]
+MITIGATIONS: tuple[str, ...] = get_args(MitigationName)
+
+
+class RunSettings(BaseModel):
+    """All that a run depends on besides its policy, its backend and its number of episodes.
+
+    Command line, Python, cells of an evaluation, journals and results read the same names and
+    defaults. `resolved` fills in what depends on the backend.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    shots: int | None = 8192
+    """Shots of each circuit; None takes expectations without shot noise."""
+    level: int = 2
+    """Optimisation level of `qcompile.compile`."""
+    mitigation: str | None = None
+    """A name of MITIGATIONS; None: that of the calibration, `readout` where one has to be measured,
+    `none` on a device without errors or with `predistort`."""
+    calibration: Calibration | None = None
+    """What mitigates; None: that of the backend, or one measured first."""
+    calibration_file: str | None = None
+    """The file of `calibration`, as results name it."""
+    predistort: bool = False
+    """Bend the angles by the response curves, so that the device shows the ideal `<Z>`."""
+    greedy: bool = False
+    """Take the most probable action instead of sampling one."""
+    seed: int = 0
+    """Episode i resets with seed + i; shots and actions are drawn from streams of the seed."""
+    copies: int | None = None
+    """Episodes that share an execution, side by side on the device; None: one."""
+    max_steps: int | None = None
+    """Stop each episode after so many steps; None: play it to its end."""
+
+    @classmethod
+    def of(cls, settings: RunSettings | None = None, **changes: Any) -> RunSettings:
+        """`settings`, or the defaults, with `changes`.
+
+        Raises:
+            OptionError: there is no such setting, or its value is of another type.
+        """
+        values = {} if settings is None else settings.values
+        try:
+            return cls(**(values | changes))
+        except ValidationError as error:
+            raise OptionError("These settings cannot be used.", *explain(error)) from error
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """The settings by name."""
+        return {name: getattr(self, name) for name in RunSettings.model_fields}
+
+    @property
+    def calibrates(self) -> bool:
+        """Whether a calibration is used; only for resolved settings."""
+        return self.predistort or self.mitigation != "none"
+
+    def resolved(self, device: Device, known: Calibration | None = None) -> Self:
+        """The settings for a backend of `device` whose own calibration is `known`, all filled in.
+
+        Raises:
+            CalibrationError: no such mitigation, or level and calibration do not go together.
+            CircuitError: copies are out of range.
+            CountsError: shots are out of range.
+            OptionError: settings contradict each other.
+        """
+        known = self.calibration or known
+        mitigation = self.mitigation
+        if mitigation is None:
+            measured = "readout" if known is None else known.mitigation
+            mitigation = "none" if self.predistort or device.is_ideal else measured
+        settings = self.model_copy(update={"mitigation": mitigation, "copies": self.copies or 1})
+        settings._check()
+        return settings
+
+    def _check(self) -> None:
+        if self.shots is not None:
+            check_shots(self.shots)
+        if self.mitigation not in MITIGATIONS:
+            raise CalibrationError(
+                f"Unknown mitigation {self.mitigation!r}.", f"Known: {', '.join(MITIGATIONS)}."
+            )
+        if self.predistort and self.mitigation != "none":
+            raise OptionError(
+                f"predistort and mitigation {self.mitigation} exclude each other.",
+                "Predistorted angles make the device show the ideal <Z>: take mitigation none.",
+            )
+        if self.calibration is not None and not self.calibrates:
+            raise OptionError(
+                "A calibration needs mitigation readout or response, or predistort.",
+                "Nothing else reads it.",
+            )
+        if self.predistort or self.mitigation == "response":
+            check_response_level(self.level, bent=self.predistort)  # before anything is measured
+        if self.seed < 0:
+            raise OptionError(f"The seed is {self.seed}.", "A seed is 0 or more.")
+        if self.copies is not None and self.copies < 1:
+            raise CircuitError(
+                f"{self.copies} copies of a program cannot be placed.", "One is the least."
+            )
+        if self.max_steps is not None and self.max_steps < 1:
+            raise CountsError(
+                f"Episodes of {self.max_steps} steps cannot be played.", "One step is the least."
+            )
