@@ -22,7 +22,7 @@ from qcompile.output import write_file
 from qcompile.reading import ContentsError, load_json, read_file, read_json
 from qcompile.validation import Line, Many, explain, listed
 
-LEAST_CONTRAST = 0.02
+INVERTIBLE_CONTRAST = 0.02
 """A qubit that shows less of `<Z>` cannot be undone."""
 MOST_ERROR = 0.1
 """A contrast, or an offset, that is known less well needs more shots."""
@@ -175,11 +175,11 @@ def weakness(fit: ReadoutFit | ResponseFit, qubits: Sequence[int]) -> list[str]:
     weak = [
         f"{q} ({math.floor(1e4 * c) / 1e4:g})"
         for q, c in zip(qubits, kept, strict=True)
-        if c < LEAST_CONTRAST
+        if c < INVERTIBLE_CONTRAST
     ]
     if weak:
         return [
-            f"The {part} of qubit {listed(weak)} shows less than {LEAST_CONTRAST} of <Z>: its "
+            f"The {part} of qubit {listed(weak)} shows less than {INVERTIBLE_CONTRAST} of <Z>: its "
             "errors cannot be undone.",
             "Leave it out (`left_out` in the device file), or run with --mitigation none.",
         ]

@@ -11,12 +11,14 @@ from typing import Any
 from pydantic import ValidationError
 
 from qcompile.catalogue import nearest
-from qcompile.device import Device, GateCalibration, Qubit, relaxation_error
+from qcompile.device import Device, GateCalibration, Qubit
 from qcompile.errors import DeviceError, MissingExtraError
+from qcompile.native import NativeGates
+from qcompile.noise.channels import relaxation_error
 from qcompile.validation import explain
 
 QISKIT_PREFIX = "qiskit:"
-NATIVE_GATES = ("rz", "sx", "x", "rx")
+_KNOWN_GATES = ("rz", "sx", "x", "rx")
 USUAL_SX_NS = 320 / 9
 """160 samples of 2/9 ns: the sx of IBM's Falcon processors."""
 
@@ -93,12 +95,14 @@ def device_from_backend(backend: Any, name: str | None = None) -> Device:
     """
     name = device_name(backend) if name is None else name
     properties = properties_of(backend)
-    basis = tuple(gate for gate in NATIVE_GATES if gate in backend.operation_names)
-    if not (set(basis) >= {"rz", "rx"} or set(basis) >= {"rz", "sx", "x"}):
+    basis = tuple(gate for gate in _KNOWN_GATES if gate in backend.operation_names)
+    try:
+        NativeGates.of(basis)
+    except ValueError as error:
         raise DeviceError(
             f"{type(backend).__name__} has the gates {', '.join(sorted(backend.operation_names))}.",
             "A device needs rz, sx and x, or rz and rx.",
-        )
+        ) from error
     notes: tuple[str, ...] = ()
     if properties is not None:
         calibrations = _of_properties(properties, basis)

@@ -57,12 +57,14 @@ def command(ctx: click.Context, as_json: bool) -> None:
 def show(name: str, as_json: bool) -> None:
     """Show the calibration of every qubit of a device."""
     from qcompile.execution import open_device
+    from qcompile.noise import usable
     from qcompile.report.tables import print_table
 
     device = open_device(name)
     if as_json:
         echo_json(device.model_dump())
         return
+    used = usable(device)
     gates = sorted({gate for qubit in device.qubits for gate in qubit.gates})
     print_table(
         ["qubit", "T1 us", "T2 us", "P(1|0)", "P(0|1)", *(f"{g} error" for g in gates), "used"],
@@ -74,7 +76,7 @@ def show(name: str, as_json: bool) -> None:
                 qubit.p10,
                 qubit.p01,
                 *(qubit.gates[g].error if g in qubit.gates else 0.0 for g in gates),
-                "yes" if index in device.usable else "no",
+                "yes" if index in used else "no",
             ]
             for index, qubit in enumerate(device.qubits)
         ],

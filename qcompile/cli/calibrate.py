@@ -127,6 +127,7 @@ def command(
     from qcompile.mitigation import calibrate, measure_drift
     from qcompile.mitigation.measure import LIVE_ANGLES_RAD, RESPONSE_ANGLES_RAD
     from qcompile.mitigation.orders import angle_orders
+    from qcompile.noise import unusable
     from qcompile.output import check_writable, resolved
     from qcompile.report.calibration_values import calibration_values
     from qcompile.report.live import charged, result_values
@@ -142,8 +143,8 @@ def command(
         executor = open_executor(backend, seed)
         device = executor.device
     measured = _qubits(device, qubits, policy, old)
-    if qubits is None and policy is None and old is None and device.unusable:
-        click.echo(left_out_words(device.unusable), err=True)
+    if qubits is None and policy is None and old is None and (reasons := unusable(device)):
+        click.echo(left_out_words(reasons), err=True)
     numbers = np.array(measured)
     angles_rad = angle_orders(RESPONSE_ANGLES_RAD if live is None else LIVE_ANGLES_RAD, numbers)
     if old is not None:
@@ -221,6 +222,7 @@ def _qubits(
 ) -> Sequence[int]:
     """The qubits to measure: asked for, of a policy, of the old calibration, or the usable ones."""
     from qcompile.errors import CalibrationError
+    from qcompile.noise import usable
 
     if asked is not None:
         if not device.is_ideal and asked[-1] >= len(device.qubits):
@@ -241,4 +243,4 @@ def _qubits(
         loaded = load_policy(policy)
         placed = compile(loaded.trained_program, device, 2, loaded.importance).qubits
         return sorted(set(placed.tolist()))
-    return sorted(device.usable) if old is None else old.qubits
+    return sorted(usable(device)) if old is None else old.qubits

@@ -9,10 +9,9 @@ from qcompile.calibration import Calibration
 from qcompile.errors import CalibrationError
 from qcompile.execution import (
     Executor,
-    OfflineExecutor,
-    TwinExecutor,
     Workload,
     check_shots,
+    exact,
     expectation_from_ones,
 )
 from qcompile.ir import Program
@@ -38,8 +37,8 @@ class Measurement:
     """A program compiled for an executor's device, with its mitigation.
 
     `shots` None takes expectations without shot noise. `calibration` is measured first where it is
-    needed and not given. With `predistort` the angles are bent by the response curves instead of
-    undoing them afterwards. `importance` (circuits,) guides the placement. With `copies` so many
+    needed and not given. With `predistort` the angles are changed by the response curves instead
+    of undoing them afterwards. `importance` (circuits,) guides the placement. With `copies` so many
     rows of a batch are run side by side, by one execution. `misfits` are the fits it stands on that
     contradict their own counts.
 
@@ -75,7 +74,7 @@ class Measurement:
                 "Bent angles make the device show the ideal <Z>: take --mitigation none.",
             )
         if predistort or mitigation == "response":
-            check_response_level(level, bent=predistort)  # before anything is measured
+            check_response_level(level, predistort=predistort)  # before anything is measured
         self.shots, self.copies, self.executor = shots, copies, executor
         self.executable: Executable = compile(
             program, executor.device, level, importance, copies=copies
@@ -92,11 +91,9 @@ class Measurement:
         elif predistort:
             measured = self._calibrated(calibration, "response")
             self.executable = predistorted(self.executable, measured)
-        if isinstance(executor, TwinExecutor):
+        if executor.calibration is not None:
             self._look_at(executor.calibration, "response")
-        if isinstance(executor, OfflineExecutor):  # its tables are built now, not in the first step
-            nothing = np.zeros((0, copies * len(program.inputs)))
-            executor.expectation(self.executable, nothing, np.zeros(len(program.parameters)))
+        self._prepared = executor.prepare(self.executable)
 
     def _look_at(self, calibration: Calibration, part: Part) -> None:
         """Note the misfits of a part on the qubits of the executable, each once."""
@@ -110,8 +107,7 @@ class Measurement:
         return calibration
 
     def _calibration(self, given: Calibration | None, part: Part) -> Calibration:
-        if given is None and isinstance(self.executor, TwinExecutor):
-            given = self.executor.calibration
+        given = self.executor.calibration if given is None else given
         if given is None:
             shots = None if self.shots is None else CALIBRATION_SHOTS
             measured = calibrate(self.executor, self.executable.qubits, shots, parts=[part])
@@ -138,9 +134,9 @@ class Measurement:
             x = np.pad(x, ((0, -rows % copies), (0, 0)))
             x = x.reshape(len(x) // copies, copies * x.shape[1])
         if self.shots is None:
-            z = self.executor.expectation(self.executable, x, theta)
+            z = exact(self._prepared).expectation(x, theta)
         else:
-            ones = self.executor.run(self.executable, x, theta, self.shots)
+            ones = self._prepared.ones(x, theta, self.shots)
             z = expectation_from_ones(ones, self.shots)
         if self._mitigation is not None:
             z = self._mitigation.apply(z)

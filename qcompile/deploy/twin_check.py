@@ -19,7 +19,7 @@ from qcompile.deploy.twin_power import EFFECT, TwinShown, twin_program
 from qcompile.errors import CalibrationError
 from qcompile.execution import Executor, TwinExecutor, expectation_from_ones
 from qcompile.mitigation import Misfit, misfits
-from qcompile.mitigation.drift import DRIFT_LEVEL
+from qcompile.mitigation.drift import contradicted
 from qcompile.policy import Policy
 
 _NO_THETA = np.zeros(0)
@@ -34,10 +34,9 @@ class TwinCheck:
     """Chi-square of each qubit's fresh `<Z>` against the twin's, with its p-value.
 
     `qubits`, `chi_square` and `p_value` are (qubits,), `degrees` (qubits,) the numbers of `<Z>`;
-    `failed` are the qubits whose p-value lies below DRIFT_LEVEL divided by their number
-    (Bonferroni). `largest` is the largest difference of a `<Z>`, in units of `<Z>`. `power`
-    (qubits,) is how often a p01 of that qubit is found that is raised by `effect`; `misfits` are
-    the curves that contradict the counts they were fitted to.
+    `failed` are the qubits that are `contradicted`. `largest` is the largest difference of a
+    `<Z>`, in units of `<Z>`. `power` (qubits,) is how often a p01 of that qubit is found that is
+    raised by `effect`; `misfits` are the curves that contradict the counts they were fitted to.
     """
 
     qubits: IntArray
@@ -52,8 +51,7 @@ class TwinCheck:
 
     @property
     def failed(self) -> list[int]:
-        level = DRIFT_LEVEL / len(self.qubits)
-        return [int(q) for q in self.qubits[self.p_value < level]]
+        return contradicted(self.qubits, self.p_value)
 
     def values(self) -> dict[str, Any]:
         """As plain values."""

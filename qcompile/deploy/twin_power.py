@@ -8,7 +8,6 @@ shots and C the covariance of the calibrated curve.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -79,7 +78,7 @@ class TwinShown:
         angles = executable.bind(x, _NO_THETA)
         qubits, own = np.unique(executable.qubits, return_inverse=True)
         rows = calibration.rows(qubits)
-        contrast = polar_curves(fit, math.cos(executable.angle_offset_rad)).contrast[rows]
+        contrast = polar_curves(fit, executable.device.native).contrast[rows]
         moves = -np.array(fit.curves)[rows] / contrast[:, None]
         moves[:, 0] = 1.0
         return cls(

@@ -5,24 +5,28 @@ from qcompile.execution.cost import Workload, portions, qpu_seconds
 from qcompile.execution.executor import (
     Executor,
     Kind,
-    check_shots,
     expectation_from_ones,
 )
 from qcompile.execution.offline import OfflineExecutor
 from qcompile.execution.open import load_backend, open_device, open_executor
+from qcompile.execution.prepared import ExactPrepared, Prepared, check_shots, draw_ones, exact
 from qcompile.execution.primitive import PrimitiveExecutor
 from qcompile.execution.twin import TwinExecutor
 
 __all__ = [
     "Backend",
     "DeviceBackend",
+    "ExactPrepared",
     "Executor",
     "Kind",
     "OfflineExecutor",
+    "Prepared",
     "PrimitiveExecutor",
     "TwinExecutor",
     "Workload",
     "check_shots",
+    "draw_ones",
+    "exact",
     "expectation_from_ones",
     "load_backend",
     "open_device",

@@ -2,53 +2,71 @@
 
 from __future__ import annotations
 
-from typing import Literal, Protocol, runtime_checkable
+from abc import ABC, abstractmethod
+from typing import Literal
 
 import numpy as np
 
 from qcompile.arrays import CountArray, FloatArray
+from qcompile.calibration import Calibration
 from qcompile.device import Device
 from qcompile.errors import CountsError, DeviceError
-from qcompile.limits import MAX_SHOTS
+from qcompile.execution.prepared import Prepared, check_shots, exact
 from qcompile.passes import Executable
 
 Kind = Literal["ideal", "noise-model", "measured-response", "hardware"]
 
 
-@runtime_checkable
-class Executor(Protocol):
-    """Runs executables; `kind` says what the results are worth."""
+class Executor(ABC):
+    """Runs executables; `kind` says what the results are worth.
 
-    @property
-    def device(self) -> Device: ...
+    `device` is what programs are compiled for. `calibration` mitigates where no other one is given;
+    None where one is measured.
+    """
 
-    @property
-    def kind(self) -> Kind: ...
+    device: Device
+    kind: Kind
+    calibration: Calibration | None = None
+    _last: Prepared | None = None
+
+    @abstractmethod
+    def prepare(self, executable: Executable) -> Prepared:
+        """The executable ready to be run, often.
+
+        Raises:
+            DeviceError: it was compiled for another device.
+        """
 
     def run(
         self, executable: Executable, x: FloatArray, theta: FloatArray, shots: int
     ) -> CountArray:
-        """The number of ones of each circuit in `shots` shots, (B, circuits), for x (B, inputs)."""
-        ...
+        """The number of ones of each circuit in `shots` shots, (B, circuits), for x (B, inputs).
+
+        Raises:
+            CircuitError: x or theta has another shape.
+            CountsError: shots out of range.
+            DeviceError: the executable was compiled for another device.
+        """
+        return self._prepared(executable).ones(x, theta, shots)
 
     def expectation(self, executable: Executable, x: FloatArray, theta: FloatArray) -> FloatArray:
-        """The measured `<Z>` of each circuit without shot noise, (B, circuits)."""
-        ...
+        """The measured `<Z>` of each circuit without shot noise, (B, circuits).
 
+        Raises:
+            CircuitError: x or theta has another shape.
+            CountsError: the executor only has shots.
+            DeviceError: the executable was compiled for another device.
+        """
+        return exact(self._prepared(executable)).expectation(x, theta)
 
-def check_shots(shots: int) -> int:
-    """`shots`, if an executor can take them.
+    def _prepared(self, executable: Executable) -> Prepared:
+        """The executable prepared, or what was prepared last if it is that."""
+        if self._last is None or self._last.executable is not executable:
+            self._last = self.prepare(executable)
+        return self._last
 
-    Raises:
-        CountsError: shots lie outside [1, MAX_SHOTS].
-    """
-    if not 1 <= shots <= MAX_SHOTS:
-        raise CountsError(
-            f"{shots} shots cannot be run.",
-            f"The number of shots lies in [1, {MAX_SHOTS}]; 1024 and 8192 are usual.",
-            "For expectations without shot noise say `--shots exact`.",
-        )
-    return shots
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.device.name})"
 
 
 def check_device(executable: Executable, device: Device) -> None:

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from weakref import WeakKeyDictionary
-
 import numpy as np
 
-from qcompile.arrays import CountArray, FloatArray
+from qcompile.arrays import FloatArray
 from qcompile.device import Device
-from qcompile.execution.executor import Kind, check_device, check_shots
+from qcompile.execution.executor import Executor, Kind, check_device
+from qcompile.execution.prepared import ExactPrepared
 from qcompile.noise import NoisyCircuits
 from qcompile.passes import Executable
 
 
-class OfflineExecutor:
-    """Runs executables on the noise model of `device`.
+class OfflineExecutor(Executor):
+    """Runs executables on the noise model of `device`, readout included.
 
     Circuits are not entangled, so the ones of each circuit in N shots are one binomial draw.
     The same seed and the same calls give the same counts.
@@ -24,32 +23,23 @@ class OfflineExecutor:
         self.device = device
         self.kind: Kind = "ideal" if device.is_ideal else "noise-model"
         self.rng = np.random.default_rng(seed)
-        self._noisy: WeakKeyDictionary[Executable, NoisyCircuits] = WeakKeyDictionary()
 
-    def run(
-        self, executable: Executable, x: FloatArray, theta: FloatArray, shots: int
-    ) -> CountArray:
-        """The number of ones of each circuit in `shots` shots, (B, circuits) integers.
+    def prepare(self, executable: Executable) -> ExactPrepared:
+        """The executable with the noise of its qubits.
 
         Raises:
-            CountsError: shots out of range.
-            DeviceError: the executable was compiled for another device.
+            DeviceError: it was compiled for another device.
         """
-        check_shots(shots)
-        p_one = self._p_one(executable, x, theta)
-        return self.rng.binomial(shots, np.minimum(np.maximum(p_one, 0.0), 1.0))
+        check_device(executable, self.device)
+        return _Noisy(executable, self.rng)
 
-    def expectation(self, executable: Executable, x: FloatArray, theta: FloatArray) -> FloatArray:
-        """The measured `<Z>` of each circuit without shot noise, (B, circuits), readout included.
 
-        Raises:
-            DeviceError: the executable was compiled for another device.
-        """
-        return 1.0 - 2.0 * self._p_one(executable, x, theta)
+class _Noisy(ExactPrepared):
+    def __init__(self, executable: Executable, rng: np.random.Generator):
+        super().__init__(executable, rng)
+        self._noisy = NoisyCircuits(
+            executable.native.circuits, executable.device, executable.qubits
+        )
 
-    def _p_one(self, executable: Executable, x: FloatArray, theta: FloatArray) -> FloatArray:
-        noisy = self._noisy.get(executable)
-        if noisy is None:
-            check_device(executable, self.device)
-            noisy = self._noisy[executable] = NoisyCircuits(executable)
-        return noisy.p_one(*executable.bind_turns(x, theta))
+    def p_one(self, x: FloatArray, theta: FloatArray) -> FloatArray:
+        return self._noisy.p_one(*self.executable.bind_turns(x, theta))

@@ -5,13 +5,16 @@ Source: qiskit.primitives, SamplerV2 and BitArray.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from qcompile.arrays import CountArray, FloatArray, IntArray
+from qcompile.execution.prepared import Prepared
 from qcompile.ir import Circuit
 from qcompile.passes import Executable
 
@@ -22,22 +25,28 @@ REGISTER = "c"
 class PackedRound:
     """A parametrised circuit; bit i of its register is circuit `circuits[i]` of the executable.
 
-    Parameter k is slot `slots[k]` of circuit `owners[k]`. Where no angle is open the global phase
-    is the only parameter: some samplers take the number of observations from parameters alone.
+    Parameter k is slot `slots[k]`. Where no angle is open the global phase is the only parameter:
+    some samplers take the number of observations from parameters alone.
     """
 
     circuit: Any
     parameters: tuple[Any, ...]
     circuits: IntArray
-    owners: IntArray
     slots: IntArray
 
     def pub(self, angles: FloatArray) -> tuple[Any, dict[tuple[Any, ...], FloatArray]]:
-        """The circuit and its values (B, parameters), of angles (B, circuits, slots)."""
-        values = angles[:, self.owners, self.slots]
-        if not self.owners.size:
-            values = np.zeros((len(angles), 1))
+        """The circuit and its values (B, parameters), of angles (B, slots)."""
+        values = angles[:, self.slots] if self.slots.size else np.zeros((len(angles), 1))
         return self.circuit, {self.parameters: values}
+
+
+class PackedExecutable(Prepared):
+    """An executable whose rounds are circuits for a sampler."""
+
+    @cached_property
+    def rounds(self) -> list[PackedRound]:
+        """Its rounds, packed when they are first needed: a journal's counts need none."""
+        return [pack_round(self.executable, k) for k in range(self.executable.round_count)]
 
 
 def pack_round(executable: Executable, index: int) -> PackedRound:
@@ -49,8 +58,9 @@ def pack_round(executable: Executable, index: int) -> PackedRound:
 
     template = executable.template()
     circuits = np.flatnonzero(executable.rounds == index)
-    places = [place for place in executable.open_slots if place[0] in circuits]
-    parameters = {name: Parameter(name) for name in (f"a{i}_{k}" for i, k in places)}
+    chosen = np.isin(executable.slot_circuits[executable.open_slots], circuits)
+    names = [template.inputs[k] for k in np.flatnonzero(chosen)]
+    parameters = {name: Parameter(name) for name in names}
     built = QuantumCircuit(
         QuantumRegister(len(executable.device.qubits) or len(executable.native), "q"),
         ClassicalRegister(len(circuits), REGISTER),
@@ -59,10 +69,10 @@ def pack_round(executable: Executable, index: int) -> PackedRound:
     for circuit, qubit in zip(circuits, qubits, strict=True):
         _append(built, template.circuits[circuit], qubit, parameters)
     built.measure(qubits, range(len(qubits)))
-    if not places:
+    if not parameters:
         built.global_phase = parameters["phase"] = Parameter("phase")
-    owners, slots = np.array(places, dtype=np.intp).reshape(-1, 2).T
-    return PackedRound(built, tuple(parameters.values()), circuits, owners, slots)
+    slots = executable.open_slots[chosen]
+    return PackedRound(built, tuple(parameters.values()), circuits, slots)
 
 
 def _append(built: Any, circuit: Circuit, qubit: int, parameters: dict[str, Any]) -> None:
@@ -74,7 +84,16 @@ def _append(built: Any, circuit: Circuit, qubit: int, parameters: dict[str, Any]
         getattr(built, gate.name)(*angles, qubit)
 
 
-def count_ones(bits: NDArray[np.uint8], circuits: int) -> CountArray:
-    """Ones of each bit, (B, circuits), of packed bits (B, shots, bytes): bit 0 comes last."""
-    unpacked = np.unpackbits(bits, axis=-1)[..., : -circuits - 1 : -1]
-    return np.asarray(unpacked.sum(axis=1, dtype=np.int64))
+def count_ones(
+    rounds: Sequence[PackedRound], bits: Sequence[NDArray[np.uint8]], circuits: IntArray
+) -> CountArray:
+    """The ones of `circuits`, (B, circuits), of the packed bits of rounds that hold just them.
+
+    Bits are (B, shots, bytes) for each round; `circuits` is sorted.
+    """
+    ones = np.zeros((len(bits[0]), len(circuits)), dtype=np.int64)
+    for packed, of_round in zip(rounds, bits, strict=True):
+        width = len(packed.circuits)
+        unpacked = np.unpackbits(of_round, axis=-1)[..., : -width - 1 : -1]  # bit 0 comes last
+        ones[:, np.searchsorted(circuits, packed.circuits)] = unpacked.sum(axis=1, dtype=np.int64)
+    return ones

@@ -7,17 +7,17 @@ from __future__ import annotations
 
 import warnings
 from copy import copy
-from typing import Any, NoReturn
-from weakref import WeakKeyDictionary
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from qcompile.arrays import CountArray, FloatArray
 from qcompile.device import Device
-from qcompile.errors import CountsError, DeviceError, MissingExtraError
-from qcompile.execution.executor import Kind, check_device, check_shots
-from qcompile.execution.packed import REGISTER, PackedRound, count_ones, pack_round
+from qcompile.errors import DeviceError, MissingExtraError
+from qcompile.execution.executor import Executor, Kind, check_device
+from qcompile.execution.packed import REGISTER, PackedExecutable, PackedRound, count_ones
+from qcompile.execution.prepared import Prepared, check_shots
 from qcompile.passes import Executable
 from qcompile.snapshot import device_from_backend, properties_of
 
@@ -33,7 +33,7 @@ _WIDEST_DENSITY_MATRIX = 9
 """Circuits side by side up to which one density matrix is faster than a product state per shot."""
 
 
-class PrimitiveExecutor:
+class PrimitiveExecutor(Executor):
     """Runs executables on `backend`, a Qiskit BackendV2, through a SamplerV2.
 
     Every call is one job with one pub for each round: its circuits side by side on their physical
@@ -62,61 +62,33 @@ class PrimitiveExecutor:
         self.rng = np.random.default_rng(seed)
         self._sampler = sampler
         self._simulator: Any = _simulator(backend, self.device) if sampler is None else None
-        self._rounds: WeakKeyDictionary[Executable, list[PackedRound]] = WeakKeyDictionary()
 
-    def run(
-        self, executable: Executable, x: FloatArray, theta: FloatArray, shots: int
-    ) -> CountArray:
-        """The number of ones of each circuit in `shots` shots, (B, circuits) integers.
+    def prepare(self, executable: Executable) -> Prepared:
+        """The executable with its rounds as circuits.
 
         Raises:
-            CountsError: shots out of range.
-            CircuitError: x or theta has another shape.
-            DeviceError: the executable was compiled for another device, or the sampler refuses
-                the job or fails; the message has its words.
+            DeviceError: it was compiled for another device.
         """
-        check_shots(shots)
-        angles = executable.bind_slots(x, theta)
-        rounds = self._rounds_of(executable)
-        ones = np.zeros((len(angles), len(executable.native)), dtype=np.int64)
-        if not ones.size:
-            return ones
-        for made, bits in zip(rounds, self._bits(rounds, angles, shots), strict=True):
-            ones[:, made.circuits] = count_ones(bits, len(made.circuits))
-        return ones
+        check_device(executable, self.device)
+        return _Sampled(executable, self)
 
-    def expectation(self, executable: Executable, x: FloatArray, theta: FloatArray) -> NoReturn:
-        """A sampler has no expectations without shot noise.
-
-        Raises:
-            CountsError: always.
-        """
-        raise CountsError(
-            f"{self.device.name} runs through a sampler, which only has shots.",
-            "Give a number of shots, 8192 say.",
-            "Expectations without shot noise need a device file: `qcompile backends` lists them.",
-        )
-
-    def _rounds_of(self, executable: Executable) -> list[PackedRound]:
-        rounds = self._rounds.get(executable)
-        if rounds is None:
-            check_device(executable, self.device)
-            rounds = [pack_round(executable, index) for index in range(executable.round_count)]
-            self._rounds[executable] = rounds
-        return rounds
-
-    def _bits(
+    def bits(
         self, rounds: list[PackedRound], angles: FloatArray, shots: int
     ) -> list[NDArray[np.uint8]]:
-        """The packed bits of each round from one job, (B, shots, bytes) each."""
+        """The packed bits of each round from one job, (B, shots, bytes) each.
+
+        Raises:
+            DeviceError: the sampler refuses the job or fails; the message has its words.
+        """
         from qiskit.exceptions import QiskitError
 
         try:
             sampler = self._sampler
             if sampler is None:
-                sampler = self._simulation(max(len(made.circuits) for made in rounds))
-            result = sampler.run([made.pub(angles) for made in rounds], shots=shots).result()
-            found = [np.asarray(getattr(pub.data, REGISTER).array) for pub in result]
+                sampler = self._simulation(max(len(packed.circuits) for packed in rounds))
+            pubs = [packed.pub(angles) for packed in rounds]
+            result = sampler.run(pubs, shots=shots).result()
+            bits = [np.asarray(getattr(pub.data, REGISTER).array) for pub in result]
         except (QiskitError, ValueError, OSError) as error:
             words = getattr(error, "message", None) or str(error)
             raise DeviceError(
@@ -124,13 +96,13 @@ class PrimitiveExecutor:
                 *str(words).strip().splitlines()[:1],
                 f"The job had {len(rounds)} circuits, {len(angles)} observations, {shots} shots.",
             ) from error
-        for bits in found:
-            if bits.shape[:2] != (len(angles), shots):
+        for of_round in bits:
+            if of_round.shape[:2] != (len(angles), shots):
                 raise DeviceError(
-                    f"The sampler of {self.device.name} gave bits of shape {bits.shape[:2]}.",
+                    f"The sampler of {self.device.name} gave bits of shape {of_round.shape[:2]}.",
                     f"Asked for were {(len(angles), shots)}: observations, shots.",
                 )
-        return found
+        return bits
 
     def _simulation(self, width: int) -> Any:
         """A sampler with a new seed for jobs of up to `width` circuits side by side."""
@@ -144,6 +116,26 @@ class PrimitiveExecutor:
             # Its successor in 0.51 plays every pub with one seed: rounds would not be independent.
             warnings.simplefilter("ignore", DeprecationWarning)
             return SamplerV2(mode=self._simulator, options={"simulator": {"seed_simulator": seed}})
+
+
+class _Sampled(PackedExecutable):
+    def __init__(self, executable: Executable, executor: PrimitiveExecutor):
+        super().__init__(executable)
+        self._executor = executor
+        self.shots_only = (
+            f"{executor.device.name} runs through a sampler, which only has shots.",
+            "Give a number of shots, 8192 say.",
+            "Expectations without shot noise need a device file: `qcompile backends` lists them.",
+        )
+
+    def ones(self, x: FloatArray, theta: FloatArray, shots: int) -> CountArray:
+        check_shots(shots)
+        angles = self.executable.bind(x, theta)
+        circuits = np.arange(len(self.executable.native))
+        if not angles.size:
+            return np.zeros((len(angles), len(circuits)), dtype=np.int64)
+        bits = self._executor.bits(self.rounds, angles, shots)
+        return count_ones(self.rounds, bits, circuits)
 
 
 def sampler_kind(sampler: Any, backend: Any) -> Kind:

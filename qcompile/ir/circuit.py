@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from qcompile.errors import CircuitError
-from qcompile.ir.angle import check_symbol
+from qcompile.ir.angle import Angle, check_symbol
 from qcompile.ir.gate import Gate
 
 _GATE_TEXT = re.compile(r"\s*([A-Za-z]\w*)\s*(?:\(([^()]*(?:\([^()]*\)[^()]*)*)\))?")
@@ -49,10 +49,22 @@ class Circuit:
         return cls(tuple(gates))
 
     @property
+    def angles(self) -> tuple[Angle, ...]:
+        """The angles of its gates, in order."""
+        return tuple(gate.angle for gate in self.gates if gate.angle is not None)
+
+    @property
     def symbols(self) -> tuple[str, ...]:
         """Every symbol that occurs, in order of first use."""
         late = (g.angle.terms for g in self.gates if g.angle is not None and g.angle.terms)
         return tuple(dict.fromkeys(symbol for terms in late for symbol, _ in terms))
+
+    def with_angles(self, angles: Iterable[Angle]) -> Circuit:
+        """The circuit with other angles, in order: as many as it has."""
+        others = iter(angles)
+        return Circuit(
+            tuple(g if g.angle is None else Gate(g.name, next(others)) for g in self.gates)
+        )
 
     def substitute(self, values: Mapping[str, float]) -> Circuit:
         """The circuit with the symbols named in `values` replaced by their numbers."""

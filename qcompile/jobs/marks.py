@@ -8,14 +8,14 @@ from dataclasses import replace
 from itertools import accumulate
 
 from qcompile.ir import Circuit, Gate, Program
+from qcompile.native import NativeGates
 from qcompile.passes import lower
-from qcompile.passes.to_native import NativeSet
 from qcompile.qasm.marks import Mark
 
 _ID = Gate("id")
 
 
-def native_starts(program: Program, native: NativeSet) -> list[list[int]]:
+def native_starts(program: Program, native: NativeGates) -> list[list[int]]:
     """The number of native gates at level 0 before gate 0, 1, ... of each circuit, and in all."""
     gates = list(dict.fromkeys(gate for circuit in program.circuits for gate in circuit.gates))
     alone = replace(program, circuits=tuple(Circuit((gate,)) for gate in gates))

@@ -42,7 +42,7 @@ def export_job(
     """Write the circuits of `policy` for `device` into the new `folder`; return its job.json.
 
     Without observations one parametric program for each round (OpenQASM 3 only): its inputs are
-    native angles in the order of `Executable.bind_slots`, or at level 0 the encoded features.
+    native angles in the order of `Executable.open_slots`, or at level 0 the encoded features.
     With observations (B, features) their angles are bound, one program for each observation and
     round. On a device with its own qubits OpenQASM 3 names them ($n); bit i of register c belongs
     to circuits[i]. `on_row` is called with the number of observations written.
@@ -149,8 +149,7 @@ def _bound(executable: Executable, x: FloatArray) -> Iterator[tuple[int, Program
 
     A row with an angle at a quarter turn, where fewer gates may do, is compiled by itself.
     """
-    place = np.array(executable.open_slots, dtype=np.intp).reshape(-1, 2).T
-    angles = executable.bind_slots(x, np.zeros(0))[:, place[0], place[1]]
+    angles = executable.bind(x, np.zeros(0))[:, executable.open_slots]
     quarters = np.abs(angles - np.rint(angles / _QUARTER_TURN) * _QUARTER_TURN)
     special = np.asarray((quarters <= NEGLIGIBLE_RAD).any(axis=1))
     angles -= np.rint(angles / (4 * _QUARTER_TURN)) * (4 * _QUARTER_TURN)

@@ -10,7 +10,8 @@ import numpy as np
 from qcompile.device import Device
 from qcompile.errors import CircuitError, DeviceError
 from qcompile.jobs.marks import counted, moved, native_starts, on_circuits
-from qcompile.passes import Executable, compile, native_set
+from qcompile.noise import usable
+from qcompile.passes import Executable, compile
 from qcompile.qasm.layout import Layout
 from qcompile.qasm.messages import bounded
 from qcompile.qasm.names import Version, legal_names, renamed
@@ -59,7 +60,7 @@ def _compiled(source: Source, device: Device, level: int, version: Version) -> C
     native = executable.native
     if level == 0:
         if marks:
-            marks = moved(marks, native_starts(program, native_set(device)))
+            marks = moved(marks, native_starts(program, device.native))
         if version == "2" and (delays := [mark for mark in marks if mark.word == "delay"]):
             notes.append(f"OpenQASM 2 has no delay: {counted(delays)} left out.")
             marks = [mark for mark in marks if mark.word != "delay"]
@@ -70,7 +71,7 @@ def _compiled(source: Source, device: Device, level: int, version: Version) -> C
         native = executable.template(used, _names(source))
         notes.append(
             f"{len(native.inputs)} native angles are inputs of the result: they follow from the "
-            "program's own inputs when it is bound (compile(...).bind_slots in Python)."
+            "program's own inputs when it is bound (compile(...).bind in Python)."
         )
     if other := legal_names(native, layout, version):
         native, layout = renamed(native, layout, other)
@@ -124,7 +125,7 @@ def _require_places(executable: Executable, layout: Layout) -> None:
         raise DeviceError(
             f"The program does not fit {device.name}.",
             f"It needs {needed}; {device.name} has {size} qubits, "
-            f"{len(device.usable)} of them worth using.",
+            f"{len(usable(device))} of them worth using.",
             "Take a larger device, --backend ideal, or split the program.",
         )
 

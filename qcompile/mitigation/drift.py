@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from qcompile.arrays import FloatArray
+from qcompile.arrays import FloatArray, IntArray
 from qcompile.calibration import Calibration, ReadoutCounts, ResponseCounts
 from qcompile.errors import CalibrationError
 
@@ -19,19 +18,23 @@ DRIFT_LEVEL = 0.001
 class Drift:
     """Chi-square of each qubit's fresh counts against the calibration, with its p-value.
 
-    `qubits`, `chi_square` and `p_value` are (qubits,); `drifted` are the qubits whose p-value lies
-    below DRIFT_LEVEL divided by their number (Bonferroni).
+    `qubits`, `chi_square` and `p_value` are (qubits,); `drifted` are the qubits that are
+    `contradicted`.
     """
 
-    qubits: NDArray[np.intp]
+    qubits: IntArray
     chi_square: FloatArray
     degrees_of_freedom: int
     p_value: FloatArray
 
     @property
     def drifted(self) -> list[int]:
-        level = DRIFT_LEVEL / len(self.qubits)
-        return [int(q) for q in self.qubits[self.p_value < level]]
+        return contradicted(self.qubits, self.p_value)
+
+
+def contradicted(qubits: IntArray, p_value: FloatArray) -> list[int]:
+    """The qubits (n,) whose p-value lies below DRIFT_LEVEL divided by their number (Bonferroni)."""
+    return [int(q) for q in qubits[p_value < DRIFT_LEVEL / len(qubits)]]
 
 
 def measure_drift(old: Calibration, fresh: Calibration) -> Drift:

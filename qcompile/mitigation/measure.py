@@ -186,16 +186,11 @@ def _prepare(prepared: IntArray, qubits: IntArray, device: Device) -> Executable
 
 
 def _turn(qubits: IntArray, device: Device, own: IntArray) -> Executable:
-    """sx rz(a) sx, or rx(a), on every one of `qubits`; `own` has the number of the input a."""
+    """The response circuit on every one of `qubits`; `own` has the number of the input a."""
     inputs = tuple(f"x{order}" for order in range(own.max() + 1))
-    program = Program(tuple(_turned(Angle.symbol(inputs[i]), device) for i in own), inputs)
+    circuits = tuple(device.native.response_circuit(Angle.symbol(inputs[i])) for i in own)
+    program = Program(circuits, inputs)
     return Executable(program, program, device, 2, qubits, np.zeros_like(qubits))
-
-
-def _turned(angle: Angle, device: Device) -> Circuit:
-    if "rx" in device.basis_gates:
-        return Circuit((Gate("rx", angle),))
-    return Circuit((Gate("sx"), Gate("rz", angle), Gate("sx")))
 
 
 def _plain(array: NDArray[Any]) -> tuple[tuple[Any, ...], ...]:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from qcompile.arrays import FloatArray
 from qcompile.calibration import ResponseFit
+from qcompile.native import NativeGates
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,8 +26,9 @@ class PolarCurves:
     covariance: FloatArray
 
 
-def polar_curves(fit: ResponseFit, sign: float) -> PolarCurves:
-    """The curves in the ideal polar angle w, a = w for `sign` 1 and w + pi for -1."""
+def polar_curves(fit: ResponseFit, native: NativeGates) -> PolarCurves:
+    """The curves of the response circuit of `native` gates in the ideal polar angle."""
+    sign = math.cos(native.angle_offset_rad)
     b, c, s = (np.array(fit.curves) * [1.0, sign, sign]).T
     side = np.where(c < 0.0, -1.0, 1.0)
     contrast, tilt = side * np.hypot(c, s), np.arctan2(side * s, side * c)

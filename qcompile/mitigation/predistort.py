@@ -1,13 +1,12 @@
-"""Angles bent when they are bound, so that the device's own curve gives the ideal `<Z>`."""
+"""Angles changed when they are bound, so that the device's own curve gives the ideal `<Z>`."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from qcompile.arrays import FloatArray
+from qcompile.arrays import BoolArray, FloatArray
 from qcompile.calibration import Calibration
 from qcompile.errors import CalibrationError
 from qcompile.mitigation.undo import Mitigation, response_mitigation
@@ -15,24 +14,24 @@ from qcompile.passes import Executable
 
 
 @dataclass(frozen=True, eq=False)
-class _Bend:
+class Predistortion:
     """From the angle whose ideal answer is wanted to the angle at which the device gives it."""
 
     response: Mitigation
     offset_rad: float
-    has_rotation: NDArray[np.bool_]
+    has_rotation: BoolArray
 
     def __call__(self, angles: FloatArray) -> FloatArray:
         polar = angles - self.offset_rad
         wanted = (np.cos(polar) - self.response.offset) / self.response.contrast
         turn = np.arccos(np.clip(wanted, -1.0, 1.0))
         side = np.where(np.sin(polar) < 0.0, -1.0, 1.0)
-        bent = self.offset_rad + self.response.tilt + side * turn
-        return np.where(self.has_rotation, bent, angles)
+        predistorted = self.offset_rad + self.response.tilt + side * turn
+        return np.where(self.has_rotation, predistorted, angles)
 
 
 def predistorted(executable: Executable, calibration: Calibration) -> Executable:
-    """The executable with bent angles: the measured `<Z>` is the ideal one, where it is reachable.
+    """The executable whose measured `<Z>` is the ideal one, where that is reachable.
 
     Reachable is [offset - contrast, offset + contrast] of the qubit's response curve; beyond it the
     nearest is taken. No shot noise is amplified, as mitigation afterwards would do.
@@ -40,8 +39,12 @@ def predistorted(executable: Executable, calibration: Calibration) -> Executable
     Raises:
         CalibrationError: the executable is not of level 2, or a qubit's response is not calibrated.
     """
-    if executable.bend is not None:
-        raise CalibrationError("The executable is bent already.", "Start from the compiled one.")
+    if executable.predistort is not None:
+        raise CalibrationError(
+            "The executable is predistorted already.", "Start from the compiled one."
+        )
     response = response_mitigation(calibration, executable, any_side=True)
-    has_rotation = np.array([count["rz"] + count["rx"] for count in executable.gate_counts()]) > 0
-    return replace(executable, bend=_Bend(response, executable.angle_offset_rad, has_rotation))
+    circuits = executable.native.circuits
+    has_rotation = np.array([bool(circuit.angles) for circuit in circuits], dtype=np.bool_)
+    offset_rad = executable.device.native.angle_offset_rad
+    return replace(executable, predistort=Predistortion(response, offset_rad, has_rotation))

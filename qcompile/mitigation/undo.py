@@ -119,7 +119,7 @@ def response_mitigation(
         CalibrationError: the executable is not of level 2, a qubit was not calibrated or is tilted
             by more than MOST_TILT_RAD without `any_side`, or no response was calibrated.
     """
-    check_response_level(executable.level, bent=any_side)
+    check_response_level(executable.level, predistort=any_side)
     fit, rows = calibration.response, calibration.rows(executable.qubits)
     if fit is None:
         raise CalibrationError(
@@ -127,7 +127,7 @@ def response_mitigation(
             *calibration.unfitted,
             _instead("readout", calibration.readout, "response"),
         )
-    polar = polar_curves(fit, math.cos(executable.angle_offset_rad))
+    polar = polar_curves(fit, executable.device.native)
     offset, contrast, tilt = (of[rows] for of in (polar.offset, polar.contrast, polar.tilt))
     scatter = _scatter(calibration)[rows]
     covariance = polar.covariance[rows] * scatter[:, None, None]
@@ -171,10 +171,10 @@ def _instead(other: str, fit: object, part: str) -> str:
     return f"Use mitigation {other}, or calibrate the {part}."
 
 
-def check_response_level(level: int, *, bent: bool = False) -> None:
+def check_response_level(level: int, *, predistort: bool = False) -> None:
     """Raise CalibrationError where response curves say nothing of the circuits of a level.
 
-    `bent` says that angles are to be bent by the curves, to which there is no other way.
+    `predistort` says that angles are to be predistorted, to which there is no other way.
     """
     if level != 2:
         raise CalibrationError(
@@ -182,7 +182,7 @@ def check_response_level(level: int, *, bent: bool = False) -> None:
             "They are those of sx rz sx; take --level 2"
             + (
                 ", or --mitigation readout without --predistort."
-                if bent
+                if predistort
                 else " or --mitigation readout."
             ),
         )

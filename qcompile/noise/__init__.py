@@ -1,5 +1,27 @@
-"""The noise of devices as affine maps of the Bloch vector."""
+"""The noise of devices: its physics, what it makes of qubits, and circuits that have it."""
 
+from qcompile.noise.channels import Channel, channel_after
 from qcompile.noise.circuits import NoisyCircuits, noise_after, readout_row, rotation_map
+from qcompile.noise.quality import (
+    REFERENCE_SHOTS,
+    USABLE_CONTRAST,
+    expected_error,
+    mean_square_error,
+    unusable,
+    usable,
+)
 
-__all__ = ["NoisyCircuits", "noise_after", "readout_row", "rotation_map"]
+__all__ = [
+    "REFERENCE_SHOTS",
+    "USABLE_CONTRAST",
+    "Channel",
+    "NoisyCircuits",
+    "channel_after",
+    "expected_error",
+    "mean_square_error",
+    "noise_after",
+    "readout_row",
+    "rotation_map",
+    "unusable",
+    "usable",
+]

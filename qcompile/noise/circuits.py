@@ -1,31 +1,28 @@
-"""A device's noise as affine maps of the Bloch vector, and noisy expectations for whole batches.
+"""Circuits with the noise of a device, as affine maps of the Bloch vector, for whole batches.
 
-After every gate with a calibration Aer's model puts a depolarising channel, then thermal
-relaxation; together they have the gate error of the calibration. Both map the Bloch vector
-r to A r + t, so a noisy circuit with K rotations is K rotations about z between fixed maps.
-Source: qiskit_aer.noise.device.models (basic_device_gate_errors), temperature 0.
+Noise maps the Bloch vector r to A r + t, so a noisy circuit with K rotations is K rotations about
+z between fixed maps.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from qcompile.arrays import FloatArray
-from qcompile.device import Device, Qubit, left_after
+from qcompile.arrays import FloatArray, IntArray
+from qcompile.device import Device, Qubit
 from qcompile.ir import Circuit, Gate
-from qcompile.passes import Executable
+from qcompile.native import slots
+from qcompile.noise.channels import channel_after
 
 _EYE = np.eye(4)
 
 
 def noise_after(gate: str, qubit: Qubit | None) -> FloatArray:
     """The map of the noise that follows `gate` on `qubit`, (4, 4); None is a perfect qubit."""
-    if qubit is None:
-        return _EYE
-    across, along, added = left_after(gate, qubit)
+    across, along, added = channel_after(gate, qubit)
     noise = np.diag([1.0, across, across, along])
     noise[3, 0] = added
     return noise
@@ -49,26 +46,35 @@ def rotation_map(axis: str, angle: float) -> FloatArray:
 
 
 class NoisyCircuits:
-    """The circuits of an executable with the noise of its device, evaluated for whole batches."""
+    """Native circuits on physical `qubits` (circuits,) of a device, evaluated for whole batches.
 
-    def __init__(self, executable: Executable):
-        device, slots = executable.device, max(executable.slots, 1)
-        circuits = executable.native.circuits
-        fixed = np.empty((slots + 1, len(circuits), 4, 4))
+    Angles are flat: a column for each of their `native.slots`.
+    """
+
+    def __init__(self, circuits: Sequence[Circuit], device: Device, qubits: IntArray):
+        self._device = device
+        owners, positions = slots(circuits)
+        most = int(positions.max(initial=0)) + 1
+        self._columns = np.full((most, len(circuits)), len(owners))  # beyond the last: no slot
+        self._columns[positions, owners] = np.arange(len(owners))
+        self._uneven = most * len(circuits) > len(owners)
+        placed = [None if device.is_ideal else device.qubits[q] for q in qubits.tolist()]
+        fixed = np.empty((most + 1, len(circuits), 4, 4))
         for index, circuit in enumerate(circuits):
-            qubit = physical_qubit(device, int(executable.qubits[index]))
-            maps = list(_maps_between_slots(circuit, qubit))
-            fixed[:, index] = [*maps, *[_EYE] * (slots + 1 - len(maps))]
-        rows = [readout_row(physical_qubit(device, int(q))) for q in executable.qubits]
+            maps = list(_maps_between_slots(circuit, placed[index]))
+            fixed[:, index] = [*maps, *[_EYE] * (most + 1 - len(maps))]
+        rows = np.reshape([readout_row(qubit) for qubit in placed], (-1, 4))
         self._start = fixed[0, :, 1:, 0] + fixed[0, :, 1:, 3]
         self._between = fixed[1:-1]
-        end = np.einsum("ci,cij->cj", np.reshape(rows, (-1, 4)), fixed[-1])
-        self._end = end.T.copy()
+        self._end = np.einsum("ci,cij->cj", rows, fixed[-1]).T.copy()
         # Nothing before the first slot depends on angles: a single slot is a response curve.
-        self._response = self._curve(*self._start.T) if slots == 1 else None
+        self._response = self._curve(*self._start.T) if most == 1 else None
+
+    def __repr__(self) -> str:
+        return f"NoisyCircuits({self._columns.shape[1]} circuits on {self._device.name})"
 
     def expectation(self, angles: FloatArray) -> FloatArray:
-        """The measured `<Z>` for the angles (B, circuits, slots) of `Executable.bind_slots`.
+        """The measured `<Z>` for angles (B, slots), as `Executable.bind` gives them.
 
         (B, circuits), exact: no shot noise. With one slot it is the response curve of the qubit,
         b + c cos(a) + s sin(a).
@@ -78,21 +84,25 @@ class NoisyCircuits:
     def p_one(self, cos: FloatArray, sin: FloatArray) -> FloatArray:
         """P(1) of each circuit for the cosines and sines of its angles, as `bind_turns` gives them.
 
-        Arrays of (B, circuits, slots) to (B, circuits), in [0, 1] up to rounding.
+        Arrays of (B, slots) to (B, circuits), in [0, 1] up to rounding.
         """
         if self._response is not None:
             b, c, s = self._response
-            return np.asarray(b + c * cos[:, :, 0] + s * sin[:, :, 0])
+            return np.asarray(b + c * cos + s * sin)
+        if self._uneven:  # a slot that a circuit lacks turns by nothing
+            cos = np.pad(cos, ((0, 0), (0, 1)), constant_values=1.0)
+            sin = np.pad(sin, ((0, 0), (0, 1)))
         r_x, r_y, r_z = self._start.T
-        for slot, fixed in enumerate(self._between):
-            cos_k, sin_k = cos[:, :, slot], sin[:, :, slot]
+        for columns, fixed in zip(self._columns[:-1], self._between, strict=True):
+            cos_k, sin_k = cos[:, columns], sin[:, columns]
             r_x, r_y = r_x * cos_k - r_y * sin_k, r_x * sin_k + r_y * cos_k
             r_x, r_y, r_z = (
                 fixed[:, i, 0] + fixed[:, i, 1] * r_x + fixed[:, i, 2] * r_y + fixed[:, i, 3] * r_z
                 for i in (1, 2, 3)
             )
         b, c, s = self._curve(r_x, r_y, r_z)
-        return np.asarray(b + c * cos[:, :, -1] + s * sin[:, :, -1])
+        last = self._columns[-1]
+        return np.asarray(b + c * cos[:, last] + s * sin[:, last])
 
     def _curve(
         self, r_x: FloatArray, r_y: FloatArray, r_z: FloatArray
@@ -101,11 +111,6 @@ class NoisyCircuits:
         b, e_x, e_y, e_z = self._end
         z = b + e_z * r_z, e_x * r_x + e_y * r_y, e_y * r_x - e_x * r_y
         return (1.0 - z[0]) / 2, -z[1] / 2, -z[2] / 2
-
-
-def physical_qubit(device: Device, index: int) -> Qubit | None:
-    """The qubit of a device, or None for a perfect one."""
-    return None if device.is_ideal else device.qubits[index]
 
 
 def _maps_between_slots(circuit: Circuit, qubit: Qubit | None) -> Iterator[FloatArray]:

@@ -2,7 +2,7 @@
 
 from qcompile.passes.base import Pass, Promise
 from qcompile.passes.executable import Executable
-from qcompile.passes.pipeline import LEVELS, PASSES, compile, lower, native_set, pipeline
+from qcompile.passes.pipeline import LEVELS, PASSES, compile, lower, pipeline
 
 __all__ = [
     "LEVELS",
@@ -12,6 +12,5 @@ __all__ = [
     "Promise",
     "compile",
     "lower",
-    "native_set",
     "pipeline",
 ]

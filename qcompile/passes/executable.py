@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
@@ -14,20 +13,24 @@ import numpy as np
 from qcompile.arrays import FloatArray, IntArray
 from qcompile.device import Device
 from qcompile.errors import CircuitError
-from qcompile.ir import Angle, Circuit, Gate, Program
+from qcompile.ir import Angle, Program
 from qcompile.ir.table import AngleTable, are_large
+from qcompile.native import slots
+from qcompile.noise import usable
 from qcompile.simulate import Definitions
-
-_SLOT_GATES = ("rz", "rx")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Executable:
     """A program compiled for a device, once; `bind` gives it its angles, often.
 
-    `source` is the program as it was, `native` the same in the device's gates. The k-th native
-    rotation of a circuit (rz, or rx where it is native) is its slot k. `qubits` and `rounds` hold
-    the physical qubit and the round of each circuit, (circuits,) integers.
+    `source` is the program as it was, `native` the same in the device's gates. `qubits` and
+    `rounds` hold the physical qubit and the round of each circuit, (circuits,) integers.
+
+    Each native rotation (rz, or rx where it is native) is a slot, circuit by circuit; a circuit
+    without a rotation has one that is not used. At level 2, where a circuit has one rotation at
+    most, slot i is that of circuit i. `predistort` changes the angles (B, slots) of level 2 after
+    they are bound; `mitigation.predistorted` sets it.
     """
 
     source: Program
@@ -36,80 +39,59 @@ class Executable:
     level: int
     qubits: IntArray
     rounds: IntArray
-    bend: Callable[[FloatArray], FloatArray] | None = None
-    """Changes the angles (B, circuits) of level 2 after they are bound; `predistorted` sets it."""
+    predistort: Callable[[FloatArray], FloatArray] | None = None
 
-    @cached_property
-    def slots(self) -> int:
-        """The number of native rotations of the longest circuit."""
-        return max((len(_rotations(c)) for c in self.native.circuits), default=0)
+    @property
+    def slot_circuits(self) -> IntArray:
+        """The circuit of each slot, (slots,)."""
+        return self._slots[0]
+
+    @property
+    def slot_positions(self) -> IntArray:
+        """Which slot of its circuit each slot is, (slots,): 0, 1, ..."""
+        return self._slots[1]
 
     def bind(self, x: FloatArray, theta: FloatArray) -> FloatArray:
-        """The native angles for x (B, inputs) and theta (parameters,), in radians.
+        """The native angles for x (B, inputs) and theta (parameters,), in radians: (B, slots).
 
-        The shape is (B, circuits) at level 2, where a circuit has one rotation at most, and
-        (B, circuits, slots) at levels 0 and 1. A slot that a circuit lacks holds 0. Where angles
-        are so large that adding them would round, they are given modulo 2 pi, exactly.
+        A slot that is not used holds 0. Where angles are so large that adding them would round,
+        they are given modulo 2 pi, exactly.
 
         Raises:
             CircuitError: x or theta has another shape.
         """
-        angles = self.bind_slots(x, theta)
-        if self.level == 2:
-            angles = angles[..., 0]
-        return angles
-
-    def bind_slots(self, x: FloatArray, theta: FloatArray) -> FloatArray:
-        """`bind` with the slot axis at every level: (B, circuits, slots), one slot at least."""
         self._check(x, theta)
+        rows = len(x)
         if self._definitions is not None:
             values = self._definitions(x, theta)
             x = np.concatenate([x, values], axis=1) if self._mixed else values
         angles = self._table(x, theta, large=are_large(x, theta, self._table.largest))
-        shape = (len(x), len(self.native), max(self.slots, 1))
         if angles.ndim == 1:
-            angles = np.broadcast_to(angles, (len(x), angles.size))
-        angles = np.asarray(angles.reshape(shape))
-        return angles if self.bend is None else self.bend(angles[..., 0])[..., None]
+            angles = np.broadcast_to(angles, (rows, angles.size))
+        return np.asarray(angles if self.predistort is None else self.predistort(angles))
 
     def bind_turns(self, x: FloatArray, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Cosine and sine of the angles that `bind_slots` gives, each (B, circuits, slots).
+        """Cosine and sine of the angles that `bind` gives, each (B, slots).
 
-        Where every angle is a polar angle of its own, or that plus pi, they follow from `<Z>`.
+        Where every angle is a polar angle of its own, up to the offset of the native gates, they
+        follow from `<Z>` without trigonometry.
         """
-        if self._polar_sign is None or self._definitions is None or self.bend is not None:
-            angles = self.bind_slots(x, theta)
+        if self._definitions is None or not self.has_polar_angles or self.predistort is not None:
+            angles = self.bind(x, theta)
             return np.cos(angles), np.sin(angles)
         self._check(x, theta)
-        z = self._definitions.polar_cosines(x, theta)[:, :, None]
+        z = self._definitions.polar_cosines(x, theta)
         sine = np.sqrt(1.0 - z * z)
-        return (z, sine) if self._polar_sign > 0 else (-z, -sine)
-
-    @property
-    def angle_offset_rad(self) -> float:
-        """At level 2, the native angle less the polar angle of the ideal Bloch vector.
-
-        It is pi for sx rz sx and 0 for rx, up to the sign of the polar angle.
-        """
-        return 0.0 if "rx" in self.device.basis_gates else math.pi
-
-    @property
-    def has_polar_angles(self) -> bool:
-        """Whether every native angle less `angle_offset_rad` lies in [0, pi]."""
-        return self._polar_sign is not None
+        return (-z, -sine) if self.device.native.angle_offset_rad else (z, sine)
 
     @cached_property
-    def _polar_sign(self) -> int | None:
-        """1 if slot 0 of circuit i is polar angle i, -1 if it is that plus pi, else None."""
+    def has_polar_angles(self) -> bool:
+        """Whether slot i is polar angle i, in [0, pi], plus the offset of the native gates."""
         if self._definitions is None or not self._definitions.are_polar:
-            return None
-        for sign, offset in ((1, 0.0), (-1, math.pi)):
-            wanted = [Angle.symbol(d.name) + offset for d in self.native.definitions]
-            if [[g.angle for g in _rotations(c)] for c in self.native.circuits] == [
-                [angle] for angle in wanted
-            ]:
-                return sign
-        return None
+            return False
+        offset = self.device.native.angle_offset_rad
+        polar = [(Angle.symbol(d.name) + offset,) for d in self.native.definitions]
+        return [circuit.angles for circuit in self.native.circuits] == polar
 
     def _check(self, x: FloatArray, theta: FloatArray) -> None:
         inputs, parameters = len(self.source.inputs), len(self.source.parameters)
@@ -119,6 +101,16 @@ class Executable:
                 f"x has shape {np.shape(x)} and theta {np.shape(theta)}.",
                 f"The program needs (B, {inputs}) and ({parameters},).",
             )
+
+    @cached_property
+    def _slots(self) -> tuple[IntArray, IntArray]:
+        return slots(self.native.circuits)
+
+    @cached_property
+    def _slot_angles(self) -> tuple[Angle | None, ...]:
+        """The angle of each slot; None for one that is not used."""
+        unused = (None,)
+        return tuple(a for circuit in self.native.circuits for a in circuit.angles or unused)
 
     @cached_property
     def _definitions(self) -> Definitions | None:
@@ -135,17 +127,17 @@ class Executable:
 
     @cached_property
     def _table(self) -> AngleTable:
-        slots = max(self.slots, 1)
-        angles: list[Angle] = []
-        for circuit in self.native.circuits:
-            own = [gate.angle for gate in _rotations(circuit) if gate.angle is not None]
-            angles += [*own, *[Angle()] * (slots - len(own))]
+        angles = [Angle() if angle is None else angle for angle in self._slot_angles]
         defined = tuple(d.name for d in self.native.definitions)
         inputs = (*self.native.inputs, *defined) if self._mixed or not defined else defined
         return AngleTable(angles, inputs, self.native.parameters)
 
     def __str__(self) -> str:
         return str(self.native)
+
+    def __repr__(self) -> str:
+        where = f"{self.device.name}, level {self.level}, rounds {self.round_count}"
+        return f"Executable({len(self.native)} circuits on {where})"
 
     @property
     def round_count(self) -> int:
@@ -157,7 +149,7 @@ class Executable:
 
         It is 1 on the ideal device too, where side by side saves nothing.
         """
-        return max(len(self.device.usable) // max(len(self.native), 1), 1)
+        return max(len(usable(self.device)) // max(len(self.native), 1), 1)
 
     def to_qiskit(
         self, x: FloatArray | None = None, theta: FloatArray | None = None, *, measure: bool = True
@@ -182,43 +174,36 @@ class Executable:
         return [Counter(gate.name for gate in c.gates) for c in self.native.circuits]
 
     @cached_property
-    def open_slots(self) -> tuple[tuple[int, int], ...]:
-        """Circuit and slot of every angle that is not known before binding, in order.
+    def open_slots(self) -> IntArray:
+        """The slots whose angles are not known before binding, in order.
 
-        With `bend` constant angles are among them, which it changes too.
+        With `predistort` constant angles are among them, which it changes too.
         """
-        return tuple(
-            (index, slot)
-            for index, circuit in enumerate(self.native.circuits)
-            for slot, gate in enumerate(_rotations(circuit))
-            if gate.angle is not None and (self.bend is not None or not gate.angle.is_constant)
-        )
+        known = self.predistort is None
+        is_open = [a is not None and not (known and a.is_constant) for a in self._slot_angles]
+        return np.flatnonzero(is_open)
 
     def template(
         self, numbers: Sequence[int] | None = None, taken: Collection[str] = ()
     ) -> Program:
-        """The native circuits with an input for each of the `open_slots`.
+        """The native circuits with an input for each of the `open_slots`, in that order.
 
-        Slot k of circuit i is the input a{i}_{k}; what `bind_slots` gives is its value. `numbers`
-        are what the names call the circuits instead of 0, 1, ...; with names that are `taken` it is
+        Slot k of circuit i is the input a{i}_{k}; what `bind` gives is its value. `numbers` are
+        what the names call the circuits instead of 0, 1, ...; with names that are `taken` it is
         a_{i}_{k}, with as many underscores as it takes.
         """
         numbers = range(len(self.native)) if numbers is None else numbers
         prefix = "a"
         while any(name.startswith(prefix) and name[len(prefix) :][:1].isdigit() for name in taken):
             prefix += "_"
-        names = {(i, slot): f"{prefix}{numbers[i]}_{slot}" for i, slot in self.open_slots}
-        circuits = []
-        for index, circuit in enumerate(self.native.circuits):
-            gates, slot = [], 0
-            for gate in circuit.gates:
-                is_slot = gate.name in _SLOT_GATES
-                name = names.get((index, slot)) if is_slot else None
-                gates.append(Gate(gate.name, Angle.symbol(name)) if name else gate)
-                slot += is_slot
-            circuits.append(Circuit(tuple(gates)))
-        return Program(tuple(circuits), tuple(names.values()))
-
-
-def _rotations(circuit: Circuit) -> list[Gate]:
-    return [gate for gate in circuit.gates if gate.name in _SLOT_GATES]
+        angles, names = list(self._slot_angles), []
+        for slot in self.open_slots.tolist():
+            circuit, position = self.slot_circuits[slot], self.slot_positions[slot]
+            names.append(f"{prefix}{numbers[circuit]}_{position}")
+            angles[slot] = Angle.symbol(names[-1])
+        circuits, start = [], 0
+        for circuit in self.native.circuits:
+            stop = start + max(len(circuit.angles), 1)
+            circuits.append(circuit.with_angles(filter(None, angles[start:stop])))
+            start = stop
+        return Program(tuple(circuits), tuple(names))

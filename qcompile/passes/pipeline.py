@@ -7,6 +7,7 @@ from qcompile.device import IDEAL, Device
 from qcompile.errors import CircuitError, DeviceError
 from qcompile.foreign import is_qiskit_backend, way_to_a_program, what_it_is
 from qcompile.ir import Program
+from qcompile.native import NativeGates
 from qcompile.passes.base import Pass
 from qcompile.passes.drop_unobservable import DropUnobservable
 from qcompile.passes.executable import Executable
@@ -14,7 +15,7 @@ from qcompile.passes.fuse_known import FuseKnown
 from qcompile.passes.fuse_rotations import FuseRotations
 from qcompile.passes.merge_rotations import MergeRotations
 from qcompile.passes.place import place
-from qcompile.passes.to_native import NativeSet, ToNative
+from qcompile.passes.to_native import ToNative
 from qcompile.passes.to_rotations import ToRotations
 
 LEVELS = {
@@ -34,12 +35,7 @@ PASSES: tuple[type[Pass], ...] = (
 """Every pass there is; the property test of their promises reads this."""
 
 
-def native_set(device: Device) -> NativeSet:
-    """The gates a device is compiled to: fractional rx where it has it."""
-    return "rz rx" if "rx" in device.basis_gates else "rz sx x"
-
-
-def pipeline(level: int, native: NativeSet) -> tuple[Pass, ...]:
+def pipeline(level: int, native: NativeGates) -> tuple[Pass, ...]:
     """The passes of a level, in order.
 
     Raises:
@@ -56,7 +52,7 @@ def pipeline(level: int, native: NativeSet) -> tuple[Pass, ...]:
     return fuse if level == 1 else (*fuse, DropUnobservable())
 
 
-def lower(program: Program, level: int, native: NativeSet) -> Program:
+def lower(program: Program, level: int, native: NativeGates) -> Program:
     """`program` in native gates, not yet placed."""
     for step in pipeline(level, native):
         program = step.apply(program)
@@ -94,5 +90,5 @@ def compile(
         raise DeviceError(f"compile takes a Device; this is {what_it_is(device)}: {door}")
     qubits, rounds = place(len(program), device, importance, copies)
     program = program.side_by_side(copies)
-    native = lower(program, level, native_set(device))
+    native = lower(program, level, device.native)
     return Executable(program, native, device, level, qubits, rounds)

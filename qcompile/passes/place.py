@@ -7,6 +7,7 @@ import numpy as np
 from qcompile.arrays import FloatArray, IntArray
 from qcompile.device import Device
 from qcompile.errors import CircuitError
+from qcompile.noise import usable
 
 
 def place(
@@ -16,9 +17,9 @@ def place(
 
     `importance` (circuits,) is what a square error of a circuit's `<Z>` costs; left out, it is the
     same for all. The placement is the one of the least cost, the sum over circuits of importance
-    times `Device.mean_square_error` of the qubit, among those of the fewest rounds that hold every
-    circuit on `Device.usable`: a round has one place on each qubit. The ideal device has a qubit
-    for each circuit.
+    times `mean_square_error` of the qubit, among those of the fewest rounds that hold every circuit
+    on `usable` qubits (`qcompile.noise`): a round has one place on each qubit. The ideal device has
+    a qubit for each circuit.
 
     A cost that is a product needs no solver for the assignment problem: by the rearrangement
     inequality the most important circuits get the best places, and the worst stay empty. To this
@@ -42,11 +43,11 @@ def place(
     index = np.arange(copies * circuits)
     if device.is_ideal:
         return index, np.zeros_like(index)
-    usable = np.array(device.usable)
-    round_count = -(-len(index) // len(usable)) or 1
+    places = np.array(usable(device))
+    round_count = -(-len(index) // len(places)) or 1
     order = np.argsort(-importance, kind="stable")[:, None] + circuits * np.arange(copies)
     order[1::2] = order[1::2, ::-1]
     qubits, rounds = np.empty_like(index), np.empty_like(index)
-    qubits[order.ravel()] = usable[index // round_count]
+    qubits[order.ravel()] = places[index // round_count]
     rounds[order.ravel()] = index % round_count
     return qubits, rounds

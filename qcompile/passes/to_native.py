@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 from qcompile.ir import FIXED_GATES, Angle, Circuit, Gate, Program
+from qcompile.native import RX, SX, NativeGates
 from qcompile.passes.base import Promise
 from qcompile.simulate import alternating
-
-NativeSet = Literal["rz sx x", "rz rx"]
 
 _PI, _HALF_PI = math.pi, math.pi / 2
 
@@ -27,7 +26,7 @@ class ToNative:
     Ry(a) = Rz(pi/2) Rx(a) Rz(-pi/2) where rx is native.
     """
 
-    native: NativeSet = "rz sx x"
+    native: NativeGates = SX
 
     name: ClassVar[str] = "to_native"
     keeps: ClassVar[Promise] = "unitary"
@@ -49,7 +48,7 @@ class ToNative:
         )
 
     def _gate(self, gate: Gate) -> Iterator[Gate]:
-        if gate.name in (*self.native.split(), "id"):
+        if gate.name in (*self.native.gates, "id"):
             yield gate if gate.angle is None else Gate(gate.name, gate.angle.moderate())
             return
         angles = alternating(Circuit((gate,)))
@@ -65,7 +64,7 @@ class ToNative:
         """Ry(polar) as an rz angle, gates, and an rz angle."""
         if polar.equals(0.0):
             return 0.0, (), 0.0
-        if self.native == "rz rx":
+        if self.native == RX:
             return -_HALF_PI, (Gate("rx", polar.wrapped()),), _HALF_PI
         if polar.equals(_HALF_PI):
             return -_HALF_PI, (Gate("sx"),), _HALF_PI

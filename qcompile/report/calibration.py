@@ -103,7 +103,7 @@ def draw_calibration(calibration: Calibration) -> bytes:
 
 
 def _has_turn(calibration: Calibration) -> bool:
-    return "rx" not in calibration.device.basis_gates
+    return calibration.device.native.angle_offset_rad != 0.0
 
 
 def _curve(calibration: Calibration, index: int, angles: FloatArray) -> FloatArray:

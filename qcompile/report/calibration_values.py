@@ -58,8 +58,7 @@ def _fit(part: str, fit: ReadoutFit | ResponseFit, shots: int | None) -> dict[st
 def _response(calibration: Calibration) -> dict[str, list[float]]:
     """Offset, contrast and tilt of every qubit in the ideal polar angle, with standard errors."""
     assert calibration.response is not None
-    sign = 1.0 if "rx" in calibration.device.basis_gates else -1.0
-    curves = polar_curves(calibration.response, sign)
+    curves = polar_curves(calibration.response, calibration.device.native)
     variances = np.diagonal(curves.covariance, axis1=1, axis2=2)
     errors = np.sqrt(np.maximum(variances, 0.0))  # one that is nothing may be rounded below 0
     return {

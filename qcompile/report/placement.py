@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from qcompile.device import LEAST_CONTRAST, REFERENCE_SHOTS
+from qcompile.noise import REFERENCE_SHOTS, USABLE_CONTRAST
 from qcompile.report.tables import plural, print_table
 
 _PERFECT = math.sqrt(2 / 3 / REFERENCE_SHOTS)
@@ -43,7 +43,7 @@ def print_placement(values: dict[str, Any]) -> None:
 def left_out_words(reasons: Mapping[int, str]) -> str:
     """Which qubits are not used, each with the reason in words."""
     words = ", ".join(f"{qubit} {reason}" for qubit, reason in reasons.items())
-    text = f"left out ({LEAST_CONTRAST} of <Z> is the least): qubit {words}"
+    text = f"left out ({USABLE_CONTRAST} of <Z> is the least): qubit {words}"
     return textwrap.fill(text, 80, subsequent_indent="  ")
 
 

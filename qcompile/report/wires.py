@@ -9,6 +9,7 @@ import numpy as np
 
 from qcompile.arrays import FloatArray
 from qcompile.ir import Circuit, Gate
+from qcompile.noise import expected_error, unusable
 from qcompile.passes import Executable
 
 
@@ -52,7 +53,7 @@ def executable_values(
                 "qubit": qubit,
                 "round": int(executable.rounds[index]),
                 "importance": float(shares[index]),
-                "expected_error": None if device.is_ideal else device.expected_error(qubit),
+                "expected_error": None if device.is_ideal else expected_error(device, qubit),
             }
         )
     return {
@@ -63,7 +64,7 @@ def executable_values(
         "rounds": executable.round_count,
         "copies_that_fit": executable.copies_that_fit,
         "left_out": [
-            {"qubit": qubit, "reason": reason} for qubit, reason in device.unusable.items()
+            {"qubit": qubit, "reason": reason} for qubit, reason in unusable(device).items()
         ],
         "circuits": circuits,
         "definitions": [str(definition) for definition in native.definitions],

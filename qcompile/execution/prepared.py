@@ -1,0 +1,91 @@
+"""Executables made ready for an executor, and the counts that are drawn from probabilities."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+
+from qcompile.arrays import CountArray, FloatArray
+from qcompile.errors import CountsError
+from qcompile.limits import MAX_SHOTS
+from qcompile.passes import Executable
+
+
+class Prepared(ABC):
+    """An executable on its executor: what does not depend on inputs is done.
+
+    `shots_only` says in words why there are no expectations without shot noise; it is empty where
+    there are, in an `ExactPrepared`.
+    """
+
+    shots_only: tuple[str, ...] = ()
+
+    def __init__(self, executable: Executable):
+        self.executable = executable
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.executable!r})"
+
+    @abstractmethod
+    def ones(self, x: FloatArray, theta: FloatArray, shots: int) -> CountArray:
+        """The number of ones of each circuit in `shots` shots, (B, circuits), for x (B, inputs).
+
+        Raises:
+            CircuitError: x or theta has another shape.
+            CountsError: shots out of range.
+        """
+
+
+class ExactPrepared(Prepared):
+    """An executable whose probabilities are known; its counts are drawn from `rng`."""
+
+    def __init__(self, executable: Executable, rng: np.random.Generator):
+        super().__init__(executable)
+        self._rng = rng
+
+    @abstractmethod
+    def p_one(self, x: FloatArray, theta: FloatArray) -> FloatArray:
+        """P(1) of each circuit, (B, circuits), in [0, 1] up to rounding."""
+
+    def expectation(self, x: FloatArray, theta: FloatArray) -> FloatArray:
+        """The measured `<Z>` of each circuit without shot noise, (B, circuits).
+
+        Raises:
+            CircuitError: x or theta has another shape.
+        """
+        return 1.0 - 2.0 * self.p_one(x, theta)
+
+    def ones(self, x: FloatArray, theta: FloatArray, shots: int) -> CountArray:
+        return draw_ones(self._rng, check_shots(shots), self.p_one(x, theta))
+
+
+def draw_ones(rng: np.random.Generator, shots: int, p_one: FloatArray) -> CountArray:
+    """Ones in `shots` shots, of the shape of `p_one`: binomial draws, as nothing is entangled."""
+    return rng.binomial(shots, np.minimum(np.maximum(p_one, 0.0), 1.0))
+
+
+def exact(prepared: Prepared) -> ExactPrepared:
+    """`prepared`, if it has expectations without shot noise.
+
+    Raises:
+        CountsError: it only has shots; the message says why.
+    """
+    if isinstance(prepared, ExactPrepared):
+        return prepared
+    raise CountsError(*prepared.shots_only)
+
+
+def check_shots(shots: int) -> int:
+    """`shots`, if an executor can take them.
+
+    Raises:
+        CountsError: shots lie outside [1, MAX_SHOTS].
+    """
+    if not 1 <= shots <= MAX_SHOTS:
+        raise CountsError(
+            f"{shots} shots cannot be run.",
+            f"The number of shots lies in [1, {MAX_SHOTS}]; 1024 and 8192 are usual.",
+            "For expectations without shot noise say `--shots exact`.",
+        )
+    return shots

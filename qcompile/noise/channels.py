@@ -1,0 +1,72 @@
+"""What the noise after a gate does to a Bloch vector.
+
+After every gate with a calibration Aer's model puts a depolarising channel, then thermal
+relaxation; together they have the gate error of the calibration.
+Source: qiskit_aer.noise.device.models (basic_device_gate_errors), temperature 0.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from qcompile.device import GateCalibration, Qubit
+
+
+class Channel(NamedTuple):
+    """A channel symmetric about z: r_x and r_y times `across`, r_z times `along` plus `added`."""
+
+    across: float
+    along: float
+    added: float
+
+
+NOISELESS = Channel(1.0, 1.0, 0.0)
+
+
+def relaxation(qubit: Qubit, length_ns: float) -> Channel:
+    """Thermal relaxation over `length_ns`, towards |0>. T2 is cut to 2 T1, the physical limit."""
+    t1_ns = 1e3 * qubit.t1_us
+    t2_ns = min(1e3 * qubit.t2_us, 2 * t1_ns)
+    along, across = math.exp(-length_ns / t1_ns), math.exp(-length_ns / t2_ns)
+    return Channel(across, along, 1 - along)
+
+
+def relaxation_error(qubit: Qubit, length_ns: float) -> float:
+    """The average gate error, 1 - fidelity, of thermal relaxation alone."""
+    return _error(relaxation(qubit, length_ns))
+
+
+def depolarising(calibration: GateCalibration, qubit: Qubit) -> float:
+    """The depolarising probability that brings relaxation up to the gate error of a calibration.
+
+    It is 0 where relaxation alone is worse than the stated error, and at most 4/3.
+    """
+    return _depolarising(calibration.error, relaxation_error(qubit, calibration.length_ns))
+
+
+def channel_after(gate: str, qubit: Qubit | None) -> Channel:
+    """The noise that follows `gate` on `qubit`; None is a perfect qubit."""
+    if qubit is None:
+        return NOISELESS
+    calibration = qubit.gates.get(gate)
+    if calibration is None and gate == "id":
+        calibration = qubit.gates.get("sx")
+    if calibration is None:
+        return NOISELESS
+    relaxed = relaxation(qubit, calibration.length_ns)
+    left = 1 - _depolarising(calibration.error, _error(relaxed))
+    return Channel(left * relaxed.across, left * relaxed.along, relaxed.added)
+
+
+def _error(relaxed: Channel) -> float:
+    return (3 - relaxed.along - 2 * relaxed.across) / 6
+
+
+def _depolarising(error: float, relaxed: float) -> float:
+    error = min(error, 2 / 3)
+    if error <= relaxed:
+        return 0.0
+    if relaxed >= 0.5:  # nothing but |0> is left, whatever comes before
+        return 1.0
+    return min(2 * (error - relaxed) / (1 - 2 * relaxed), 4 / 3)
