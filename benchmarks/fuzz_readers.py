@@ -212,7 +212,7 @@ READERS = {
     ),
     "cell of study": Reader(
         "json",
-        f"{training().name}.json",
+        f"cells/{training().name}.json",
         lambda path: trained.folder_of(path.parents[1]).read(training()),
         trainings,
         1,

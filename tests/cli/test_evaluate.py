@@ -77,6 +77,21 @@ def test_a_cell_is_what_run_plays(qcompile: Call, policy: Call) -> None:
     assert cell["paired_difference"] == cell["mean_reward"] - ideal.json()["mean_reward"]
 
 
+def test_greedy_cells_are_what_run_plays_greedily(qcompile: Call, policy: Call) -> None:
+    name = policy()
+    settings = ("--shots", 16, "--mitigation", "none", "--greedy", "--json")
+    _, cell = qcompile("evaluate", name, *FEW, *settings).json()["results"]
+    run = qcompile("run", name, "--backend", "ibm_lima", "--episodes", 2, *settings)
+    assert cell["greedy"] is True
+    assert without_time(run.json()).items() <= cell.items()
+
+
+def test_a_cluster_that_is_not_there(qcompile: Call, policy: Call) -> None:
+    answer = qcompile("evaluate", policy(), *FEW, "--address", "tcp://127.0.0.1:1")
+    assert (answer.code, answer.out) == (1, "")
+    assert answer.err.startswith("Error: The engine 'processes' has no address, found 'tcp://")
+
+
 def test_what_is_there_is_not_played_again(
     qcompile: Call, policy: Call, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -215,6 +230,8 @@ def test_what_cannot_be_done_is_refused(
         (("--backend", "ideal,"), "'ideal,' has nothing before or after a comma"),
         (("--out", "file"), "'file' is a file"),
         (("--paper", "--shots", 8), "--paper has its own policies"),
+        (("--paper", "--greedy"), "--paper has its own policies"),
+        (("--engine", "slurm"), "'slurm' is not one of 'processes', 'dask', 'ray'"),
         (("--paper", "--calibration", "lima.json"), "--paper has its own policies"),
         (("--calibration", "."), "'.' is a directory"),
         (("--paper", "--page", "devices.txt"), "devices.txt must end with .md"),
