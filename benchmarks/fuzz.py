@@ -64,6 +64,7 @@ class Tally:
 
 def try_one(reader: Reader, contents: bytes, path: Path, tally: Tally) -> str | None:
     """Read one input; the traceback where it is not refused in words."""
+    path.parent.mkdir(exist_ok=True)
     path.write_bytes(contents)
     tally.inputs += 1
     try:
@@ -94,6 +95,7 @@ def seeds_of(name: str) -> list[bytes]:
     with tempfile.TemporaryDirectory() as folder:  # what is damaged must be whole before
         for contents in found:
             path = Path(folder) / READERS[name].name
+            path.parent.mkdir(exist_ok=True)
             path.write_bytes(contents)
             assert READERS[name].read(path) is not None, name
     return found

@@ -204,12 +204,16 @@ READERS = {
     "OpenQASM 3": Reader("text", "p.qasm", read_file, lambda: [QASM3], 1),
     "OpenQASM 2": Reader("text", "p.qasm", read_file, lambda: [QASM2], 1),
     "cell of evaluate": Reader(
-        "json", f"{cell().name}.json", lambda p: evaluated.read_cell(cell(), p.parent), cells, 1
+        "json",
+        f"cells/{cell().name}.json",
+        lambda p: evaluated.folder_of(p.parents[1]).read(cell()),
+        cells,
+        1,
     ),
     "cell of study": Reader(
         "json",
-        f"{training().name}.json",
-        lambda path: trained.read_cell(training(), path.parent),
+        f"cells/{training().name}.json",
+        lambda path: trained.folder_of(path.parents[1]).read(training()),
         trainings,
         1,
     ),

@@ -17,7 +17,7 @@ from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationErro
 from qcompile.arrays import FloatArray, IntArray
 from qcompile.device import Device, Probability
 from qcompile.errors import CalibrationError
-from qcompile.limits import MAX_SHOTS
+from qcompile.limits import CALIBRATION_HOURS, CLOCK_HOURS, MAX_SHOTS
 from qcompile.output import write_file
 from qcompile.reading import ContentsError, load_json, read_file, read_json
 from qcompile.validation import Line, Many, explain, listed
@@ -310,6 +310,19 @@ def load_counts(path: Path) -> Calibration:
         return Calibration.model_validate_json(json.dumps(values))
     except (OSError, ContentsError, ValidationError) as error:
         raise CalibrationError(f"{path} holds no counts to fit.", *explain(error)) from error
+
+
+def age_words(name: str, calibration: Calibration, now: datetime) -> list[str]:
+    """Warnings about the age of the calibration called `name`; none where it is fresh."""
+    age = calibration.age_hours(now)
+    if age < -CLOCK_HOURS:
+        return [f"{name} is from the future, by {-age:.0f} hours: a clock is wrong."]
+    if age > CALIBRATION_HOURS:
+        return [
+            f"{name} is {age:.0f} hours old; `qcompile calibrate --check {name}` says whether it "
+            "still holds."
+        ]
+    return []
 
 
 def is_calibration(path: Path) -> bool:

@@ -21,6 +21,12 @@ MAX_QPU_SECONDS = 1e6
 MAX_EPISODES = 10_000
 """Episodes of one run; each keeps an environment alive."""
 
+CALIBRATION_HOURS = 24.0
+"""A calibration is trusted for so long; IBM's are measured anew every day."""
+
+CLOCK_HOURS = 1.0
+"""The clocks of two machines may differ by as much."""
+
 MAX_FILE_BYTES = 64 * 2**20
 """A file that is read whole; a checkpoint may have MAX_CHECKPOINT_BYTES."""
 

@@ -75,6 +75,10 @@ def test_the_wheel_holds_the_data_and_nothing_of_the_workshop(wheel: Path) -> No
     names = ZipFile(wheel).namelist()
     assert {f"qcompile/hardware/{name}.json" for name in DEVICES} <= set(names)
     assert {f"qcompile/trained/{name}.pt" for name in POLICIES} <= set(names)
+    package = CHECKOUT / "qcompile"
+    data = {path.relative_to(CHECKOUT).as_posix() for path in package.rglob("*.toml")}
+    assert "qcompile/rl/presets/paper.toml" in data
+    assert data <= set(names)
     tops = {name.split("/")[0] for name in names}
     assert {top for top in tops if not top.endswith(".dist-info")} == {"qcompile"}
     assert not [name for name in names if "__pycache__" in name or "/." in name]

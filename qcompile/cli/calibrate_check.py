@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from qcompile.cli.options import CLOCK_HOURS, PARTS
+from qcompile.cli.options import PARTS
+from qcompile.limits import CLOCK_HOURS
 
 if TYPE_CHECKING:
     from qcompile.calibration import Calibration

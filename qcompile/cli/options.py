@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from collections.abc import Callable, Container, Mapping
 from datetime import UTC, datetime
 from itertools import chain
@@ -24,11 +25,6 @@ PARTS: tuple[Part, ...] = ("readout", "response")
 BACKEND_HELP = (
     "Device by name or file (`qcompile backends` lists them), calibration file, or qiskit:NAME."
 )
-_HOURS = 24.0
-"""A calibration is trusted for so long; IBM's are measured anew every day."""
-
-CLOCK_HOURS = 1.0
-"""The clocks of two machines may differ by as much."""
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -125,6 +121,24 @@ class Parts(click.ParamType["tuple[Part, ...]"]):
         return tuple(part for part in PARTS if part in asked)
 
 
+class MarkdownPath(click.Path):
+    """Where a Markdown page is written."""
+
+    def __init__(self) -> None:
+        super().__init__(dir_okay=False, path_type=Path)
+
+    def convert(
+        self,
+        value: str | os.PathLike[str],
+        param: click.Parameter | None,
+        ctx: click.Context | None,
+    ) -> Any:
+        path = Path(os.fsdecode(super().convert(value, param, ctx)))
+        if path.suffix != ".md":
+            self.fail(f"{path} must end with .md.", param, ctx)
+        return path
+
+
 class Several(click.ParamType[tuple[Any, ...]]):
     """Values of another type, set apart by commas."""
 
@@ -175,6 +189,32 @@ def backend_option(default: str = "ideal") -> Decorator:
     )
 
 
+def engine_options(noun: str) -> Callable[[Function], Function]:
+    """The options --engine, --address and --workers; `noun` is what is run side by side."""
+    options = (
+        click.option(
+            "--engine",
+            type=click.Choice(["processes", "dask", "ray"]),
+            default="processes",
+            show_default=True,
+            help=f"What runs the {noun} side by side.",
+        ),
+        click.option("--address", help="Address of a running Dask scheduler or Ray cluster."),
+        click.option(
+            "--workers",
+            type=click.IntRange(1),
+            help=f"{noun.capitalize()} at a time.  [default: one for each core]",
+        ),
+    )
+
+    def decorate(function: Function) -> Function:
+        for option in reversed(options):
+            function = option(function)
+        return function
+
+    return decorate
+
+
 level_option: Decorator = click.option(
     "--level",
     type=click.IntRange(0, 2),
@@ -199,12 +239,12 @@ def echo_json(values: Any) -> None:
 
 def report_age(path: Path, calibration: Calibration) -> None:
     """Say so on standard error where the calibration of a file is old."""
-    age = calibration.age_hours(datetime.now(UTC))
-    if age < -CLOCK_HOURS:
-        click.echo(f"{path} is from the future, by {-age:.0f} hours: a clock is wrong.", err=True)
-    if age > _HOURS:
-        click.echo(
-            f"{path} is {age:.0f} hours old; `qcompile calibrate --check {path}` says whether it "
-            "still holds.",
-            err=True,
-        )
+    from qcompile.calibration import age_words
+
+    for words in age_words(str(path), calibration, datetime.now(UTC)):
+        echo_note(words)
+
+
+def echo_note(words: str) -> None:
+    """Print words beside the answer of a command, on standard error."""
+    click.echo(words, err=True)

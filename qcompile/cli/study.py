@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from qcompile.cli.options import echo_json, json_option
+from qcompile.cli.options import MarkdownPath, echo_json, echo_note, engine_options, json_option
 
 if TYPE_CHECKING:
     from qcompile.sweep.engine import Engine
-    from qcompile.sweep.study.rows import Cell, Row
     from qcompile.sweep.study.summary import RowSummary
 
 
@@ -48,20 +47,10 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--page",
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=MarkdownPath(),
     help="Markdown page to write.  [default: reproduction.md in the folder]",
 )
-@click.option(
-    "--engine",
-    type=click.Choice(["processes", "dask", "ray"]),
-    default="processes",
-    show_default=True,
-    help="What runs the trainings side by side.",
-)
-@click.option("--address", help="Address of a running Dask scheduler or Ray cluster.")
-@click.option(
-    "--workers", type=click.IntRange(1), help="Trainings at a time.  [default: one for each core]"
-)
+@engine_options("trainings")
 @click.option("--list", "listing", is_flag=True, help="List the rows and what is left, and stop.")
 @json_option
 def command(
@@ -82,108 +71,52 @@ def command(
     """Train every model of the paper with several seeds and write up all that the folder holds.
 
     Writes results.csv, curves.csv, a picture for each figure and reproduction.md. Ctrl-C keeps
-    every finished training; the same command goes on from there.
+    every finished training; the same command resumes from there.
     """
-    from qcompile.errors import StudyError
-    from qcompile.output import check_writable
     from qcompile.report.progress import progress_bar
-    from qcompile.sweep.engine import run_cells
-    from qcompile.sweep.study.cell import EVALUATION_EPISODES, CellResult, write_cell
-    from qcompile.sweep.study.paper import rows_of, shortened
-    from qcompile.sweep.study.rows import cells
-    from qcompile.sweep.study.study import (
-        cells_folder,
-        check_replaces_nothing,
-        missing_cells,
-        summaries,
-        write_up,
+    from qcompile.sweep.study import study, study_rows
+
+    choice: dict[str, Any] = {
+        "figures": figures,
+        "rows": only,
+        "seeds": seeds,
+        "episodes": episodes,
+        "evaluation": evaluation,
+        "out": out,
+    }
+    if listing:
+        _list(study_rows(name, **choice), as_json)
+        return
+    with progress_bar(f"study {name}", 1) as show:
+        result = study(
+            name,
+            **choice,
+            page=page,
+            engine=engine,
+            address=address,
+            workers=workers,
+            on_progress=lambda finished, count, words: show(finished / count, words),
+            on_loss=echo_note,
+        )
+    if as_json:
+        echo_json(result.to_dict())
+        return
+    _show(result.summaries)
+    click.echo(
+        f"{result.trained} trainings done, {result.there} were there; written up in {result.page}"
     )
 
-    known = rows_of(())
-    if episodes is not None:
-        known = [shortened(row, episodes) for row in known]
-    names = {row.name for row in rows_of(figures)}
-    rows = [row for row in known if row.name in names and row.name.startswith(only or "")]
-    if not rows:
-        raise StudyError(
-            f"No row's name begins with {' or '.join(only)}.", "--list shows their names."
-        )
-    if page is not None and page.suffix != ".md":
-        raise click.BadParameter(f"{page} must end with .md.", param_hint="'--page'")
-    page = page or out / "reproduction.md"
-    check_writable(page)
-    check_writable(cells_folder(out) / "cell.json")
-    missing = missing_cells(rows, out, seeds, evaluation)
-    count = len(cells(rows, seeds))
-    if listing:
-        _list(rows, missing, seeds, as_json)
-        return
-    if episodes is not None or evaluation != EVALUATION_EPISODES:
-        check_replaces_nothing(missing, out)
-    done = 0
-    with progress_bar(f"study {name}", count) as show:
-        show(count - len(missing), f"{count - len(missing)} of {count} trainings are there")
 
-        def keep(result: CellResult) -> None:
-            nonlocal done
-            write_cell(result, cells_folder(out))
-            done += 1
-            last = result.last_average
-            words = f"{result.row}, seed {result.seed}"
-            words += "" if last is None else f": {last:.1f}"
-            show(count - len(missing) + done, words)
-
-        try:
-            run_cells(
-                missing,
-                keep,
-                engine=engine,
-                address=address,
-                workers=workers,
-                evaluation=evaluation,
-                on_loss=lambda words: click.echo(words, err=True),
-            )
-        except KeyboardInterrupt:
-            left = len(missing) - done
-            raise StudyError(
-                f"Interrupted: {left} of {count} trainings are left.",
-                f"What is finished is in {out}; the same command goes on from there.",
-            ) from None
-    found = summaries(known, out)  # what was trained before is written up as well
-    paths = write_up(found, out, page)
-    if as_json:
-        echo_json(
-            {
-                "study": name,
-                "rows": [summary.values() for summary in found],
-                "trained": done,
-                "files": [str(path) for path in paths],
-            }
-        )
-        return
-    _show(found)
-    click.echo(f"{done} trainings done, {count - done} were there; written up in {page}")
-
-
-def _list(rows: Sequence[Row], missing: Sequence[Cell], seeds: int | None, as_json: bool) -> None:
+def _list(rows: Sequence[Mapping[str, Any]], as_json: bool) -> None:
     from qcompile.report.tables import print_table
 
-    values = [
-        {
-            "row": row.name,
-            "environment": row.environment,
-            "seeds": row.seeds if seeds is None else seeds,
-            "left": sum(cell.row is row for cell in missing),
-        }
-        for row in rows
-    ]
     if as_json:
-        echo_json(values)
+        echo_json(rows)
     else:
-        print_table(["row", "environment", "seeds", "left"], [list(v.values()) for v in values])
+        print_table(["row", "environment", "seeds", "left"], [[*row.values()] for row in rows])
 
 
-def _show(found: Sequence[RowSummary]) -> None:
+def _show(summaries: Sequence[RowSummary]) -> None:
     from qcompile.report.tables import print_table
     from qcompile.sweep.study.summary import spread
 
@@ -207,6 +140,6 @@ def _show(found: Sequence[RowSummary]) -> None:
                 spread(summary.final),
                 spread(summary.evaluation),
             ]
-            for summary in found
+            for summary in summaries
         ],
     )

@@ -7,6 +7,7 @@ what cannot be read is a ContentsError or an OSError. Schemas and arrays are che
 from qcompile.reading.arrays import read_npy, read_table
 from qcompile.reading.files import ContentsError, read_file
 from qcompile.reading.text import check_json, decode, load_json, read_json
+from qcompile.reading.toml import read_toml
 from qcompile.reading.torch_files import CodeError, read_torch
 
 __all__ = [
@@ -19,5 +20,6 @@ __all__ = [
     "read_json",
     "read_npy",
     "read_table",
+    "read_toml",
     "read_torch",
 ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields, replace
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args, get_type_hints
 
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
@@ -167,6 +167,12 @@ class Settings:
 _DEFAULTS: Mapping[str, Any] = {field.name: field.default for field in fields(Settings)}
 _ADAPTER = TypeAdapter(Settings)
 SETTING_NAMES = tuple(_DEFAULTS)
+_OPTIONAL = {n for n, hint in get_type_hints(Settings).items() if type(None) in get_args(hint)}
+
+
+def from_toml(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings of a TOML file, which has no null: "none" is None where a setting may be None."""
+    return {n: None if v == "none" and n in _OPTIONAL else v for n, v in values.items()}
 
 
 def plain(settings: Settings) -> dict[str, Any]:

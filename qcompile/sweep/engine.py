@@ -1,8 +1,8 @@
 """Run cells side by side: on this machine's cores, or on a Dask or Ray cluster.
 
-A cell of a study is one seed on one thread, and every cell draws from its own seed alone, so
-results do not depend on the engine, on the number of workers or on the order. What is finished is
-handed over at once; where a worker is lost its cells run again.
+Every cell draws from its own seed alone, so results do not depend on the engine, on the number of
+workers or on the order. What is finished is handed over at once; where a worker is lost its cells
+run again.
 """
 
 from __future__ import annotations
@@ -19,8 +19,6 @@ from urllib.parse import urlsplit
 import joblib
 
 from qcompile.errors import MissingExtraError, QcompileError, StudyError
-from qcompile.sweep.study.cell import EVALUATION_EPISODES, CellResult, run_cell
-from qcompile.sweep.study.rows import Cell
 from qcompile.sweep.workers import end_with
 
 Engine = Literal["processes", "dask", "ray"]
@@ -46,33 +44,10 @@ class _Failure(str):
     """What went wrong in a cell, in words."""
 
 
-def run_cells(
-    cells: Sequence[Cell],
-    on_result: Callable[[CellResult], None],
-    *,
-    engine: Engine = "processes",
-    address: str | None = None,
-    workers: int | None = None,
-    evaluation: int = EVALUATION_EPISODES,
-    on_loss: Callable[[str], None] = lambda words: None,
-) -> None:
-    """Train every cell and hand each result to `on_result`: `run_all` for a study's cells."""
-    run_all(
-        cells,
-        partial(run_cell, evaluation=evaluation),
-        on_result,
-        engine=engine,
-        address=address,
-        workers=workers,
-        on_loss=on_loss,
-        noun="training",
-    )
-
-
 def run_all(
     cells: Sequence[C],
     run: Callable[[C], R],
-    on_result: Callable[[R], None],
+    on_result: Callable[[C, R], None],
     *,
     engine: Engine = "processes",
     address: str | None = None,
@@ -80,7 +55,7 @@ def run_all(
     on_loss: Callable[[str], None] = lambda words: None,
     noun: str = "cell",
 ) -> None:
-    """Call `run` with every cell and hand each result to `on_result`, in the order they end in.
+    """Call `run` with every cell; hand each with its result to `on_result`, as they end.
 
     `address` is that of a running cluster; without it a local one is started. `workers` is their
     number, by default one for each core or all that the cluster has. `on_loss` is told when workers
@@ -98,10 +73,10 @@ def run_all(
     if workers is not None:  # one alone would be this process, which ends with a lost cell
         workers = min(workers, max(len(waiting), 2))
     with _engine(engine, address, workers) as jobs:
-        found = _outcomes(list(waiting.values()), run, engine, jobs)
+        outcomes = _outcomes(list(waiting.values()), run, engine, jobs)
         while waiting:
             try:
-                name, outcome = next(found)
+                name, outcome = next(outcomes)
             except QcompileError:
                 raise
             except Exception as error:  # whatever the engine raises where a worker is gone
@@ -111,17 +86,16 @@ def run_all(
                     raise StudyError(
                         f"Workers were lost {losses} times while no {noun} got done ({words}).",
                         "Each needs about 500 MB of memory; try fewer --workers.",
-                        "What is finished is kept: the same command goes on from there.",
+                        "What is finished is kept; the same command resumes from there.",
                     ) from error
                 on_loss(f"workers were lost ({words}); {len(waiting)} {noun}s run again")
-                found = _outcomes(list(waiting.values()), run, engine, jobs)
+                outcomes = _outcomes(list(waiting.values()), run, engine, jobs)
                 continue
             if isinstance(outcome, _Failure):
                 raise StudyError(f"{name} failed: {outcome}")
             losses = 0
-            del waiting[name]
-            on_result(outcome)
-        next(found, None)  # so that joblib tidies up
+            on_result(waiting.pop(name), outcome)
+        next(outcomes, None)  # so that joblib tidies up
 
 
 def _outcomes(

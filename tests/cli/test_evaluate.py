@@ -11,7 +11,8 @@ from typing import Any
 import pytest
 
 from qcompile.errors import CalibrationError
-from qcompile.sweep.evaluation.cell import CellFailure, run_cell
+from qcompile.sweep.complete import CellFailure
+from qcompile.sweep.evaluation.cell import run_cell
 
 Call = Callable[..., Any]
 
@@ -26,7 +27,7 @@ def unplayed(monkeypatch: pytest.MonkeyPatch) -> None:
     def run_all(*_: Any, **__: Any) -> None:
         pytest.fail("played before everything was checked")
 
-    monkeypatch.setattr("qcompile.sweep.engine.run_all", run_all)
+    monkeypatch.setattr("qcompile.sweep.complete.run_all", run_all)
 
 
 def without_time(values: dict[str, Any]) -> dict[str, Any]:
@@ -76,13 +77,28 @@ def test_a_cell_is_what_run_plays(qcompile: Call, policy: Call) -> None:
     assert cell["paired_difference"] == cell["mean_reward"] - ideal.json()["mean_reward"]
 
 
+def test_greedy_cells_are_what_run_plays_greedily(qcompile: Call, policy: Call) -> None:
+    name = policy()
+    settings = ("--shots", 16, "--mitigation", "none", "--greedy", "--json")
+    _, cell = qcompile("evaluate", name, *FEW, *settings).json()["results"]
+    run = qcompile("run", name, "--backend", "ibm_lima", "--episodes", 2, *settings)
+    assert cell["greedy"] is True
+    assert without_time(run.json()).items() <= cell.items()
+
+
+def test_a_cluster_that_is_not_there(qcompile: Call, policy: Call) -> None:
+    answer = qcompile("evaluate", policy(), *FEW, "--address", "tcp://127.0.0.1:1")
+    assert (answer.code, answer.out) == (1, "")
+    assert answer.err.startswith("Error: The engine 'processes' has no address, found 'tcp://")
+
+
 def test_what_is_there_is_not_played_again(
     qcompile: Call, policy: Call, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     words = ("evaluate", policy(), *FEW, "--shots", 16)
     first = qcompile(*words, "--json")
     with monkeypatch.context() as changed:
-        changed.setattr("qcompile.sweep.evaluation.cell.run_cell", pytest.fail)
+        changed.setattr("qcompile.sweep.evaluation.run.run_cell", pytest.fail)
         assert qcompile(*words, "--json").out == first.out
     Path("e/cells", TINY.format("none")).write_text("{")
     answer = qcompile(*words)
@@ -106,7 +122,7 @@ def test_an_interrupted_grid_keeps_what_is_finished(
     assert (answer.code, answer.out) == (1, "")
     assert answer.err == (
         "Error: Interrupted: 2 of 3 cells are finished.\n"
-        "  What is finished is in e; the same command goes on from there.\n"
+        "  What is finished is in e; the same command resumes from there.\n"
     )
     assert [name for name in left() if name.startswith("e/")] == [
         "e/cells",
@@ -125,7 +141,7 @@ def test_a_cell_that_fails_is_named_and_the_others_are_kept(
             return CellFailure(cell.name, str(error))
         return run_cell(cell)
 
-    monkeypatch.setattr("qcompile.sweep.evaluation.cell.run_cell", run)
+    monkeypatch.setattr("qcompile.sweep.evaluation.run.run_cell", run)
     answer = qcompile("evaluate", policy(), *FEW, "--shots", 16, "--json")
     assert answer.code == 1
     assert [values["mitigation"] for values in answer.json()["results"]] == ["none", "none"]
@@ -214,6 +230,8 @@ def test_what_cannot_be_done_is_refused(
         (("--backend", "ideal,"), "'ideal,' has nothing before or after a comma"),
         (("--out", "file"), "'file' is a file"),
         (("--paper", "--shots", 8), "--paper has its own policies"),
+        (("--paper", "--greedy"), "--paper has its own policies"),
+        (("--engine", "slurm"), "'slurm' is not one of 'processes', 'dask', 'ray'"),
         (("--paper", "--calibration", "lima.json"), "--paper has its own policies"),
         (("--calibration", "."), "'.' is a directory"),
         (("--paper", "--page", "devices.txt"), "devices.txt must end with .md"),

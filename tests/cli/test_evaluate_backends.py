@@ -138,12 +138,12 @@ REFUSED = {
     ),
     "a part": (
         ("--mitigation", "readout,response", "--calibration", "part.json"),
-        "part.json does not do for mitigation response of tiny on fake_lima.\n"
+        "part.json cannot mitigate tiny on fake_lima (response):\n"
         "  The calibration holds no response curves.\n",
     ),
     "a qubit": (
         ("--calibration", "two.json"),
-        "two.json does not do for mitigation readout of tiny on fake_lima.\n"
+        "two.json cannot mitigate tiny on fake_lima (readout):\n"
         "  Qubit 2 has no calibration.\n"
         "  Calibrated on fake_lima: 0 1.\n",
     ),
@@ -168,7 +168,7 @@ def test_what_does_not_fit_is_refused_before_any_episode(
     monkeypatch: pytest.MonkeyPatch,
     what: str,
 ) -> None:
-    monkeypatch.setattr("qcompile.sweep.engine.run_all", pytest.fail)
+    monkeypatch.setattr("qcompile.sweep.complete.run_all", pytest.fail)
     measure = ("calibrate", "--backend", "fake_lima", "--qubits")
     assert qcompile(*measure, "0,1", "--out", "two.json").code == 0
     assert qcompile(*measure, "0,1,2,3,4", "--parts", "readout", "--out", "part.json").code == 0

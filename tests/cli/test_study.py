@@ -11,7 +11,6 @@ from typing import Any
 import pytest
 import torch
 
-from qcompile.sweep.study.cell import run_cell
 from qcompile.sweep.study.paper import rows
 
 Call = Callable[..., Any]
@@ -33,10 +32,10 @@ def same_threads() -> Iterator[None]:
 def untrained(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fail when anything is trained."""
 
-    def run_cells(*_: Any, **__: Any) -> None:
+    def run_all(*_: Any, **__: Any) -> None:
         pytest.fail("trained before everything was checked")
 
-    monkeypatch.setattr("qcompile.sweep.engine.run_cells", run_cells)
+    monkeypatch.setattr("qcompile.sweep.complete.run_all", run_all)
 
 
 def test_help_names_figures_and_engines(qcompile: Call) -> None:
@@ -109,17 +108,17 @@ def test_the_page_goes_where_it_is_wanted(qcompile: Call) -> None:
 def test_an_interrupted_study_keeps_what_is_finished(
     qcompile: Call, left: Call, monkeypatch: pytest.MonkeyPatch, as_json: bool
 ) -> None:
-    def run_cells(cells: Any, on_result: Any, *, evaluation: int, **_: Any) -> None:
-        on_result(run_cell(cells[0], evaluation))
+    def run_all(cells: Any, run: Any, on_result: Any, **_: Any) -> None:
+        on_result(cells[0], run(cells[0]))
         raise KeyboardInterrupt
 
     with monkeypatch.context() as changed:
-        changed.setattr("qcompile.sweep.engine.run_cells", run_cells)
+        changed.setattr("qcompile.sweep.complete.run_all", run_all)
         answer = qcompile(*ROW, *FEW, "--seeds", 2, "--out", "s", *["--json"] * as_json)
     assert (answer.code, answer.out) == (1, "")
     assert answer.err == (
-        "Error: Interrupted: 1 of 2 trainings are left.\n"
-        "  What is finished is in s; the same command goes on from there.\n"
+        "Error: Interrupted: 1 of 2 trainings are finished.\n"
+        "  What is finished is in s; the same command resumes from there.\n"
     )
     assert left() == ["s", "s/cells", "s/cells/cartpole-svqc-paper-seed0.json"]
     more = qcompile(*ROW, *FEW, "--seeds", 2, "--out", "s", "--workers", 1, "--json")
@@ -129,11 +128,11 @@ def test_an_interrupted_study_keeps_what_is_finished(
 def test_what_the_engine_says_goes_to_standard_error(
     qcompile: Call, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def run_cells(cells: Any, on_result: Any, *, evaluation: int, on_loss: Any, **_: Any) -> None:
+    def run_all(cells: Any, run: Any, on_result: Any, *, on_loss: Any, **_: Any) -> None:
         on_loss("workers were lost")
-        on_result(run_cell(cells[0], evaluation))
+        on_result(cells[0], run(cells[0]))
 
-    monkeypatch.setattr("qcompile.sweep.engine.run_cells", run_cells)
+    monkeypatch.setattr("qcompile.sweep.complete.run_all", run_all)
     answer = qcompile(*ONE, "--out", "s", "--json")
     assert (answer.code, answer.err) == (0, "workers were lost\n")
     assert answer.json()["trained"] == 1

@@ -8,6 +8,7 @@ import signal
 import socket
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ import pytest
 from joblib.externals.loky import get_reusable_executor
 
 from qcompile.errors import MissingExtraError, StudyError
-from qcompile.sweep.engine import run_cells
+from qcompile.sweep.engine import run_all
 from qcompile.sweep.study.cell import CellResult, run_cell
 from qcompile.sweep.study.rows import Cell, Row, cells
 
@@ -36,6 +37,14 @@ def small(short_row: Callable[..., Row]) -> list[Cell]:
     return cells([short_row(name) for name in NAMES], 2)
 
 
+def train(
+    cells: list[Cell], on_result: Callable[[CellResult], Any], *, evaluation: int = 1, **how: Any
+) -> None:
+    """The cells of a study, run as a study runs them."""
+    run = partial(run_cell, evaluation=evaluation)
+    run_all(cells, run, lambda cell, result: on_result(result), noun="training", **how)
+
+
 def numbers(result: CellResult) -> dict[str, Any]:
     return result.model_dump(exclude={"wall_seconds"})
 
@@ -47,7 +56,7 @@ def by_name(results: list[CellResult]) -> dict[tuple[str, int], dict[str, Any]]:
 def check_run(small: list[Cell], **options: Any) -> None:
     """Run it, and compare each result with the same training in this process."""
     results: list[CellResult] = []
-    run_cells(small, results.append, evaluation=2, on_loss=pytest.fail, **options)
+    train(small, results.append, evaluation=2, on_loss=pytest.fail, **options)
     assert len(results) == 4
     assert by_name(results) == by_name([run_cell(cell, 2) for cell in small])
 
@@ -67,9 +76,9 @@ def test_there_are_no_more_workers_than_cells(
         yield from ((cell.name, cell.name) for cell in waiting)
 
     monkeypatch.setattr("qcompile.sweep.engine._outcomes", outcomes)
-    run_cells(small, lambda result: None, workers=1_000_000)
-    run_cells(small[:1], lambda result: None, workers=1_000_000)
-    run_cells(small, lambda result: None, workers=1)
+    train(small, lambda result: None, workers=1_000_000)
+    train(small[:1], lambda result: None, workers=1_000_000)
+    train(small, lambda result: None, workers=1)
     assert asked == [len(small), 2, 1], "a cell alone still has a process that may be lost"
 
 
@@ -96,7 +105,7 @@ def test_a_dask_scheduler_without_workers(small: list[Cell]) -> None:
         ) as cluster,
         pytest.raises(StudyError, match=r"has no workers\.\n  Start some: dask worker"),
     ):
-        run_cells(small, pytest.fail, engine="dask", address=cluster.scheduler_address)
+        train(small, pytest.fail, engine="dask", address=cluster.scheduler_address)
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning")
@@ -161,7 +170,7 @@ def test_what_a_lost_worker_had_runs_again(
         if len(done) == 3:
             (tmp_path / "handed").touch()
 
-    run_cells(small, keep, engine=engine, workers=2, on_loss=told.append)
+    train(small, keep, engine=engine, workers=2, on_loss=told.append)
     assert done[-1] == small[0].name
     assert sorted(done) == sorted(cell.name for cell in small)
     for cell in small:
@@ -181,7 +190,7 @@ def test_workers_that_are_always_lost(
     monkeypatch.setattr("qcompile.sweep.engine._outcome", outcome)
     told: list[str] = []
     with pytest.raises(StudyError, match="Workers were lost 3 times while no training got done"):
-        run_cells(small[:1], pytest.fail, workers=2, on_loss=told.append)
+        train(small[:1], pytest.fail, workers=2, on_loss=told.append)
     assert len(told) == 2
     assert len(list(tmp_path.glob(f"{small[0].name}.*"))) == 3
 
@@ -201,7 +210,7 @@ def test_a_loss_after_progress_is_a_first_one(
     monkeypatch.setattr("qcompile.sweep.engine._outcomes", outcomes)
     done: list[CellResult] = []
     told: list[str] = []
-    run_cells(small, done.append, on_loss=told.append)
+    train(small, done.append, on_loss=told.append)
     assert len(done) == 4
     left = (4, 4, 3, 3)
     assert told == [f"workers were lost (OSError: gone); {n} trainings run again" for n in left]
@@ -214,7 +223,7 @@ def test_a_loss_after_progress_is_a_first_one(
 def test_a_training_that_fails_is_named(short_row: Callable[..., Row], workers: int) -> None:
     bad = short_row(backend="no-such-device", shots=8)
     with pytest.raises(StudyError, match=r"^cartpole-svqc-paper-seed0 failed: Unknown backend "):
-        run_cells(cells([bad], 1), pytest.fail, workers=workers)
+        train(cells([bad], 1), pytest.fail, workers=workers)
 
 
 def test_an_error_of_the_callers_own_is_no_loss(small: list[Cell]) -> None:
@@ -222,7 +231,7 @@ def test_an_error_of_the_callers_own_is_no_loss(small: list[Cell]) -> None:
         raise RuntimeError("a defect of the caller")
 
     with pytest.raises(RuntimeError, match="a defect of the caller"):
-        run_cells(small[:1], keep, workers=1, evaluation=1, on_loss=pytest.fail)
+        train(small[:1], keep, workers=1, evaluation=1, on_loss=pytest.fail)
 
 
 UNREACHABLE = {
@@ -245,7 +254,7 @@ def test_an_engine_that_is_not_there(small: list[Cell], what: str) -> None:
         pytest.importorskip({"dask": "distributed"}.get(engine, engine))
     started = time.monotonic()
     with pytest.raises(StudyError, match=words):
-        run_cells(small, pytest.fail, engine=engine, address=address)  # type: ignore[arg-type]
+        train(small, pytest.fail, engine=engine, address=address)  # type: ignore[arg-type]
     assert time.monotonic() - started < 15
 
 
@@ -262,7 +271,7 @@ def test_a_server_that_is_no_dask_scheduler(small: list[Cell]) -> None:
         with socket.create_server(("127.0.0.1", 0)) as server:
             address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
             with pytest.raises(StudyError, match="There is no Dask scheduler at"):
-                run_cells(small, pytest.fail, engine="dask", address=address)
+                train(small, pytest.fail, engine="dask", address=address)
     finally:
         signal.alarm(0)
         signal.signal(signal.SIGALRM, before)
@@ -284,5 +293,5 @@ def test_a_missing_package_is_named(
 
     monkeypatch.setattr(builtins, "__import__", missing)
     with pytest.raises(MissingExtraError) as raised:
-        run_cells(small, pytest.fail, engine=engine)
+        train(small, pytest.fail, engine=engine)
     assert line in str(raised.value)

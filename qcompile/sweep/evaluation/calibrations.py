@@ -32,15 +32,15 @@ def by_device(files: Sequence[CalibrationFile]) -> dict[str, CalibrationFile]:
     Raises:
         CalibrationError: two are of one device.
     """
-    found: dict[str, CalibrationFile] = {}
+    by_name: dict[str, CalibrationFile] = {}
     for file in files:
-        first = found.setdefault(file.device_name, file)
+        first = by_name.setdefault(file.device_name, file)
         if first is not file:
             raise CalibrationError(
                 f"{first.name} and {file.name} are both of {file.device_name}.",
                 "A grid takes one calibration for each device: evaluate them one after the other.",
             )
-    return found
+    return by_name
 
 
 def check_needed(files: Sequence[CalibrationFile], played: Set[str], mitigated: Set[str]) -> None:

@@ -1,15 +1,13 @@
-"""Play one cell, and keep what came of it in a file of its own."""
+"""Play one cell, and say what its file holds."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from qcompile.deploy.deployment import Deployment
 from qcompile.deploy.environments import threshold_of
@@ -18,9 +16,9 @@ from qcompile.deploy.play import play
 from qcompile.deploy.result import is_solved
 from qcompile.errors import CalibrationError, QcompileError
 from qcompile.execution.executor import Kind
-from qcompile.output import write_file
-from qcompile.reading import ContentsError, read_json
+from qcompile.sweep.complete import CellFailure
 from qcompile.sweep.evaluation.grid import Cell
+from qcompile.sweep.folder import Folder
 from qcompile.version import versions
 
 Whole = Annotated[int, Field(ge=0)]
@@ -59,7 +57,7 @@ class _Summary(_Record):
     calibration_misfits: list[_Misfit] = []
     copies: Literal[1]
     level: int
-    greedy: Literal[False]
+    greedy: bool
     seed: int
     episodes: Annotated[list[_Episode], Field(min_length=1)]
     mean_reward: float
@@ -106,14 +104,6 @@ class CellResult(BaseModel):
         return {episode["seed"]: episode["reward"] for episode in self.summary["episodes"]}
 
 
-@dataclass(frozen=True)
-class CellFailure:
-    """Why a cell could not be played, in words."""
-
-    name: str
-    words: str
-
-
 def deploy(cell: Cell) -> Deployment:
     """The cell's policy, compiled for its backend.
 
@@ -128,6 +118,7 @@ def deploy(cell: Cell) -> Deployment:
         level=cell.level,
         mitigation=cell.mitigation,
         calibration=None if file is None else file.calibration,
+        greedy=cell.greedy,
         seed=cell.seed,
     )
 
@@ -149,8 +140,8 @@ def check_calibrations(cells: Sequence[Cell]) -> None:
         except CalibrationError as error:
             file = cell.calibration.name if cell.calibration else cell.backend.name
             raise CalibrationError(
-                f"{file} does not do for mitigation {cell.mitigation} of {cell.policy.name} "
-                f"on {cell.backend.name}.",
+                f"{file} cannot mitigate {cell.policy.name} on {cell.backend.name} "
+                f"({cell.mitigation}):",
                 *(line.strip() for line in str(error).splitlines()),
             ) from error
 
@@ -177,26 +168,17 @@ def run_cell(cell: Cell) -> CellResult | CellFailure:
     )
 
 
-def write_cell(result: CellResult, folder: Path) -> None:
-    """Write the result to its file in `folder`.
+def folder_of(path: Path) -> Folder[Cell, CellResult]:
+    """Where an evaluation in `path` keeps its cells.
 
-    Raises:
-        OutputError: the file cannot be written.
+    A file whose figures are not those of its episodes is damaged: no result. The interval is not
+    read but worked out anew: earlier versions had another one.
     """
-    write_file(folder / f"{result.name}.json", (json.dumps(result.model_dump()) + "\n").encode())
+    return Folder(path, CellResult, _match)
 
 
-def read_cell(cell: Cell, folder: Path) -> CellResult | None:
-    """The result of the cell, if `folder` has it with these settings, this policy and backend.
-
-    A file whose figures are not those of its episodes, or of another cell, is damaged: no result.
-    The interval is not read but worked out anew: earlier versions had another one.
-    """
-    try:
-        path = folder / f"{cell.name}.json"
-        result = CellResult.model_validate_json(read_json(path))
-    except (OSError, ContentsError, ValidationError):
-        return None
+def _match(cell: Cell, result: CellResult) -> CellResult | None:
+    """The result, if it has the cell's settings, policy and backend."""
     same = (result.name, result.settings) == (cell.name, cell.settings())
     if not same or not _is_consistent(result, cell):
         return None
@@ -216,6 +198,7 @@ def _is_consistent(result: CellResult, cell: Cell) -> bool:
         "shots": "exact" if cell.shots is None else cell.shots,
         "mitigation": cell.mitigation,
         "level": cell.level,
+        "greedy": cell.greedy,
         "seed": cell.seed,
         "solved": is_solved(rewards, result.threshold),
         "env_steps": sum(episode["length"] for episode in episodes),
@@ -227,5 +210,5 @@ def _is_consistent(result: CellResult, cell: Cell) -> bool:
         or result.threshold != threshold_of(cell.policy.environment)
     ):
         return False
-    told = [summary["mean_reward"], summary["std_reward"]]
-    return np.allclose(told, [rewards.mean(), rewards.std()], rtol=1e-9, atol=1e-9)
+    figures = [summary["mean_reward"], summary["std_reward"]]
+    return np.allclose(figures, [rewards.mean(), rewards.std()], rtol=1e-9, atol=1e-9)

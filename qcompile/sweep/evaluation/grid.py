@@ -26,7 +26,8 @@ class Cell:
     """A policy on a backend, with all that its rewards depend on; `shots` None is exact.
 
     Episode i resets with `seed` + i, in every cell alike. `calibration` is what mitigates; without
-    it a twin takes its own and any other backend is measured first.
+    it a twin takes its own and any other backend is measured first. `greedy` takes the likeliest
+    action instead of sampling.
     """
 
     policy: Policy
@@ -37,15 +38,17 @@ class Cell:
     episodes: int
     seed: int
     calibration: CalibrationFile | None = None
+    greedy: bool = False
 
     @property
     def name(self) -> str:
         """The name of its file: unlike that of any other cell of a grid."""
         shots = "exact" if self.shots is None else self.shots
+        greedy = "-greedy" if self.greedy else ""
         by = f"-by-{_sha256(self.calibration.contents)[:8]}" if self.calibration else ""
         return (
             f"{file_name(self.policy.name)}-{file_name(self.backend.name)}-{shots}"
-            f"-{self.mitigation}{by}-level{self.level}-episodes{self.episodes}-seed{self.seed}"
+            f"-{self.mitigation}{by}-level{self.level}{greedy}-episodes{self.episodes}-seed{self.seed}"
         )
 
     @property
@@ -65,6 +68,8 @@ class Cell:
             "episodes": self.episodes,
             "seed": self.seed,
         }
+        if self.greedy:  # cells of version 0.1.0 do not say that they sample
+            values["greedy"] = True
         if self.calibration is not None:
             values["calibration"] = _sha256(self.calibration.contents)
         return values
@@ -80,6 +85,7 @@ def grid(
     calibrations: Sequence[CalibrationFile] = (),
     episodes: int = 100,
     seed: int = 0,
+    greedy: bool = False,
 ) -> list[Cell]:
     """For each policy its reference (`ideal`, exact, level 2), then every combination, once.
 
@@ -91,7 +97,7 @@ def grid(
         StudyError: no combination is left, or two backends, policies or cells share a name.
     """
     ideal = DeviceBackend(IDEAL)
-    _check_names("backends", [(own.name, own.contents) for own in (ideal, *backends)])
+    _check_names("backends", [(backend.name, backend.contents) for backend in (ideal, *backends)])
     _check_names("policies", [(policy.name, policy_sha256(policy)) for policy in policies])
     words = left_out(backends, shots, mitigations, levels)
     settings = [
@@ -109,7 +115,7 @@ def grid(
     mitigated = {backend.device.name for backend, _, name, _ in settings if name != "none"}
     check_needed(calibrations, {backend.device.name for backend in backends}, mitigated)
     cells = [
-        Cell(policy, backend, count, mitigation, level, episodes, seed, calibration)
+        Cell(policy, backend, count, mitigation, level, episodes, seed, calibration, greedy)
         for policy in policies
         for backend, count, mitigation, level in [(ideal, None, "none", 2), *settings]
         for calibration in [files.get(backend.device.name) if mitigation != "none" else None]
@@ -140,7 +146,7 @@ def _why_not(backend: Backend, shots: int | None, mitigation: str, level: int) -
     return backend.cannot_play(shots, level)
 
 
-def told_apart(words: Sequence[str], policies: Sequence[Policy]) -> list[Policy]:
+def rename_duplicates(words: Sequence[str], policies: Sequence[Policy]) -> list[Policy]:
     """The policies, once each; where different ones share a name they are called by `words`.
 
     `words` are what the policies were asked for with, one for each.
@@ -150,8 +156,8 @@ def told_apart(words: Sequence[str], policies: Sequence[Policy]) -> list[Policy]
         contents.setdefault(policy.name, set()).add(policy_sha256(policy))
     named: dict[tuple[str, str], Policy] = {}
     for word, policy in zip(words, policies, strict=True):
-        own = policy if len(contents[policy.name]) == 1 else replace(policy, name=word)
-        named.setdefault((own.name, policy_sha256(policy)), own)
+        name = policy.name if len(contents[policy.name]) == 1 else word
+        named.setdefault((name, policy_sha256(policy)), replace(policy, name=name))
     return list(named.values())
 
 

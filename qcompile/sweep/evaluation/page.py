@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -11,7 +10,6 @@ from typing import Any
 
 from qcompile.deploy.intervals import unseen_share
 from qcompile.errors import StudyError
-from qcompile.output import write_file
 from qcompile.report.intervals import Interval, Panel, draw_intervals
 from qcompile.report.tables import interval_words, plural
 from qcompile.sweep.evaluation.cell import CellResult
@@ -19,6 +17,7 @@ from qcompile.sweep.evaluation.grid import Cell
 from qcompile.sweep.evaluation.paper import TASKS, Score, Task
 from qcompile.sweep.evaluation.summary import results
 from qcompile.sweep.evaluation.write_up import interval, mitigation_words, reference_line
+from qcompile.sweep.pages import link, markdown_table, version_words, write_files
 
 Objects = Sequence[Mapping[str, Any]]
 
@@ -56,7 +55,7 @@ _COLUMNS = ("backend", "shots", "mitigation", "mean ± std", "95 % interval", "t
 
 
 def write_devices(
-    cells: Sequence[Cell], found: Mapping[str, CellResult], folder: Path, page_path: Path
+    cells: Sequence[Cell], played: Mapping[str, CellResult], folder: Path, page_path: Path
 ) -> list[Path]:
     """Write devices.png and the page; their paths.
 
@@ -64,30 +63,28 @@ def write_devices(
         OutputError: one of them cannot be written.
         StudyError: a cell is missing.
     """
-    objects = results(cells, found)
+    objects = results(cells, played)
     if len(objects) < len(cells):
         raise StudyError(f"{len(cells) - len(objects)} of {len(cells)} cells are missing.")
-    link = Path(os.path.relpath(folder.resolve(), page_path.resolve().parent)).as_posix()
-    figure = folder / "devices.png"
-    write_file(figure, draw_intervals(_TITLE, panels(objects), same_scale=False))
-    text = page(cells, objects, link, found[cells[0].name].versions, (folder, page_path))
-    write_file(page_path, text.encode())
-    return [figure, page_path]
+    versions = played[cells[0].name].versions
+    text = page(cells, objects, link(folder, page_path), versions, (folder, page_path))
+    picture = draw_intervals(_TITLE, panels(objects), same_scale=False)
+    return write_files({folder / "devices.png": picture, page_path: text.encode()})
 
 
 def panels(objects: Objects) -> list[Panel]:
     """A panel for each task: ours on every device, then the paper's two scores."""
-    made = []
+    panels = []
     for task in TASKS:
-        own = _of_task(task, objects)
-        shown = [_interval(values) for values in own if not values["reference"]]
-        shown += [
+        played = _of_task(task, objects)
+        intervals = [_interval(values) for values in played if not values["reference"]]
+        intervals += [
             _claimed("the paper,\ndevices", task.on_devices),
             _claimed("the paper,\nideal", task.ideal),
         ]
         title = f"{task.environment}, {task.shots} shots"
-        made.append(Panel(title, shown, reference_line(own), own[0]["threshold"]))
-    return made
+        panels.append(Panel(title, intervals, reference_line(played), played[0]["threshold"]))
+    return panels
 
 
 def _interval(values: Mapping[str, Any]) -> Interval:
@@ -107,16 +104,16 @@ def _of_task(task: Task, objects: Objects) -> list[Mapping[str, Any]]:
 def page(
     cells: Sequence[Cell],
     objects: Objects,
-    link: str,
+    folder: str,
     versions: Mapping[str, str],
     written: tuple[Path, Path],
 ) -> str:
-    """The page, in Markdown; `link` is the folder of the figure, as seen from the page.
+    """The page, in Markdown; `folder` is that of the figure, as seen from the page.
 
     `written` are the folder and the page as the command that is running was told.
     """
-    inside = "" if link == "." else f"{link}/"
-    where = f"[{link if inside else 'this folder'}]({inside}results.csv)"
+    inside = "" if folder == "." else f"{folder}/"
+    where = f"[{folder if inside else 'this folder'}]({inside}results.csv)"
     first = cells[0]
     figure = f"{inside}devices.png"
     parts = [
@@ -128,21 +125,20 @@ def page(
         )
     ]
     for task in TASKS:
-        own = next(cell.policy for cell in cells if cell.policy.name == task.policy)
+        policy = next(cell.policy for cell in cells if cell.policy.name == task.policy)
         threshold = _of_task(task, objects)[0]["threshold"]
         solved = "has no threshold" if threshold is None else f"counts as solved at {threshold:g}"
         parts.append(
             f"## {task.title}\n\nThe policy `{task.policy}` plays {task.environment}, which "
-            f"{solved}.\nIt has {plural(len(own.program), 'circuit')} and {own.parameter_count} "
-            f"trained numbers; the paper's has {plural(task.circuits, 'circuit')} and "
-            f"{task.parameters}.\n"
+            f"{solved}.\nIt has {plural(len(policy.program), 'circuit')} and "
+            f"{policy.parameter_count} trained numbers; the paper's has "
+            f"{plural(task.circuits, 'circuit')} and {task.parameters}.\n"
         )
         parts.append(_table(task, objects))
-    made = ", ".join(f"{name} {version}" for name, version in versions.items())
     parts.append(
         f"## Repeat it\n\n```\n{_command(first, *written)}\n```\n\n"
-        f"Made with {made}, seed {first.seed};\nthe same versions on the same machine give the "
-        "same numbers, whatever the number of workers.\n"
+        f"Made with {version_words(versions)}, seed {first.seed};\nthe same versions on the same "
+        "machine give the same numbers, whatever the number of workers.\n"
     )
     return "\n".join(parts)
 
@@ -153,9 +149,9 @@ def _command(cell: Cell, folder: Path, page: Path) -> str:
 
 
 def _table(task: Task, objects: Objects) -> str:
-    lines = [_COLUMNS, ("---",) * len(_COLUMNS), *map(_cells, _of_task(task, objects))]
     on_devices, ideal = task.on_devices, task.ideal
-    lines += [
+    lines = [
+        *map(_cells, _of_task(task, objects)),
         ("the paper, ideal simulator", "-", "-", f"{ideal.mean:.1f} ± {ideal.std:.1f}", "-", "-"),
         (
             "the paper, on its devices",
@@ -166,7 +162,7 @@ def _table(task: Task, objects: Objects) -> str:
             f"{on_devices.mean - ideal.mean:+.1f}",
         ),
     ]
-    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+    return markdown_table(_COLUMNS, lines)
 
 
 def _cells(values: Mapping[str, Any]) -> tuple[str, ...]:

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict
 
 from qcompile.device import load_device
 from qcompile.execution import DeviceBackend
 from qcompile.policy import load_policy
+from qcompile.reading import read_toml
 from qcompile.sweep.evaluation.grid import Cell, grid
 
 
@@ -37,41 +41,13 @@ class Task:
     ideal: Score
 
 
-TASKS = (
-    Task(
-        "CartPole-v0",
-        "cartpole_1q",
-        "CartPole-v0",
-        ("ibm_lagos", "ibm_belem"),
-        1024,
-        1,
-        5,
-        Score(194.0, 8.12),
-        Score(200.0, 0.0),
-    ),
-    Task(
-        "Acrobot-v1",
-        "acrobot",
-        "Acrobot-v1",
-        ("ibm_lagos", "ibm_belem"),
-        1024,
-        6,
-        27,
-        Score(-90.04, 5.03),
-        Score(-84.40, 18.8),
-    ),
-    Task(
-        "LunarLander-v2",
-        "lunarlander",
-        "LunarLander-v3",
-        ("ibm_lima", "ibm_jakarta", "ibm_toronto"),
-        8192,
-        24,
-        124,
-        Score(198.3, 19.3),
-        Score(253.4, 17.1),
-    ),
-)
+class _File(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    tasks: tuple[Task, ...]
+
+
+TASKS = _File.model_validate(read_toml(Path(__file__).with_name("paper.toml"))).tasks
 
 
 def paper_cells(episodes: int, seed: int) -> list[Cell]:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping, Sequence
-from io import StringIO
 from typing import Any
 
 import numpy as np
@@ -12,6 +10,7 @@ import numpy as np
 from qcompile.deploy.intervals import bootstrap_ci95
 from qcompile.sweep.evaluation.cell import CellResult
 from qcompile.sweep.evaluation.grid import Cell
+from qcompile.sweep.pages import csv_text
 
 _COLUMNS = (
     "policy",
@@ -68,28 +67,28 @@ def compare(
     )
     if not common or ideal is None:
         return figures
-    own, best = (np.array([of[episode] for episode in common]) for of in (rewards, ideal))
-    differences, mean = own - best, float(best.mean())
+    cell, best = (np.array([of[episode] for episode in common]) for of in (rewards, ideal))
+    differences, mean = cell - best, float(best.mean())
     return {
         "ideal_mean_reward": mean,
         "paired_difference": float(differences.mean()),
         "paired_std": float(differences.std()),
         "paired_ci95": bootstrap_ci95(differences, seed),
-        "ratio_to_ideal": float(own.mean()) / mean if mean > 0 else None,
+        "ratio_to_ideal": float(cell.mean()) / mean if mean > 0 else None,
     }
 
 
-def results(cells: Sequence[Cell], found: Mapping[str, CellResult]) -> list[dict[str, Any]]:
+def results(cells: Sequence[Cell], played: Mapping[str, CellResult]) -> list[dict[str, Any]]:
     """One object a cell, in the order of `cells`: `qcompile run --json` and the comparison.
 
     `backend` and `calibration` are called as the cell calls them; `device` is the name of the
-    backend's device, which a twin or a sampler may share with others. `found` holds what was
-    played, by the names of the cells; a cell that it lacks is left out.
+    backend's device, which a twin or a sampler may share with others. `played` holds the
+    results by the names of the cells; a cell that it lacks is left out.
     """
-    ideals = {cell.policy.name: found.get(cell.name) for cell in cells if cell.is_reference}
+    ideals = {cell.policy.name: played.get(cell.name) for cell in cells if cell.is_reference}
     objects = []
     for cell in cells:
-        result, ideal = found.get(cell.name), ideals.get(cell.policy.name)
+        result, ideal = played.get(cell.name), ideals.get(cell.policy.name)
         if result is None:
             continue
         objects.append(
@@ -108,13 +107,11 @@ def results(cells: Sequence[Cell], found: Mapping[str, CellResult]) -> list[dict
 
 def results_csv(objects: Sequence[Mapping[str, Any]]) -> str:
     """A row for each object of `results`; what is None is left empty."""
-    text = StringIO()
-    writer = csv.DictWriter(text, _COLUMNS, extrasaction="ignore", lineterminator="\n")
-    writer.writeheader()
+    lines = []
     for values in objects:
         row = dict(values) | {"episodes": len(values["episodes"])}
         for interval in ("ci95", "paired_ci95"):
             low, high = values[interval] or (None, None)
             row |= {f"{interval}_low": low, f"{interval}_high": high}
-        writer.writerow(row)
-    return text.getvalue()
+        lines.append([row[column] for column in _COLUMNS])
+    return csv_text(_COLUMNS, lines)

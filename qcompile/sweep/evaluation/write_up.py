@@ -1,4 +1,4 @@
-"""An evaluation in a folder: what it holds already, and the files that show it."""
+"""The files that show an evaluation: results.json, results.csv, and a picture for each policy."""
 
 from __future__ import annotations
 
@@ -7,23 +7,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from qcompile.output import file_name, write_file
+from qcompile.output import file_name
 from qcompile.report.intervals import Interval, Panel, draw_intervals
 from qcompile.report.tables import plural
-from qcompile.sweep.evaluation.cell import CellResult, read_cell
-from qcompile.sweep.evaluation.grid import Cell
 from qcompile.sweep.evaluation.summary import results_csv
-
-
-def cells_folder(folder: Path) -> Path:
-    """Where an evaluation in `folder` keeps its cells."""
-    return folder / "cells"
-
-
-def kept_results(cells: Sequence[Cell], folder: Path) -> dict[str, CellResult]:
-    """What the folder holds of these very cells, by name."""
-    read = (read_cell(cell, cells_folder(folder)) for cell in cells)
-    return {result.name: result for result in read if result is not None}
+from qcompile.sweep.pages import write_files
 
 
 def write_results(objects: Sequence[Mapping[str, Any]], folder: Path) -> list[Path]:
@@ -33,7 +21,7 @@ def write_results(objects: Sequence[Mapping[str, Any]], folder: Path) -> list[Pa
         OutputError: one of them cannot be written.
     """
     document = json.dumps({"results": list(objects)}, indent=1, allow_nan=False)
-    return _write(
+    return write_files(
         {
             folder / "results.json": f"{document}\n".encode(),
             folder / "results.csv": results_csv(objects).encode(),
@@ -48,7 +36,7 @@ def write_figures(objects: Sequence[Mapping[str, Any]], folder: Path) -> list[Pa
         OutputError: one of them cannot be written.
     """
     policies = dict.fromkeys(values["policy"] for values in objects)
-    return _write(
+    return write_files(
         {
             folder / f"{file_name(policy)}.png": _figure(
                 [values for values in objects if values["policy"] == policy]
@@ -102,9 +90,3 @@ def reference_line(objects: Sequence[Mapping[str, Any]]) -> tuple[float, float, 
 
 def mitigation_words(mitigation: str) -> str:
     return "no mitigation" if mitigation == "none" else f"{mitigation} mitigation"
-
-
-def _write(files: Mapping[Path, bytes]) -> list[Path]:
-    for path, contents in files.items():
-        write_file(path, contents)
-    return list(files)

@@ -1,22 +1,20 @@
-"""Train one cell, and keep what came of it in a file of its own."""
+"""Train one cell, and say what its file holds."""
 
 from __future__ import annotations
 
-import json
 import time
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from qcompile.errors import TrainingError
-from qcompile.output import write_file
-from qcompile.reading import ContentsError, read_json
 from qcompile.rl.order import in_order_of_start
 from qcompile.rl.settings import PACKAGES, plain, restored
+from qcompile.sweep.folder import Folder
 from qcompile.sweep.study.rows import Cell
 from qcompile.version import versions
 
@@ -111,7 +109,7 @@ def run_cell(cell: Cell, evaluation: int = EVALUATION_EPISODES) -> CellResult:
     result = trainer.train()
     if result.interrupted:
         raise KeyboardInterrupt
-    played = score(trainer, evaluation, EVALUATION_SEED)
+    rewards = score(trainer, evaluation, EVALUATION_SEED)
     policy = result.policy
     return CellResult(
         row=cell.row.name,
@@ -122,29 +120,23 @@ def run_cell(cell: Cell, evaluation: int = EVALUATION_EPISODES) -> CellResult:
         parameters=trainer.parameter_count if policy is None else policy.parameter_count,
         steps=[episode.steps for episode in result.episodes],
         rewards=[round(episode.reward, 2) for episode in result.episodes],
-        evaluation=[round(float(reward), 2) for reward in played],
+        evaluation=[round(float(reward), 2) for reward in rewards],
         wall_seconds=round(time.perf_counter() - started, 1),
     )
 
 
-def write_cell(result: CellResult, folder: Path) -> None:
-    """Write the result to its file in `folder`.
-
-    Raises:
-        OutputError: the file cannot be written.
-    """
-    name = f"{result.row}-seed{result.seed}.json"
-    write_file(folder / name, (json.dumps(result.model_dump()) + "\n").encode())
+def folder_of(path: Path, evaluation: int | None = None) -> Folder[Cell, CellResult]:
+    """Where a study in `path` keeps its trainings; with `evaluation` those of so many episodes."""
+    return Folder(path, CellResult, partial(_match, evaluation=evaluation))
 
 
-def read_cell(cell: Cell, folder: Path, evaluation: int | None = None) -> CellResult | None:
-    """The result of the cell, if `folder` has it with the cell's settings."""
+def _match(cell: Cell, result: CellResult, evaluation: int | None) -> CellResult | None:
+    """The result, if it has the cell's settings, environment and seed."""
     try:
-        result = CellResult.model_validate_json(read_json(folder / f"{cell.name}.json"))
         settings = restored(result.settings)
-    except (OSError, ContentsError, ValidationError, TrainingError):
+    except TrainingError:
         return None
-    wanted = (cell.row.environment, cell.row.settings, cell.seed)
-    if (result.environment, settings, result.seed) != wanted:
+    expected = (cell.row.environment, cell.row.settings, cell.seed)
+    if (result.environment, settings, result.seed) != expected:
         return None
     return result if evaluation in (None, len(result.evaluation)) else None

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from qcompile.sweep.pages import markdown_table, version_words
 from qcompile.sweep.study.cell import AVERAGED
-from qcompile.sweep.study.paper import FIGURES, shown_in
+from qcompile.sweep.study.paper import belongs, figures
 from qcompile.sweep.study.summary import TOO_FEW, RowSummary, spread
 
 _HOLDS = 1.2
@@ -58,34 +59,28 @@ def page(summaries: Sequence[RowSummary], folder: str, versions: dict[str, str])
     evaluation = max(len(result.evaluation) for s in summaries for result in s.results)
     linked = f"[{folder}]({folder}/results.csv)" if folder != "." else "[this folder](results.csv)"
     parts = [_HEAD.format(folder=linked, evaluation=evaluation, holds=_HOLDS)]
-    for figure, title in FIGURES.items():
-        shown = [s for s in summaries if shown_in(s.row, figure)]
-        if not shown:
+    for name, figure in figures().items():
+        members = [s for s in summaries if belongs(s.row, name)]
+        if not members:
             continue
-        parts.append(f"## {title}\n")
-        target = shown[0].row.target
-        parts.append(f"Target: an average of {target:g}{_other_targets(shown)}.\n")
-        parts.append(f"![Learning curves, {title}]({folder}/{figure}.png)\n")
-        parts.append(_table(shown))
-    made = ", ".join(f"{name} {version}" for name, version in versions.items())
+        parts.append(f"## {figure.title}\n")
+        target = members[0].row.target
+        parts.append(f"Target: an average of {target:g}{_other_targets(members)}.\n")
+        parts.append(f"![Learning curves, {figure.title}]({folder}/{name}.png)\n")
+        parts.append(markdown_table(_COLUMNS, [*map(_cells, members)]))
     parts.append(
         "## Repeat it\n\n```\nqcompile study paper --out study\nqcompile study paper --figure "
         "acrobot --out study\n```\n\nA study goes on where it was stopped: what is in its folder "
-        f"is not trained again. Made with {made}; the same versions on the same machine give the "
-        "same numbers, whatever the engine and the number of workers. The curves of all figures "
-        f"are in [curves.csv]({folder}/curves.csv).\n"
+        f"is not trained again. Made with {version_words(versions)}; the same versions on the same "
+        "machine give the same numbers, whatever the engine and the number of workers. The curves "
+        f"of all figures are in [curves.csv]({folder}/curves.csv).\n"
     )
     return "\n".join(parts)
 
 
-def _other_targets(shown: Sequence[RowSummary]) -> str:
-    others = [s for s in shown if s.row.target != shown[0].row.target]
+def _other_targets(members: Sequence[RowSummary]) -> str:
+    others = [s for s in members if s.row.target != members[0].row.target]
     return "".join(f" ({s.row.target:g} for {s.row.title}, {s.row.preset})" for s in others)
-
-
-def _table(shown: Sequence[RowSummary]) -> str:
-    lines = [_COLUMNS, ("---",) * len(_COLUMNS), *map(_cells, shown)]
-    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
 def _cells(summary: RowSummary) -> tuple[str, ...]:
@@ -113,13 +108,13 @@ def _episode(summary: RowSummary) -> str:
 
 def _seeds(summary: RowSummary) -> str:
     each = summary.each_first
-    found = [first for first in each if first is not None]
-    words = f"{len(found)} of {len(each)}"
-    if not found:
+    reached = [first for first in each if first is not None]
+    words = f"{len(reached)} of {len(each)}"
+    if not reached:
         return words
     median = summary.median_first
     middle = "" if median is None else f"{median:,.0f}, "
-    return f"{words}: {middle}{min(found):,} to {max(found):,}"
+    return f"{words}: {middle}{min(reached):,} to {max(reached):,}"
 
 
 def verdict(summary: RowSummary) -> str:

@@ -48,8 +48,8 @@ class Cell:
 
 def cells(rows: Sequence[Row], seeds: int | None = None) -> list[Cell]:
     """Every cell of the rows, or the first `seeds` of each; the slowest environments first."""
-    made = [
+    every = [
         Cell(row, seed) for row in rows for seed in range(row.seeds if seeds is None else seeds)
     ]
     order = {"LunarLander": 0, "Acrobot": 1, "CartPole": 2}
-    return sorted(made, key=lambda cell: order.get(cell.row.environment.rsplit("-v", 1)[0], 0))
+    return sorted(every, key=lambda cell: order.get(cell.row.environment.rsplit("-v", 1)[0], 0))

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
-from io import StringIO
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from qcompile.sweep.pages import csv_text
 from qcompile.sweep.study.cell import AVERAGED, CellResult, first_at
 from qcompile.sweep.study.rows import Row
 
@@ -128,7 +127,7 @@ def results_csv(summaries: Sequence[RowSummary]) -> str:
         "row,title,environment,preset,seed,parameters,episodes,steps,target,episodes_to_target,"
         "best_average,last_average,evaluation_mean,evaluation_std"
     )
-    return _csv(header.split(","), lines)
+    return csv_text(header.split(","), lines)
 
 
 def curves_csv(summaries: Sequence[RowSummary]) -> str:
@@ -136,21 +135,13 @@ def curves_csv(summaries: Sequence[RowSummary]) -> str:
     lines = []
     for summary in summaries:
         averages = summary.averages
-        for episode in shown_episodes(averages.shape[1]):
+        for episode in curve_episodes(averages.shape[1]):
             column = averages[:, episode - 1]
             figures = (column.mean(), column.std(), column.min(), column.max())
             lines.append([summary.row.name, int(episode), *(f"{v:.2f}" for v in figures)])
-    return _csv(["row", "episode", "mean", "std", "lowest", "highest"], lines)
+    return csv_text(["row", "episode", "mean", "std", "lowest", "highest"], lines)
 
 
-def shown_episodes(count: int) -> NDArray[np.intp]:
+def curve_episodes(count: int) -> NDArray[np.intp]:
     """The episodes of a training of `count` that a curve is drawn through, evenly spread."""
     return np.unique(np.linspace(1, count, min(count, _CURVE_POINTS)).round().astype(np.intp))
-
-
-def _csv(header: Sequence[str], lines: Sequence[Sequence[object]]) -> str:
-    text = StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows(lines)
-    return text.getvalue()

@@ -24,9 +24,8 @@ from qcompile.sweep.evaluation.calibrations import CalibrationFile
 from qcompile.sweep.evaluation.cell import (
     CellResult,
     check_calibrations,
-    read_cell,
+    folder_of,
     run_cell,
-    write_cell,
 )
 from qcompile.sweep.evaluation.grid import Cell, grid, left_out
 
@@ -98,17 +97,16 @@ def test_a_result_is_that_of_its_calibration_alone(cell: MakeCell, tmp_path: Pat
     made = cell(mitigation="readout", calibration=first)
     result = run_cell(made)
     assert isinstance(result, CellResult)
-    write_cell(result, tmp_path)
-    assert read_cell(made, tmp_path) is not None
+    folder = folder_of(tmp_path)
+    folder.write(made, result)
+    assert folder.read(made) is not None
     renamed = CalibrationFile("b.json", first.calibration)
-    assert read_cell(cell(mitigation="readout", calibration=renamed), tmp_path) is not None
+    assert folder.read(cell(mitigation="readout", calibration=renamed)) is not None
     other = cell(mitigation="readout", calibration=second)
-    (tmp_path / f"{other.name}.json").write_text(
-        json.dumps(result.model_dump() | {"name": other.name})
-    )
+    folder.file(other).write_text(json.dumps(result.model_dump() | {"name": other.name}))
     assert other.name not in (made.name, cell(mitigation="readout").name)
-    assert read_cell(other, tmp_path) is None
-    assert read_cell(cell(mitigation="readout"), tmp_path) is None
+    assert folder.read(other) is None
+    assert folder.read(cell(mitigation="readout")) is None
 
 
 # What a grid makes of them.
@@ -198,14 +196,16 @@ def test_a_given_calibration_that_lacks_something(
     with pytest.raises(CalibrationError) as refused:
         check_calibrations([cell(), made])
     first, second, *_ = str(refused.value).splitlines()
-    assert first == "a.json does not do for mitigation readout of tiny on ibm_lima."
+    assert first == "a.json cannot mitigate tiny on ibm_lima (readout):"
     assert second == f"  {missing}"
 
 
 def test_a_twin_that_lacks_something(cell: MakeCell) -> None:
     twin = TwinBackend("twin.json", measured(parts=["response"]))
     check_calibrations([cell(backend=twin), cell(backend=twin, mitigation="response")])
-    with pytest.raises(CalibrationError, match=r"^twin\.json does not do for mitigation readout"):
+    with pytest.raises(
+        CalibrationError, match=r"^twin\.json cannot mitigate tiny on twin\.json \(readout\):"
+    ):
         check_calibrations([cell(backend=twin, mitigation="readout")])
 
 

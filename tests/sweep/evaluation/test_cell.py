@@ -17,8 +17,9 @@ from qcompile.deploy.result import RunResult
 from qcompile.errors import CalibrationError, OutputError
 from qcompile.execution import DeviceBackend
 from qcompile.policy import Policy
+from qcompile.sweep.complete import CellFailure
 from qcompile.sweep.evaluation import cell as module
-from qcompile.sweep.evaluation.cell import CellFailure, CellResult, read_cell, run_cell, write_cell
+from qcompile.sweep.evaluation.cell import CellResult, folder_of, run_cell
 from qcompile.sweep.evaluation.grid import Cell
 
 MakeCell = Callable[..., Cell]
@@ -76,15 +77,15 @@ def test_what_fails_is_named(cell: MakeCell, monkeypatch: pytest.MonkeyPatch) ->
 def kept(cell: MakeCell, tmp_path: Path) -> tuple[Cell, Path]:
     """A cell, and the file its result is in."""
     made = cell()
-    write_cell(played(made), tmp_path)
-    (file,) = tmp_path.iterdir()
+    folder_of(tmp_path).write(made, played(made))
+    (file,) = (tmp_path / "cells").iterdir()
     return made, file
 
 
 def test_a_result_is_read_back(kept: tuple[Cell, Path]) -> None:
     cell, file = kept
     assert file.name == "tiny-ibm_lima-16-none-level2-episodes3-seed5.json"
-    result = read_cell(cell, file.parent)
+    result = folder_of(file.parents[1]).read(cell)
     assert result is not None
     assert numbers(result) == numbers(played(cell))
 
@@ -92,15 +93,13 @@ def test_a_result_is_read_back(kept: tuple[Cell, Path]) -> None:
 def test_a_result_is_that_of_its_cell_alone(kept: tuple[Cell, Path], policy: Policy) -> None:
     cell, file = kept
     other = DeviceBackend(cell.backend.device.model_copy(update={"source": "elsewhere"}))
-    assert (
-        read_cell(replace(cell, policy=replace(policy, theta=policy.theta + 1)), file.parent)
-        is None
-    )
-    assert read_cell(replace(cell, backend=other), file.parent) is None
+    folder = folder_of(file.parents[1])
+    assert folder.read(replace(cell, policy=replace(policy, theta=policy.theta + 1))) is None
+    assert folder.read(replace(cell, backend=other)) is None
     more = replace(cell, seed=6)
     (file.parent / f"{more.name}.json").write_bytes(file.read_bytes())
-    assert read_cell(more, file.parent) is None
-    assert read_cell(replace(cell, shots=17), file.parent) is None
+    assert folder.read(more) is None
+    assert folder.read(replace(cell, shots=17)) is None
 
 
 def changed(**changes: Any) -> Callable[[str], str]:
@@ -168,7 +167,7 @@ def test_a_damaged_file_is_no_result(
     damaged = damage[1](file.read_text())
     assert damaged != file.read_text()
     file.write_text(damaged)
-    assert read_cell(cell, file.parent) is None
+    assert folder_of(file.parents[1]).read(cell) is None
 
 
 @pytest.mark.parametrize("interval", [None, [0.0, 1.0], [9.0, 8.0]])
@@ -176,17 +175,17 @@ def test_an_interval_of_an_earlier_version_is_worked_out_anew(
     kept: tuple[Cell, Path], interval: Any
 ) -> None:
     cell, file = kept
-    result = read_cell(cell, file.parent)
+    result = folder_of(file.parents[1]).read(cell)
     assert result is not None
     rewards = [*result.rewards.values()]
     theirs = stats.ttest_1samp(rewards, 0).confidence_interval(0.95)
     low, high = result.summary["ci95"]
     assert low <= theirs.low < theirs.high <= high
     file.write_text(changed(ci95=interval)(file.read_text()))
-    assert read_cell(cell, file.parent) == result
+    assert folder_of(file.parents[1]).read(cell) == result
 
 
 def test_a_result_that_cannot_be_written(cell: MakeCell, tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(OutputError, match="file is no folder"):
-        write_cell(played(cell()), tmp_path / "file")
+        folder_of(tmp_path / "file").write(cell(), played(cell()))

@@ -11,7 +11,7 @@ from qcompile.device import IDEAL
 from qcompile.errors import StudyError
 from qcompile.execution import Backend, DeviceBackend, load_backend
 from qcompile.policy import Policy
-from qcompile.sweep.evaluation.grid import Cell, file_name, grid, policy_sha256, told_apart
+from qcompile.sweep.evaluation.grid import Cell, file_name, grid, policy_sha256, rename_duplicates
 
 MakeCell = Callable[..., Cell]
 
@@ -68,13 +68,13 @@ def test_two_backends_of_one_name_are_refused(policy: Policy, lima: Backend) -> 
 
 def test_policies_of_one_name_are_called_as_they_were_asked_for(policy: Policy) -> None:
     other, alone = replace(policy, bias=policy.bias + 1), replace(policy, name="alone")
-    named = told_apart(
+    named = rename_duplicates(
         ["a/tiny.pt", "b/tiny.pt", "x.pt", "a/tiny.pt", "x.pt"],
         [policy, other, alone, policy, alone],
     )
     assert [p.name for p in named] == ["a/tiny.pt", "b/tiny.pt", "alone"]
     assert named[1].bias.tolist() == other.bias.tolist()
-    assert [p.name for p in told_apart(["a", "b"], [policy, policy])] == ["tiny"]
+    assert [p.name for p in rename_duplicates(["a", "b"], [policy, policy])] == ["tiny"]
     with pytest.raises(StudyError, match=r"^Two of the policies are called 'tiny'\."):
         grid([policy, other], [PERFECT], [8], ["none"])
 
@@ -97,7 +97,8 @@ def test_settings_change_with_all_that_matters(cell: MakeCell, policy: Policy) -
         cell(level=1),
         cell(episodes=4),
         cell(seed=6),
+        cell(greedy=True),
     ]
     assert all(other.settings() != plain.settings() for other in changed)
-    assert len({other.name for other in changed[1:]} | {plain.name}) == 7
+    assert len({other.name for other in changed[1:]} | {plain.name}) == 8
     assert policy_sha256(replace(policy, metadata={"note": 1})) == policy_sha256(policy)

@@ -24,14 +24,14 @@ from qcompile.policy import Policy
 from qcompile.report.intervals import Interval, Panel, draw_intervals
 from qcompile.sweep.engine import run_all
 from qcompile.sweep.evaluation.calibrations import CalibrationFile
-from qcompile.sweep.evaluation.cell import CellResult, run_cell
+from qcompile.sweep.evaluation.cell import CellResult, folder_of, run_cell
 from qcompile.sweep.evaluation.grid import Cell, grid
 from qcompile.sweep.evaluation.page import write_devices
 from qcompile.sweep.evaluation.paper import TASKS, paper_cells
 from qcompile.sweep.evaluation.summary import compare, results, results_csv
-from qcompile.sweep.evaluation.write_up import kept_results, write_figures, write_results
+from qcompile.sweep.evaluation.write_up import write_figures, write_results
 
-DOCS = Path(__file__).parents[2] / "docs"
+DOCS = Path(__file__).parents[3] / "docs"
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -163,8 +163,8 @@ def test_results_do_not_depend_on_the_workers(policy: Policy, workers: int) -> N
     assert len(cells) == 5
     found: dict[str, Any] = {}
 
-    def keep(result: Any) -> None:
-        found[result.name] = result.summary | {"wall_seconds": 0}
+    def keep(cell: Cell, result: Any) -> None:
+        found[cell.name] = result.summary | {"wall_seconds": 0}
 
     run_all(cells, run_cell, keep, workers=workers, on_loss=pytest.fail)
     expected = [run_cell(cell) for cell in cells]
@@ -241,7 +241,7 @@ def test_the_committed_page_is_what_its_cells_give(
     """Where this fails, the page says with which command it is written."""
     monkeypatch.chdir(tmp_path)
     cells = paper_cells(100, 0)
-    found = kept_results(cells, DOCS / "devices")
+    found = folder_of(DOCS / "devices").finished(cells)
     assert len(found) == len(cells), "played with other policies, devices or settings"
     write_results(results(cells, found), Path("docs/devices"))
     write_devices(cells, found, Path("docs/devices"), Path("docs/devices.md"))

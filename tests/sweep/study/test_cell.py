@@ -14,7 +14,7 @@ import pytest
 from qcompile.errors import OutputError
 from qcompile.rl.ppo import Trainer
 from qcompile.rl.score import score
-from qcompile.sweep.study.cell import CellResult, first_at, read_cell, run_cell, write_cell
+from qcompile.sweep.study.cell import CellResult, first_at, folder_of, run_cell
 from qcompile.sweep.study.rows import Cell, Row
 
 ShortRow = Callable[..., Row]
@@ -121,7 +121,7 @@ def kept(short_row: ShortRow, tmp_path: Path) -> tuple[Cell, CellResult]:
     """A cell, and its result in a file in tmp_path / "cells"."""
     cell = Cell(short_row(), 3)
     result = run_cell(cell, 2)
-    write_cell(result, tmp_path / "cells")
+    folder_of(tmp_path).write(cell, result)
     return cell, result
 
 
@@ -130,8 +130,8 @@ def test_a_result_is_read_back(kept: tuple[Cell, CellResult], tmp_path: Path) ->
     assert [path.name for path in (tmp_path / "cells").iterdir()] == [
         "cartpole-svqc-paper-seed3.json"
     ]
-    assert read_cell(cell, tmp_path / "cells") == result
-    assert read_cell(cell, tmp_path / "cells", 2) == result
+    assert folder_of(tmp_path).read(cell) == result
+    assert folder_of(tmp_path, 2).read(cell) == result
     values = json.loads((tmp_path / "cells" / f"{cell.name}.json").read_text())
     assert (values["format"], values["seed"]) == ("qcompile-study-1", 3)
     assert values["rewards"] == result.rewards
@@ -141,15 +141,15 @@ def test_a_result_is_that_of_its_cell_alone(
     kept: tuple[Cell, CellResult], tmp_path: Path, short_row: ShortRow
 ) -> None:
     cell, _ = kept
-    folder = tmp_path / "cells"
-    file = folder / f"{cell.name}.json"
-    assert read_cell(cell, folder, 3) is None, "other number of evaluation episodes"
-    assert read_cell(cell, tmp_path) is None, "no such file"
-    assert read_cell(Cell(short_row(episodes=4), 3), folder) is None, "other settings"
-    assert read_cell(Cell(short_row(clip=0.2), 3), folder) is None, "other settings"
-    assert read_cell(Cell(replace(cell.row, environment="CartPole-v0"), 3), folder) is None
-    (folder / f"{cell.row.name}-seed5.json").write_bytes(file.read_bytes())
-    assert read_cell(Cell(cell.row, 5), folder) is None, "the file of another seed"
+    folder = folder_of(tmp_path)
+    assert folder_of(tmp_path, 3).read(cell) is None, "other number of evaluation episodes"
+    assert folder_of(tmp_path / "cells").read(cell) is None, "no such file"
+    assert folder.read(Cell(short_row(episodes=4), 3)) is None, "other settings"
+    assert folder.read(Cell(short_row(clip=0.2), 3)) is None, "other settings"
+    assert folder.read(Cell(replace(cell.row, environment="CartPole-v0"), 3)) is None
+    other = Cell(cell.row, 5)
+    folder.file(other).write_bytes(folder.file(cell).read_bytes())
+    assert folder.read(other) is None, "the file of another seed"
 
 
 @pytest.mark.parametrize(
@@ -173,10 +173,10 @@ def test_a_damaged_file_is_no_result(
     changed = damage[1](file.read_text())
     assert changed != file.read_text()
     file.write_text(changed)
-    assert read_cell(cell, tmp_path / "cells") is None
+    assert folder_of(tmp_path).read(cell) is None
 
 
 def test_a_result_that_cannot_be_written(kept: tuple[Cell, CellResult], tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(OutputError, match="file is no folder"):
-        write_cell(kept[1], tmp_path / "file")
+        folder_of(tmp_path / "file").write(*kept)

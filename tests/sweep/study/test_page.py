@@ -18,20 +18,20 @@ from PIL import Image
 
 from qcompile.errors import StudyError
 from qcompile.rl.settings import plain
-from qcompile.sweep.study.cell import write_cell
+from qcompile.sweep.study.cell import folder_of
 from qcompile.sweep.study.page import page, verdict
-from qcompile.sweep.study.paper import FIGURES, rows
-from qcompile.sweep.study.rows import Claim
-from qcompile.sweep.study.study import cells_folder, missing_cells, summaries, write_up
+from qcompile.sweep.study.paper import figures, rows
+from qcompile.sweep.study.rows import Cell, Claim, cells
 from qcompile.sweep.study.summary import (
     RowSummary,
+    curve_episodes,
     curves_csv,
     results_csv,
-    shown_episodes,
 )
+from qcompile.sweep.study.write_up import summaries, write_up
 
 Make = Callable[..., RowSummary]
-DOCS = Path(__file__).parents[2] / "docs"
+DOCS = Path(__file__).parents[3] / "docs"
 
 # From the episode that it names a seed pays 20, before it 0: the average of 20 is at 10 when ten
 # of these are paid.
@@ -99,9 +99,9 @@ def test_the_other_figures_of_a_row(summary: Make) -> None:
 
 
 def test_curves_are_drawn_through_200_episodes_at_most() -> None:
-    assert shown_episodes(1).tolist() == [1]
-    assert shown_episodes(200).tolist() == list(range(1, 201))
-    many = shown_episodes(5000).tolist()
+    assert curve_episodes(1).tolist() == [1]
+    assert curve_episodes(200).tolist() == list(range(1, 201))
+    many = curve_episodes(5000).tolist()
     assert (many[0], many[-1], len(many)) == (1, 5000, 200)
     assert {b - a for a, b in pairwise(many)} <= {25, 26}
 
@@ -203,7 +203,7 @@ def test_no_verdict_without_the_episodes_and_seeds_for_it(
 def test_a_first_look_says_what_it_cannot_say(summary: Make) -> None:
     """One seed does not scatter, and 19 episodes have no average over 20."""
     short = summary([5.0] * 19, claim=Claim("about 30", 30), evaluation=[[1.0, 2.0]], seeds=5)
-    _, _, line = tables(page([short], "study", {}))[FIGURES["cartpole"]]
+    _, _, line = tables(page([short], "study", {}))[figures()["cartpole"].title]
     assert line[4:] == [
         "under 20 episodes",
         "0 of 1",
@@ -245,7 +245,10 @@ def tables(text: str) -> dict[str, list[list[str]]]:
 
 def test_the_page_has_a_line_for_each_row(several: list[RowSummary]) -> None:
     found = tables(page(several, "study", {"torch": "1.2"}))
-    assert list(found) == [*(FIGURES[f] for f in ("cartpole", "reuse", "lunarlander")), "Repeat it"]
+    assert list(found) == [
+        *(figures()[name].title for name in ("cartpole", "reuse", "lunarlander")),
+        "Repeat it",
+    ]
     cartpole, reuse, lunarlander, _ = found.values()
     assert {len(line) for lines in found.values() for line in lines} == {10}
     assert [line[:2] for line in cartpole[2:]] == [["SVQC", "`paper`"], ["SVQC", "`tuned`"]]
@@ -318,24 +321,25 @@ def test_a_folder_is_read_row_by_row(
     """Two of three seeds of one row are there, one with other evaluation episodes; none of the
     other row."""
     row, other = replace(short_row(), seeds=3), short_row("cartpole-svqc-tuned")
-    assert len(missing_cells([row, other], tmp_path, None, 2)) == 8
-    settings = short_row().settings
-    made = summary([1.0], [2.0], [3.0], evaluation=[[1.0, 2.0], [], [3.0]])
+    folder = folder_of(tmp_path, 2)
+    assert len(folder.missing(cells([row, other]))) == 8
+    settings = plain(short_row().settings)
+    by_hand = summary([1.0], [2.0], [3.0], evaluation=[[1.0, 2.0], [], [3.0]])
     for seed in (0, 2):
-        result = made.results[seed].model_copy(update={"settings": plain(settings)})
-        write_cell(result, cells_folder(tmp_path))
-    missing = missing_cells([row, other], tmp_path, None, 2)
-    assert [(c.row.name, c.seed) for c in missing if c.row is row] == [(row.name, 1), (row.name, 2)]
-    assert missing_cells([row], tmp_path, 1, 2) == []
-    (found,) = summaries([row, other], tmp_path)
-    assert [result.seed for result in found.results] == [0, 2]
+        result = by_hand.results[seed].model_copy(update={"settings": settings})
+        folder.write(Cell(row, seed), result)
+    assert [cell.seed for cell in folder.missing(cells([row]))] == [1, 2]
+    assert folder.missing(cells([row], 1)) == []
+    (folder.cells / f"{row.name}-seedling.json").touch()
+    (stored,) = summaries([row, other], tmp_path)
+    assert [result.seed for result in stored.results] == [0, 2]
 
 
 # What is committed.
 
 
 def test_the_committed_trainings_are_those_of_todays_presets() -> None:
-    assert [cell.name for cell in missing_cells(rows(), DOCS / "study", None, 100)] == []
+    assert folder_of(DOCS / "study", 100).missing(cells(rows())) == []
     files = {path.name for path in (DOCS / "study" / "cells").iterdir()}
     assert files == {f"{row.name}-seed{i}.json" for row in rows() for i in range(row.seeds)}
 

@@ -9,7 +9,7 @@ import pytest
 
 from qcompile.errors import StudyError
 from qcompile.rl.presets import settings_for
-from qcompile.sweep.study.paper import FIGURES, rows, rows_of, shortened, shown_in
+from qcompile.sweep.study.paper import belongs, figures, rows, rows_of, shortened
 from qcompile.sweep.study.rows import Row, cells
 
 BY_NAME = {row.name: row for row in rows()}
@@ -19,7 +19,7 @@ BY_NAME = {row.name: row for row in rows()}
 def test_a_row_can_be_trained(row: Row) -> None:
     assert row.settings.check() is row.settings
     assert row.environment in gymnasium.registry
-    assert row.figure in FIGURES
+    assert row.figure in figures()
     assert row.seeds >= 5
 
 
@@ -48,8 +48,8 @@ def test_the_reuse_figure_has_the_papers_own_row() -> None:
     names = [row.name for row in rows_of(("reuse",))]
     assert "cartpole-svqc-paper" in names
     assert len(names) == 4
-    assert shown_in(BY_NAME["cartpole-svqc-paper"], "cartpole")
-    assert not shown_in(BY_NAME["cartpole-svqc-tuned"], "reuse")
+    assert belongs(BY_NAME["cartpole-svqc-paper"], "cartpole")
+    assert not belongs(BY_NAME["cartpole-svqc-tuned"], "reuse")
 
 
 def test_figures_choose_rows() -> None:

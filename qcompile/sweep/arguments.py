@@ -1,0 +1,23 @@
+"""What the arguments of both faces have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from os import PathLike
+from typing import Any
+
+Name = str | PathLike[str]
+"""A bare name or a path."""
+
+
+def several(values: Any) -> list[Any]:
+    """The values, or the one value, in a list."""
+    return [*values] if isinstance(values, Sequence) and not isinstance(values, str) else [values]
+
+
+def ignore(words: str) -> None:
+    """Nobody wants to know."""
+
+
+def no_progress(finished: int, count: int, words: str) -> None:
+    """Nobody looks on."""

@@ -1,0 +1,225 @@
+"""Evaluate policies on backends: the grid played, compared and written into a folder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from itertools import chain
+from os import PathLike, fspath
+from pathlib import Path
+from typing import Any, Literal
+
+from qcompile.calibration import Calibration, age_words, load_calibration
+from qcompile.deploy.environments import check_fit, make_environments
+from qcompile.deploy.measurement import MITIGATIONS
+from qcompile.device import Device
+from qcompile.errors import CalibrationError, StudyError
+from qcompile.execution import Backend, DeviceBackend, load_backend
+from qcompile.output import check_writable
+from qcompile.policy import Policy, load_policy
+from qcompile.sweep.arguments import Name, ignore, no_progress, several
+from qcompile.sweep.complete import CellFailure, Completed, OnProgress, Pool, complete
+from qcompile.sweep.engine import Engine
+from qcompile.sweep.evaluation.calibrations import CalibrationFile
+from qcompile.sweep.evaluation.cell import CellResult, check_calibrations, folder_of, run_cell
+from qcompile.sweep.evaluation.grid import Cell, grid, left_out, rename_duplicates
+from qcompile.sweep.evaluation.page import write_devices
+from qcompile.sweep.evaluation.paper import paper_cells
+from qcompile.sweep.evaluation.summary import results
+from qcompile.sweep.evaluation.write_up import write_figures, write_results
+
+Shots = int | None | Literal["exact"]
+Words = Callable[[str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """What an evaluation found: an object of `summaries` for each cell that could be played.
+
+    `played` counts the cells that were played now, `there` those that the folder had; `failures`
+    are those that could not be played. `paths` are the files written besides the cells.
+    """
+
+    cells: tuple[Cell, ...]
+    summaries: tuple[dict[str, Any], ...]
+    played: int
+    there: int
+    failures: tuple[CellFailure, ...]
+    paths: tuple[Path, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The document of `qcompile evaluate --json`."""
+        return {"results": [*self.summaries]}
+
+    def check_complete(self) -> None:
+        """Nothing, if every cell could be played.
+
+        Raises:
+            StudyError: some could not; the message says why.
+        """
+        if self.failures:
+            raise StudyError(
+                f"{len(self.failures)} of {len(self.cells)} cells could not be played.",
+                *chain.from_iterable(map(_failure_lines, self.failures)),
+            )
+
+
+def evaluate(
+    policies: Name | Policy | Sequence[Name | Policy] = ("lunarlander",),
+    backends: Name | Device | Backend | Sequence[Name | Device | Backend] = ("ibm_lima",),
+    *,
+    shots: Shots | Sequence[Shots] = (1024, 8192),
+    mitigations: str | Sequence[str] = ("none", "readout"),
+    calibrations: Name | Calibration | Sequence[Name | Calibration] = (),
+    levels: int | Sequence[int] = (2,),
+    episodes: int = 100,
+    seed: int = 0,
+    greedy: bool = False,
+    out: Name = "evaluation",
+    engine: Engine = "processes",
+    address: str | None = None,
+    workers: int | None = None,
+    on_progress: OnProgress = no_progress,
+    on_note: Words = ignore,
+    on_loss: Words = ignore,
+) -> Evaluation:
+    """Play every combination of policy, backend, shots, mitigation and level.
+
+    Policies and backends are names, files or objects; shots None or "exact" are exact expectations.
+    Every cell plays the same `episodes`: episode i resets with `seed` + i, and is compared with its
+    policy's on `ideal` with exact expectations. `calibrations` mitigate, instead of a fresh one, on
+    every backend of their device. `greedy` takes the likeliest action instead of sampling.
+
+    Cells, results.json, results.csv and a picture for each policy are written to `out`; cells that
+    it holds are not played again. `engine`, `address` and `workers` are those of `run_all`.
+    `on_progress` follows the cells, `on_note` is told what is left out and which calibrations are
+    old, `on_loss` when workers were lost.
+
+    Raises:
+        QcompileError: a name, a file or a combination that cannot be played; an output that cannot
+            be written; a cluster that is not there; Ctrl-C, after which `out` holds what is
+            finished. Cells that fail by themselves are in `failures` instead.
+    """
+    out = Path(out)
+    sides = (
+        [None if count == "exact" else count for count in several(shots)],
+        [_known_mitigation(name) for name in several(mitigations)],
+        several(levels),
+    )
+    named = several(policies)
+    loaded = [policy if isinstance(policy, Policy) else load_policy(policy) for policy in named]
+    words = [policy.name if isinstance(policy, Policy) else fspath(policy) for policy in named]
+    different = rename_duplicates(words, loaded)
+    opened = [_backend(backend) for backend in several(backends)]
+    files = [_calibration_file(calibration) for calibration in several(calibrations)]
+    cells = grid(
+        different, opened, *sides, calibrations=files, episodes=episodes, seed=seed, greedy=greedy
+    )
+    for policy in different:
+        (environment,) = make_environments(policy.environment, 1)
+        try:
+            check_fit(policy, environment)
+        finally:
+            environment.close()
+    check_calibrations(cells)
+    now = datetime.now(UTC)
+    for file in files:
+        for note in age_words(file.name, file.calibration, now):
+            on_note(note)
+    for why in dict.fromkeys(left_out(opened, *sides).values()):
+        on_note(f"left out: {why}.")
+    pool = Pool(engine, address, workers, on_loss)
+    completed = _completed(cells, out, pool, on_progress)
+    return _written(cells, completed, out, lambda objects: write_figures(objects, out))
+
+
+def evaluate_paper(
+    *,
+    episodes: int = 100,
+    seed: int = 0,
+    out: Name = "evaluation",
+    page: Name | None = None,
+    engine: Engine = "processes",
+    address: str | None = None,
+    workers: int | None = None,
+    on_progress: OnProgress = no_progress,
+    on_loss: Words = ignore,
+) -> Evaluation:
+    """The paper's device tests, played as by `evaluate`, and written up.
+
+    Writes devices.png and the Markdown page, by default devices.md in `out`, if every cell could be
+    played.
+
+    Raises:
+        QcompileError: as `evaluate`.
+    """
+    out = Path(out)
+    page_path = out / "devices.md" if page is None else Path(page)
+    cells = paper_cells(episodes, seed)
+    check_writable(page_path)
+    pool = Pool(engine, address, workers, on_loss)
+    completed = _completed(cells, out, pool, on_progress)
+
+    def write(objects: Sequence[dict[str, Any]]) -> list[Path]:
+        if completed.failures:
+            return []
+        return write_devices(cells, completed.results, out, page_path)
+
+    return _written(cells, completed, out, write)
+
+
+def _completed(
+    cells: Sequence[Cell], out: Path, pool: Pool, on_progress: OnProgress
+) -> Completed[CellResult]:
+    folder = folder_of(out)
+    check_writable(out / "results.json")
+    folder.check_writable()
+    return complete(cells, folder, run_cell, pool, on_progress, describe=_description)
+
+
+def _written(
+    cells: Sequence[Cell],
+    completed: Completed[CellResult],
+    out: Path,
+    write: Callable[[Sequence[dict[str, Any]]], list[Path]],
+) -> Evaluation:
+    """Results and what `write` adds, written to `out`."""
+    objects = results(cells, completed.results)
+    paths = write_results(objects, out) + write(objects)
+    return Evaluation(
+        tuple(cells),
+        tuple(objects),
+        completed.run,
+        completed.there,
+        tuple(completed.failures),
+        tuple(paths),
+    )
+
+
+def _known_mitigation(name: str) -> str:
+    if name not in MITIGATIONS:
+        raise CalibrationError(f"Unknown mitigation {name!r}.", f"Known: {', '.join(MITIGATIONS)}.")
+    return name
+
+
+def _backend(backend: Name | Device | Backend) -> Backend:
+    if isinstance(backend, str | PathLike):
+        return load_backend(fspath(backend))
+    return DeviceBackend(backend) if isinstance(backend, Device) else backend
+
+
+def _calibration_file(calibration: Name | Calibration) -> CalibrationFile:
+    if isinstance(calibration, Calibration):
+        return CalibrationFile(f"the calibration of {calibration.backend}", calibration)
+    return CalibrationFile(str(Path(calibration)), load_calibration(Path(calibration)))
+
+
+def _description(result: CellResult) -> str:
+    values = result.summary
+    return f"{values['policy']} on {values['backend']}: {values['mean_reward']:.1f}"
+
+
+def _failure_lines(failure: CellFailure) -> list[str]:
+    first, *more = failure.words.splitlines()
+    return [f"{failure.name}: {first}", *(f"  {line.strip()}" for line in more)]

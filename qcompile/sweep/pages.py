@@ -1,0 +1,47 @@
+"""What both faces write: CSV, Markdown tables, links from a page to its folder."""
+
+from __future__ import annotations
+
+import csv
+import os
+from collections.abc import Mapping, Sequence
+from io import StringIO
+from pathlib import Path
+
+from qcompile.output import write_file
+
+
+def csv_text(header: Sequence[str], lines: Sequence[Sequence[object]]) -> str:
+    """A CSV document; None is an empty field."""
+    text = StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows(lines)
+    return text.getvalue()
+
+
+def markdown_table(header: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
+    """A table in Markdown, with a line for each of `lines`."""
+    every = (header, ("---",) * len(header), *lines)
+    return "".join(f"| {' | '.join(line)} |\n" for line in every)
+
+
+def version_words(versions: Mapping[str, str]) -> str:
+    """Packages and their versions in one line."""
+    return ", ".join(f"{name} {version}" for name, version in versions.items())
+
+
+def link(folder: Path, page: Path) -> str:
+    """The folder as seen from the page, as a link has it."""
+    return Path(os.path.relpath(folder.resolve(), page.resolve().parent)).as_posix()
+
+
+def write_files(files: Mapping[Path, bytes]) -> list[Path]:
+    """Write every file; their paths.
+
+    Raises:
+        OutputError: one of them cannot be written.
+    """
+    for path, contents in files.items():
+        write_file(path, contents)
+    return [*files]
