@@ -184,12 +184,12 @@ def circuits_of(
     angles = None
     if x is not None and theta is not None:
         x, theta = np.asarray(x, dtype=float), np.asarray(theta, dtype=float)
-        angles = executable.bind_slots(x[None], theta)
+        angles = executable.bind(x[None], theta)
     circuits = []
     for index in range(executable.round_count):
         packed = pack_round(executable, index)
         circuit = packed.circuit
-        if not packed.owners.size:
+        if not packed.slots.size:
             circuit.global_phase = 0.0
         elif angles is not None:
             (parameters, values), *_ = packed.pub(angles)[1].items()
