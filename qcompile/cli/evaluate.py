@@ -253,7 +253,9 @@ def _cells(
     settings = (shots, mitigations, levels)
     cells = grid(loaded, opened, *settings, calibrations=files, episodes=episodes, seed=seed)
     for policy in loaded:
-        (environment,) = make_environments(policy.environment, 1)
+        (environment,) = make_environments(
+            policy.environment, 1, arguments=policy.environment_kwargs
+        )
         try:
             check_fit(policy, environment)
         finally:
