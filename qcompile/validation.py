@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from reprlib import Repr
 from typing import Annotated, TypeVar
 
@@ -14,14 +14,14 @@ from qcompile.limits import MAX_QUBITS
 T = TypeVar("T")
 
 
-class _FirstFault(FailFast):
-    """Hashable, as types in a union must be."""
+class FirstFault(FailFast):
+    """Of a list only the first fault is told; hashable, as types in a union must be."""
 
     def __hash__(self) -> int:
         return hash(self.fail_fast)
 
 
-Many = Annotated[tuple[T, ...], _FirstFault(), Field(max_length=MAX_QUBITS)]
+Many = Annotated[tuple[T, ...], FirstFault(), Field(max_length=MAX_QUBITS)]
 """As many as a device has qubits; of the entries that are wrong the first is told."""
 
 _MOST_LETTERS = 320
@@ -52,8 +52,11 @@ def listed(words: Sequence[str], most: int = 8) -> str:
     return ", ".join([*words[:most], *more])
 
 
-def explain(error: Exception, most: int = 4) -> list[str]:
-    """One line for each of the first `most` faults that pydantic or the file system names."""
+def explain(error: Exception, most: int = 4, words: Mapping[str, str] | None = None) -> list[str]:
+    """One line for each of the first `most` faults that pydantic or the file system names.
+
+    `words` has what is said of faults of a type, by pydantic's name of it, in place of its own.
+    """
     if isinstance(error, OSError) and error.errno is not None:
         return [os.strerror(error.errno)]
     if isinstance(error, UnicodeDecodeError):
@@ -65,7 +68,8 @@ def explain(error: Exception, most: int = 4) -> list[str]:
     for fault in faults[:most]:
         place = ".".join(map(str, fault["loc"])) or "the file"
         place = _cut(place if place.isprintable() else ascii(place))  # keys are the file's own
-        said = fault["msg"].removeprefix("Value error, ")  # these words are our own
+        said = (words or {}).get(fault["type"], fault["msg"])
+        said = said.removeprefix("Value error, ")  # these words are our own
         said = _cut(said.replace("Tuple", "List").replace(" after validation", ""), 120)
         line = f"{place}: {said[0].lower()}{said[1:]} (found {_found(fault['input'])})"
         if lines and len("".join(lines)) + len(line) > _MOST_LETTERS:

@@ -126,10 +126,8 @@ def _show_surrogate(subject: str, as_json: bool) -> None:
         f"policy: {policy.parameter_count} trained numbers, input scales included\n"
     )
     merged = merged_inputs(policy)
-    for row in _inputs(surrogate):
-        name, equal = row["input"], str(merged[row["input"]])
-        scaled = f"{row['scale']:.6g} * observation[{row['feature']}]"
-        read = scaled if row["function"] == "identity" else f"{row['function']}({scaled})"
+    for index, name in enumerate(policy.program.inputs):
+        read, equal = policy.encoder.formula(index), str(merged[name])
         click.echo(f"  {name} = {read}" if equal == name else f"  {name} = {equal} = {read}")
     columns = ["term", *(f"action {action}" for action in range(policy.actions))]
     rows = [*zip(surrogate.terms, *surrogate.weights.tolist(), strict=True)]
@@ -149,9 +147,21 @@ def _surrogate_values(surrogate: Surrogate) -> dict[str, Any]:
 
 
 def _inputs(surrogate: Surrogate) -> list[dict[str, Any]]:
-    encoder, names = surrogate.policy.encoder, surrogate.policy.program.inputs
-    rows = zip(names, encoder.feature.tolist(), encoder.scale.tolist(), strict=True)
-    return [
-        {"input": name, "feature": feature, "scale": scale, "function": encoder.function}
-        for name, feature, scale in rows
+    encoder = surrogate.policy.encoder
+    rows = [
+        {"input": name, "feature": feature, "scale": scale, "function": function}
+        for name, feature, scale, function in zip(
+            surrogate.policy.program.inputs,
+            encoder.feature.tolist(),
+            encoder.scale.tolist(),
+            encoder.functions,
+            strict=True,
+        )
     ]
+    more = {"gain": encoder.gain}
+    for name, statistic in (("mean", encoder.mean), ("std", encoder.std)):
+        more[name] = None if statistic is None else statistic[encoder.feature]
+    for name, numbers in more.items():
+        for row, number in zip(rows, [] if numbers is None else numbers.tolist(), strict=False):
+            row[name] = number
+    return rows

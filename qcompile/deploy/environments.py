@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import cache
 from typing import Any
 
@@ -23,8 +24,10 @@ _LONGEST_WORDS = 200
 _USUAL = ("CartPole-v1", "Acrobot-v1", "LunarLander-v3", "MountainCar-v0")
 
 
-def make_environments(name: str, count: int, *, film: bool = False) -> list[Environment]:
-    """`count` environments called `name`; with `film` they render frames.
+def make_environments(
+    name: str, count: int, *, film: bool = False, arguments: Mapping[str, Any] | None = None
+) -> list[Environment]:
+    """`count` environments called `name`, made with `arguments`; with `film` they render frames.
 
     Raises:
         EnvironmentMismatchError: no such environment, or it has no vector of features to observe
@@ -35,7 +38,7 @@ def make_environments(name: str, count: int, *, film: bool = False) -> list[Envi
             f"Environment {name!r} names a module to import.",
             "A policy file may not load code; register the environment and give its plain name.",
         )
-    settings: dict[str, Any] = {}  # without a film none: not every environment takes a render_mode
+    settings = dict(arguments or {})  # no render_mode without a film: not all environments take it
     if film:
         os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # frames need no screen
         settings["render_mode"] = "rgb_array"
@@ -65,7 +68,7 @@ def make_environments(name: str, count: int, *, film: bool = False) -> list[Envi
     for environment in made[:1]:
         features_and_actions(environment)
     if film:
-        _check_frames(name)
+        _check_frames(name, settings)
     return made
 
 
@@ -81,7 +84,7 @@ def environment_name(environment: Environment) -> str:
     return environment.spec.id if environment.spec else str(environment)
 
 
-def _check_frames(name: str) -> None:
+def _check_frames(name: str, settings: Mapping[str, Any]) -> None:
     """Raise EnvironmentMismatchError where an environment renders no frames.
 
     It is another one that is asked: the first frame may draw from the generator of its episode.
@@ -89,7 +92,7 @@ def _check_frames(name: str) -> None:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            environment = gymnasium.make(name, render_mode="rgb_array")
+            environment = gymnasium.make(name, **settings)
             environment.reset(seed=0)
             frame, rate = environment.render(), frames_per_second(environment)
             close_environments([environment])
@@ -138,6 +141,12 @@ def check_fit(policy: Policy, environment: Environment) -> None:
     """Raise EnvironmentMismatchError where `policy` cannot act in `environment`."""
     features, actions = features_and_actions(environment)
     name = environment_name(environment)
+    if policy.encoder.reads_bits:
+        raise EnvironmentMismatchError(
+            f"Policy {policy.name!r} reads the bits of a number; {name} observes a vector of "
+            f"{features} features.",
+            "Correct `environment` or `encoder.function` in the policy file.",
+        )
     needed = policy.encoder.features
     if needed > features:
         raise EnvironmentMismatchError(
@@ -158,13 +167,13 @@ def reward_threshold(environment: Environment) -> float | None:
 
 
 @cache
-def threshold_of(name: str) -> float | None:
-    """`reward_threshold` of an environment by its name.
+def threshold_of(name: str, arguments: str = "{}") -> float | None:
+    """`reward_threshold` of an environment by its name, made with arguments, JSON as text.
 
     Raises:
         EnvironmentMismatchError: it is unknown.
     """
-    (environment,) = make_environments(name, 1)
+    (environment,) = make_environments(name, 1, arguments=json.loads(arguments))
     try:
         return reward_threshold(environment)
     finally:

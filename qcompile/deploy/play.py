@@ -63,11 +63,11 @@ def play(
         raise CountsError(
             f"{episodes} episodes cannot be played.", f"Their number lies in [1, {MAX_EPISODES}]."
         )
-    name = deployment.policy.environment
-    environments = make_environments(name, 1, film=on_frame is not None)
+    name, arguments = deployment.policy.environment, deployment.policy.environment_kwargs
+    environments = make_environments(name, 1, film=on_frame is not None, arguments=arguments)
     try:
         check_fit(deployment.policy, environments[0])
-        environments += make_environments(name, episodes - 1)
+        environments += make_environments(name, episodes - 1, arguments=arguments)
         return _play(deployment, environments, max_steps, record, on_episode, on_frame)
     finally:
         close_environments(environments)

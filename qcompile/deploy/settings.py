@@ -107,7 +107,9 @@ class RunSettings(BaseModel):
                 "Nothing else reads it.",
             )
         if self.predistort or self.mitigation == "response":
-            check_response_level(self.level, predistort=self.predistort)  # before anything is measured
+            check_response_level(
+                self.level, predistort=self.predistort
+            )  # before anything is measured
         if self.seed < 0:
             raise OptionError(f"The seed is {self.seed}.", "A seed is 0 or more.")
         if self.copies is not None and self.copies < 1:

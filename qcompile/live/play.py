@@ -16,7 +16,7 @@ from qcompile.errors import LiveError, ReplayError
 from qcompile.live.executor import IBMExecutor
 from qcompile.live.journal import Journal, TaskKind
 from qcompile.live.task import Context, Task
-from qcompile.policy.files import PolicyFile
+from qcompile.policy.schema import AnyPolicyFile
 
 _ROUNDING = 1e-9
 """Another processor may round the last digits otherwise."""
@@ -30,7 +30,7 @@ class RunTask(Task):
 
     kind: ClassVar[TaskKind] = "run"
 
-    policy: PolicyFile
+    policy: AnyPolicyFile
     shots: int
     episodes: int
     seed: int

@@ -13,7 +13,7 @@ from qcompile.execution import Workload
 from qcompile.live.executor import IBMExecutor
 from qcompile.live.journal import TaskKind
 from qcompile.live.task import Context, Task
-from qcompile.policy.files import PolicyFile
+from qcompile.policy.schema import AnyPolicyFile
 
 
 class ValidateTask(Task):
@@ -26,7 +26,7 @@ class ValidateTask(Task):
 
     calibration: Calibration
     calibration_file: str
-    policy: PolicyFile
+    policy: AnyPolicyFile
     observations: list[list[float]]
     shots: int
     effect: float = EFFECT

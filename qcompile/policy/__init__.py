@@ -1,13 +1,13 @@
 """Policies: encoder, program and head; their files; the circuits they are usually made of."""
 
+from qcompile.policy.encoder import ENCODINGS, Encoder
 from qcompile.policy.files import load_policy, policy_names, save_policy
-from qcompile.policy.policy import ENCODINGS, Encoder, Policy, draw_actions
+from qcompile.policy.policy import Policy
 
 __all__ = [
     "ENCODINGS",
     "Encoder",
     "Policy",
-    "draw_actions",
     "load_policy",
     "policy_names",
     "save_policy",

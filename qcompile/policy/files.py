@@ -5,99 +5,36 @@ from __future__ import annotations
 import json
 import pickle
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    FailFast,
-    Field,
-    JsonValue,
-    ValidationError,
-    field_validator,
-)
+from pydantic import BaseModel, ValidationError
 
 from qcompile.catalogue import find, names, nearest
 from qcompile.errors import CircuitError, PolicyError
-from qcompile.ir import Circuit, Program
-from qcompile.limits import MAX_ANGLE_LETTERS, MAX_POLICY_GATES, MAX_VALUES
+from qcompile.limits import MAX_VALUES
 from qcompile.output import write_file
-from qcompile.policy.policy import Encoder, Policy
-from qcompile.reading import CodeError, ContentsError, read_file, read_json, read_torch
-from qcompile.validation import Line, explain
+from qcompile.policy.blocks import BlockFile
+from qcompile.policy.encoder import Encoder
+from qcompile.policy.policy import Policy
+from qcompile.policy.refusals import UnsupportedPolicyError
+from qcompile.policy.schema import (
+    FORMAT_1,
+    FORMAT_2,
+    FUNCTIONS_1,
+    SCHEMAS,
+    AnyFormat,
+    EncoderFile2,
+    PolicyFile,
+    PolicyFile2,
+)
+from qcompile.reading import CodeError, ContentsError, load_json, read_file, read_torch
+from qcompile.validation import explain
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
 SUFFIXES = (".pt", ".json")
 _TENSORS = ("theta", "weights", "bias")
-
-Number = Annotated[float, Field(allow_inf_nan=False)]
-Natural = Annotated[int, Field(ge=0, le=1_000_000)]
-Numbers = Annotated[list[Number], FailFast()]
-Word = Annotated[str, Field(max_length=MAX_ANGLE_LETTERS)]
-CircuitFile = Annotated[list[Annotated[list[Word | Number], FailFast()]], FailFast()]
-"""Gates, each a name and its angle."""
-
-
-class _Record(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True)
-
-
-class EncoderFile(_Record):
-    function: Literal["arctan", "tanh", "identity"]
-    feature: Annotated[list[Natural], FailFast()]
-    scale: Numbers
-
-
-class PolicyFile(_Record):
-    """The schema of a policy file, as docs/policies.md explains it."""
-
-    format: Literal["qcompile-policy-1"]
-    name: Line
-    environment: Line
-    encoder: EncoderFile
-    circuits: Annotated[list[CircuitFile], Field(min_length=1), FailFast()]
-    theta: Numbers
-    weights: Annotated[list[Numbers], FailFast()]
-    bias: Annotated[Numbers, Field(min_length=1)]
-    reuse: Annotated[int, Field(ge=1, le=10_000)] = 1
-    metadata: dict[str, JsonValue] = {}
-
-    @field_validator("circuits")
-    @classmethod
-    def _few_gates(cls, circuits: list[CircuitFile]) -> list[CircuitFile]:
-        if sum(map(len, circuits)) > MAX_POLICY_GATES:
-            raise ValueError(f"more than {MAX_POLICY_GATES:,} gates")
-        return circuits
-
-    def policy(self) -> Policy:
-        """The policy this file describes."""
-        circuits = []
-        for index, gates in enumerate(self.circuits):
-            try:
-                circuits.append(Circuit.of(gates))
-            except CircuitError as error:
-                raise PolicyError(f"circuits.{index}: {error}") from error
-        if len({len(row) for row in self.weights}) > 1:
-            raise PolicyError("weights has rows of different lengths.")
-        inputs = len(self.encoder.feature)
-        return Policy(
-            self.name,
-            self.environment,
-            Encoder(
-                self.encoder.function,
-                np.array(self.encoder.feature, dtype=np.intp),
-                np.array(self.encoder.scale, dtype=float),
-            ),
-            Program.of(circuits, inputs, len(self.theta)),
-            np.array(self.theta, dtype=float),
-            np.array(self.weights, dtype=float),
-            np.array(self.bias, dtype=float),
-            self.reuse,
-            self.metadata,
-        )
 
 
 def policy_names() -> list[str]:
@@ -119,15 +56,58 @@ def load_policy(name: str | Path) -> Policy:
             "A path to a .pt or .json policy file works too.",
         )
     try:
-        if path.suffix == ".pt":
-            return PolicyFile.model_validate(_read_pt(path)).policy()
-        return PolicyFile.model_validate_json(read_json(path)).policy()
-    except (OSError, ContentsError, ValidationError) as error:
+        values = _read_pt(path) if path.suffix == ".pt" else load_json(read_file(path))
+        return _read_values(values).policy()
+    except (OSError, ContentsError) as error:
         raise PolicyError(f"{path} is no policy file.", *explain(error)) from error
+    except _UnreadableError:
+        raise
     except (CircuitError, PolicyError) as error:
-        if isinstance(error, _UnreadableError):
-            raise
-        raise PolicyError(f"{path} is no policy file.", *str(error).splitlines()) from error
+        lines = [line.strip() for line in str(error).splitlines()]
+        if isinstance(error, UnsupportedPolicyError):
+            what = f"{path} is a policy that this version cannot run."
+            raise UnsupportedPolicyError(what, *lines) from error
+        raise PolicyError(f"{path} is no policy file.", *lines) from error
+
+
+def _read_values(values: object) -> PolicyFile | PolicyFile2:
+    """The policy file with these plain values.
+
+    Raises:
+        PolicyError: they are not those of a policy file; keys that are not known are told the
+            nearest that are.
+    """
+    if not isinstance(values, dict):
+        raise PolicyError(f"It holds a {type(values).__name__}, not an object with keys.")
+    try:
+        AnyFormat.model_validate(values)
+        return SCHEMAS[values["format"]].model_validate(values)
+    except ValidationError as error:
+        lines = explain(error, words={"extra_forbidden": "unknown key"})
+        raise PolicyError(*lines, *_hints(error, values)) from error
+
+
+def _hints(error: ValidationError, values: dict[str, Any]) -> list[str]:
+    if values.get("format") == FORMAT_1:
+        try:
+            PolicyFile2.model_validate(values | {"format": FORMAT_2})
+        except ValidationError:
+            pass
+        else:
+            return [f'It is right in the other format: "format": "{FORMAT_2}".']
+    schema = PolicyFile if values.get("format") == FORMAT_1 else PolicyFile2
+    lines = []
+    for fault in error.errors(include_url=False, include_context=False)[:2]:
+        *place, key = fault["loc"] or [""]
+        if fault["type"] == "extra_forbidden":
+            part = _PARTS.get(place[-1] if place else "", schema)
+            is_later = part is PolicyFile and key in PolicyFile2.model_fields
+            later = f'{key} is a key of format "{FORMAT_2}".'
+            lines.append(later if is_later else nearest(str(key), part.model_fields))
+    return lines
+
+
+_PARTS: dict[object, type[BaseModel]] = {"encoder": EncoderFile2, "block": BlockFile}
 
 
 class _UnreadableError(PolicyError):
@@ -170,15 +150,24 @@ def _read_pt(path: Path) -> dict[str, Any]:
 
 
 def policy_values(policy: Policy) -> dict[str, Any]:
-    """The plain values of a policy file; `PolicyFile` reads them back to an equal policy."""
+    """The plain values of a policy file; its schema reads them back to an equal policy.
+
+    They are of format 1, unless the policy needs format 2; then of that with what it needs.
+    """
+    encoder, of_encoder = policy.encoder, _beyond_format_1(policy.encoder)
+    name = encoder.function if isinstance(encoder.function, str) else "identity"
+    more: dict[str, Any] = {}
+    if policy.environment_kwargs:
+        more["environment_kwargs"] = dict(policy.environment_kwargs)
     return {
-        "format": "qcompile-policy-1",
+        "format": FORMAT_2 if more or of_encoder else FORMAT_1,
         "name": policy.name,
         "environment": policy.environment,
         "encoder": {
-            "function": policy.encoder.function,
-            "feature": policy.encoder.feature.tolist(),
-            "scale": policy.encoder.scale.tolist(),
+            "function": next(iter(encoder.functions), name),
+            "feature": encoder.feature.tolist(),
+            "scale": encoder.scale.tolist(),
+            **of_encoder,
         },
         "circuits": [circuit.to_lists() for circuit in policy.program.circuits],
         "theta": policy.theta.tolist(),
@@ -186,7 +175,23 @@ def policy_values(policy: Policy) -> dict[str, Any]:
         "bias": policy.bias.tolist(),
         "reuse": policy.reuse,
         "metadata": dict(policy.metadata),
+        **more,
     }
+
+
+def _beyond_format_1(encoder: Encoder) -> dict[str, Any]:
+    """The keys of an encoder that format 1 does not have, or not with this value."""
+    names = encoder.functions
+    values: dict[str, Any] = {}
+    if len(set(names)) > 1:
+        values["function"] = [*names]
+    elif not {*names} <= FUNCTIONS_1:
+        values["function"] = names[0]
+    neutral = {"gain": (encoder.gain, 1.0), "mean": (encoder.mean, 0.0), "std": (encoder.std, 1.0)}
+    for key, (array, number) in neutral.items():
+        if array is not None and (array != number).any():
+            values[key] = array.tolist()
+    return values
 
 
 def save_policy(policy: Policy, path: str | Path) -> None:
@@ -200,16 +205,16 @@ def save_policy(policy: Policy, path: str | Path) -> None:
     if path.suffix not in SUFFIXES:
         raise PolicyError(f"{path} is no policy file name.", "It ends with .pt or .json.")
     try:
-        as_json = PolicyFile.model_validate_json(json.dumps(values))
+        as_json = SCHEMAS[values["format"]].model_validate_json(json.dumps(values))
         as_json.policy()
     except (TypeError, ValueError) as error:
         raise PolicyError(
             f"Policy {policy.name!r} cannot be written to a file.", *explain(error)
         ) from error
     if path.suffix == ".json":
-        write_file(path, as_json.model_dump_json(indent=1).encode())
+        write_file(path, as_json.model_dump_json(indent=1, exclude_unset=True).encode())
     else:
-        write_file(path, _pt_bytes(as_json.model_dump()))
+        write_file(path, _pt_bytes(as_json.model_dump(exclude_unset=True)))
 
 
 def _pt_bytes(values: Mapping[str, Any]) -> bytes:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -12,33 +12,13 @@ import numpy as np
 from qcompile.arrays import FloatArray, IntArray
 from qcompile.errors import PolicyError
 from qcompile.ir import Program
-
-ENCODINGS: dict[str, Callable[[FloatArray], FloatArray]] = {
-    "arctan": np.arctan,
-    "tanh": np.tanh,
-    "identity": np.asarray,
-}
-"""The functions an encoder can apply to a scaled feature."""
-
-MOST_SCALE = 1e9
+from qcompile.policy.encoder import Encoder, check_arrays
 
 
-@dataclass(frozen=True, eq=False)
-class Encoder:
-    """x_i = function(scale_i * observation[feature_i]), in radians."""
-
-    function: str
-    feature: IntArray
-    scale: FloatArray
-
-    @cached_property
-    def features(self) -> int:
-        """The least number of features that an observation must have."""
-        return int(self.feature.max(initial=-1)) + 1
-
-    def __call__(self, observations: FloatArray) -> FloatArray:
-        """Observations (B, features) to inputs x (B, inputs)."""
-        return ENCODINGS[self.function](observations.take(self.feature, axis=1) * self.scale)
+def softmax(logits: FloatArray) -> FloatArray:
+    """Logits (B, actions) to probabilities (B, actions)."""
+    odds = np.exp(logits - logits.max(axis=1, keepdims=True))
+    return np.asarray(odds / odds.sum(axis=1, keepdims=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,10 +27,12 @@ class Policy:
 
     theta (parameters,); weights (k, reuse * n), the columns ordered copy by copy; bias (k,). The
     action probabilities are softmax(weights y + bias), y the `<Z>` of the circuits, `reuse` times.
-    `metadata` says where the policy comes from.
+    `metadata` says where the policy comes from. Its environment is made with the arguments
+    `environment_kwargs`, and `hold` is the number of its steps that a decision is kept for.
 
     Raises:
-        PolicyError: the shapes do not fit each other, or a number is not finite.
+        PolicyError: the shapes do not fit each other, a number is not finite, or `hold` is not 1:
+            this version plays no other.
     """
 
     name: str
@@ -62,33 +44,23 @@ class Policy:
     bias: FloatArray
     reuse: int = 1
     metadata: Mapping[str, Any] = field(default_factory=dict)
+    hold: int = 1
+    environment_kwargs: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         actions, circuits = len(self.bias), len(self.program)
-        needed = {
-            "encoder.scale": (self.encoder.scale, (len(self.program.inputs),)),
-            "encoder.feature": (self.encoder.feature, (len(self.program.inputs),)),
-            "theta": (self.theta, (len(self.program.parameters),)),
-            "bias": (self.bias, (actions,)),
-            "weights": (self.weights, (actions, self.reuse * circuits)),
-        }
-        for name, (array, shape) in needed.items():
-            if np.shape(array) != shape:
-                raise PolicyError(f"{name} has shape {np.shape(array)}.", f"It needs {shape}.")
-            if not np.isfinite(array).all():
-                raise PolicyError(f"{name} holds a number that is not finite.")
-        if np.abs(self.encoder.scale).max(initial=0.0) > MOST_SCALE:
-            raise PolicyError(
-                f"encoder.scale has an entry of {np.abs(self.encoder.scale).max():.3g}.",
-                f"Scales lie within {MOST_SCALE:.0e}: more turns every angle into noise.",
-            )
-        if self.encoder.function not in ENCODINGS:
-            raise PolicyError(
-                f"Unknown encoder function {self.encoder.function!r}.",
-                f"Known: {', '.join(ENCODINGS)}.",
-            )
+        self.encoder.check(len(self.program.inputs))
+        check_arrays(
+            {
+                "theta": (self.theta, (len(self.program.parameters),)),
+                "bias": (self.bias, (actions,)),
+                "weights": (self.weights, (actions, self.reuse * circuits)),
+            }
+        )
         if not circuits or not actions:
             raise PolicyError(f"The policy has {circuits} circuits and {actions} actions.")
+        if self.hold != 1:
+            raise PolicyError(*cannot_hold(self.hold))
 
     @property
     def actions(self) -> int:
@@ -96,9 +68,10 @@ class Policy:
 
     @property
     def parameter_count(self) -> int:
-        """Numbers of the policy after folding: theta, input scales unless all 1, weights, bias."""
-        scales = 0 if (self.encoder.scale == 1).all() else self.encoder.scale.size
-        return self.theta.size + scales + self.actions * (len(self.program) + 1)
+        """Numbers after folding: theta, scales and gains unless all 1, weights, bias."""
+        factors = (self.encoder.scale, self.encoder.gains)
+        count = sum(array.size for array in factors if (array != 1).any())
+        return self.theta.size + count + self.actions * (len(self.program) + 1)
 
     @cached_property
     def trained_program(self) -> Program:
@@ -148,22 +121,35 @@ class Policy:
 
     def probabilities(self, z: FloatArray) -> FloatArray:
         """`<Z>` (B, circuits) to action probabilities (B, actions)."""
-        logits = self.logits(z)
-        odds = np.exp(logits - logits.max(axis=1, keepdims=True))
-        return np.asarray(odds / odds.sum(axis=1, keepdims=True))
+        return softmax(self.logits(z))
+
+    def decide(self, z: FloatArray, u: FloatArray) -> IntArray:
+        """`<Z>` (B, circuits) and numbers u (B,) in [0, 1) to actions (B,).
+
+        The action is the first whose cumulative probability exceeds u, so that uniform u draw from
+        the exact probabilities; where rounding leaves the sum of a row at u or below, it is the
+        last.
+
+        Raises:
+            PolicyError: there is not one u for each row.
+        """
+        if np.shape(u) != (len(z),):
+            raise PolicyError(f"u has shape {np.shape(u)}.", f"It needs {(len(z),)}.")
+        below = self.probabilities(z).cumsum(axis=1)[:, :-1] <= np.asarray(u)[:, np.newaxis]
+        return np.asarray(below.sum(axis=1))
 
     def sample(self, z: FloatArray, rng: np.random.Generator) -> IntArray:
         """One action for each row of `<Z>` (B, circuits), drawn from its exact probabilities."""
-        return draw_actions(self.logits(z), rng)
+        return self.decide(z, rng.random(len(z)))
 
     def greedy(self, z: FloatArray) -> IntArray:
         """The most probable action for each row of `<Z>` (B, circuits)."""
         return np.asarray(self.logits(z).argmax(axis=1))
 
 
-def draw_actions(logits: FloatArray, rng: np.random.Generator) -> IntArray:
-    """One action for each row of logits (B, actions), distributed as their softmax.
-
-    The largest of logits plus Gumbel noise is distributed so.
-    """
-    return np.asarray((logits + rng.gumbel(size=logits.shape)).argmax(axis=1))
+def cannot_hold(hold: int) -> tuple[str, str]:
+    """The lines of a refusal to hold decisions."""
+    return (
+        f"hold {hold}: a decision that is kept for {hold} steps of the environment.",
+        "This version decides in every step (hold 1).",
+    )

@@ -18,7 +18,7 @@ from qcompile.arrays import FloatArray, IntArray
 from qcompile.errors import PolicyError
 from qcompile.ir import NEGLIGIBLE_RAD, Angle, Circuit
 from qcompile.ir.table import AngleTable, are_large
-from qcompile.policy.policy import Policy
+from qcompile.policy.policy import Policy, softmax
 from qcompile.simulate import alternating
 
 MOST_TERMS = 10_000
@@ -139,24 +139,30 @@ class Surrogate:
 
     def probabilities(self, observations: FloatArray) -> FloatArray:
         """Observations (B, features) to action probabilities (B, k)."""
-        logits = self.logits(observations)
-        odds = np.exp(logits - logits.max(axis=1, keepdims=True))
-        return np.asarray(odds / odds.sum(axis=1, keepdims=True))
+        return softmax(self.logits(observations))
 
 
 def merged_inputs(policy: Policy) -> dict[str, Angle]:
     """Each input as plus or minus the first one that is equal to it, or as 0.
 
-    Inputs are equal that read one feature with one scale. The functions of an encoder are odd, so
-    the opposite scale gives the opposite input, and scale 0 gives 0.
+    Inputs are equal that read one feature with one function, scale and gain. The functions of an
+    encoder are odd, so the opposite scale or gain gives the opposite input, and 0 gives 0.
     """
-    first: dict[tuple[int, float], Angle] = {}
+    first: dict[tuple[str, int, float, float], Angle] = {}
     merged = {}
     encoder = policy.encoder
-    pairs = zip(encoder.feature.tolist(), encoder.scale.tolist(), strict=True)
-    for name, (feature, scale) in zip(policy.program.inputs, pairs, strict=True):
-        sign = _sign(scale)
-        equal = first.setdefault((feature, abs(scale)), Angle.symbol(name) * sign)
+    readings = zip(
+        policy.program.inputs,
+        encoder.functions,
+        encoder.feature.tolist(),
+        encoder.scale.tolist(),
+        encoder.gains.tolist(),
+        strict=True,
+    )
+    for name, function, feature, scale, gain in readings:
+        sign = _sign(scale) * _sign(gain)
+        size = (abs(scale), abs(gain)) if sign else (0.0, 0.0)
+        equal = first.setdefault((function, feature, *size), Angle.symbol(name) * sign)
         merged[name] = equal * sign
     return merged
 

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from torch.nn.functional import cross_entropy, mse_loss
 
 from qcompile.errors import TrainingError
-from qcompile.policy import Policy, draw_actions
+from qcompile.policy import Policy
 from qcompile.rl.advantage import ReturnScale, generalised_advantage
+from qcompile.rl.draw import draw_actions
 from qcompile.rl.flat import FlatParameters
 from qcompile.rl.models import SVQC, Surrogate, make_critic, make_model, parameter_count
 from qcompile.rl.noise import ActingNoise

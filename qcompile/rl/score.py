@@ -11,7 +11,7 @@ from qcompile.deploy.environments import close_environments, make_environments
 from qcompile.deploy.lockstep import Act, Episode, lockstep
 from qcompile.deploy.play import play
 from qcompile.device import load_device
-from qcompile.policy import draw_actions
+from qcompile.rl.draw import draw_actions
 from qcompile.rl.ppo import Trainer
 
 

@@ -136,9 +136,11 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"encoder": ENCODER | {"feature": [-1, 0]}}, "encoder.feature.0"),
     ({"encoder": ENCODER | {"feature": [0.5, 0]}}, "encoder.feature.0"),
     ({"encoder": ENCODER | {"scale": [1]}}, r"encoder.scale has shape \(1,\)"),
-    ({"encoder": ENCODER | {"offset": [1]}}, "encoder.offset: extra inputs are not permitted"),
+    ({"encoder": ENCODER | {"offset": [1]}}, "encoder.offset: unknown key"),
     ({"encoder": None}, "encoder"),
-    ({"extra": 1}, "extra: extra inputs are not permitted"),
+    ({"extra": 1}, "extra: unknown key .found 1.\n  Known: format, name"),
+    ({"byas": [0, 0]}, "byas: unknown key .*\n  Did you mean bias?"),
+    ({"encoder": ENCODER | {"scales": [1, 1]}}, "\n  Did you mean scale?"),
 ]
 
 

@@ -203,11 +203,12 @@ def _is_consistent(result: CellResult, cell: Cell) -> bool:
         "solved": is_solved(rewards, result.threshold),
         "env_steps": sum(episode["length"] for episode in episodes),
     }
+    arguments = json.dumps(cell.policy.environment_kwargs)
     if (
         any(summary[key] != value for key, value in expected.items())
         or [episode["seed"] for episode in episodes]
         != [cell.seed + i for i in range(cell.episodes)]
-        or result.threshold != threshold_of(cell.policy.environment)
+        or result.threshold != threshold_of(cell.policy.environment, arguments)
     ):
         return False
     figures = [summary["mean_reward"], summary["std_reward"]]

@@ -117,7 +117,9 @@ def evaluate(
         different, opened, *sides, calibrations=files, episodes=episodes, seed=seed, greedy=greedy
     )
     for policy in different:
-        (environment,) = make_environments(policy.environment, 1)
+        (environment,) = make_environments(
+            policy.environment, 1, arguments=policy.environment_kwargs
+        )
         try:
             check_fit(policy, environment)
         finally:

@@ -1,0 +1,57 @@
+"""What a policy file may say and this version cannot run, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from qcompile.errors import PolicyError
+from qcompile.policy.blocks import BlockFile, Observables, single_bits
+from qcompile.policy.policy import cannot_hold
+from qcompile.validation import listed
+
+
+class UnsupportedPolicyError(PolicyError):
+    """A policy file is right, but this version cannot run what it describes."""
+
+
+def wide_blocks(blocks: Sequence[BlockFile | None]) -> list[str]:
+    """A line about the circuits of more than one qubit, if there are any; None is a circuit."""
+    wide = {
+        index: block for index, block in enumerate(blocks) if block is not None and block.qubits > 1
+    }
+    if not wide:
+        return []
+    numbers = listed([f"circuits.{index}" for index in wide], 4)
+    widest = max(block.qubits for block in wide.values())
+    names = sorted({name for block in wide.values() for name in block.couplings})
+    couplings = f", with {', '.join(names)}" if names else ""
+    return [
+        f"{numbers}: blocks of up to {widest} qubits{couplings}. This version runs circuits of "
+        "one qubit."
+    ]
+
+
+def products(observables: Observables | None, bits: int) -> list[str]:
+    """A line about observables that are not one bit each, in order; `bits` is their number."""
+    if observables is None or [*map(list, observables)] == single_bits(bits):
+        return []
+    few = listed([str([*bits]) for bits in observables], 4)
+    return [f"observables {few}: this version measures each bit once, in order ([0], [1], ...)."]
+
+
+def other_decision(decision: str) -> list[str]:
+    """A line about a decision other than softmax."""
+    if decision == "softmax":
+        return []
+    return [f"decision {decision}: this version draws actions from the softmax of the outputs."]
+
+
+def long_hold(hold: int) -> list[str]:
+    """A line about decisions that are kept."""
+    return [] if hold == 1 else [" ".join(cannot_hold(hold))]
+
+
+def refuse(lines: Sequence[str]) -> None:
+    """Raise UnsupportedPolicyError with `lines`, unless there are none."""
+    if lines:
+        raise UnsupportedPolicyError(*lines)

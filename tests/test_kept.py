@@ -1,0 +1,148 @@
+"""Files that version 0.1.0 wrote, read today: each gives the figures that 0.1.0 printed of it."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from qcompile.calibration import load_calibration
+from qcompile.device import load_device
+from qcompile.execution import load_backend
+from qcompile.policy import load_policy
+from qcompile.report.calibration_values import calibration_values
+from qcompile.rl.checkpoint import load_checkpoint
+from qcompile.sweep.evaluation import cell as evaluated
+from qcompile.sweep.evaluation.grid import grid
+from qcompile.sweep.study import cell as trained
+
+Call = Callable[..., Any]
+
+KEPT = Path(__file__).parent / "kept"
+
+POLICIES = ("policy.json", "policy.pt")
+
+
+def printed(name: str) -> Any:
+    return json.loads((KEPT / "printed" / f"{name}.json").read_text())
+
+
+def check_same(found: dict[str, Any], expected: dict[str, Any], *but: str) -> None:
+    """All that 0.1.0 printed is still there and the same, `but` for a few keys."""
+    for key in expected.keys() - set(but):
+        assert found[key] == expected[key], key
+
+
+@pytest.mark.parametrize("name", POLICIES)
+def test_a_policy_plays_as_it_did(name: str, qcompile: Call) -> None:
+    """Its interval is another one since: 0.1.0 had a plain bootstrap."""
+    words = ("--greedy", "--shots", "exact", "--episodes", 4, "--max-steps", 120, "--json")
+    found = qcompile("run", KEPT / name, *words).json()
+    check_same(found, printed("run"), "wall_seconds", "ci95")
+
+
+@pytest.mark.parametrize("name", POLICIES)
+def test_a_policy_compiles_as_it_did(name: str, qcompile: Call) -> None:
+    found = qcompile("show", KEPT / name, "--backend", "ibm_lima", "--json").json()
+    check_same(found, printed("show"))
+
+
+def test_a_device_has_its_numbers() -> None:
+    device = load_device(KEPT / "device.json")
+    check_same(device.model_dump(mode="json"), printed("backends-show"))
+    assert len(device.usable) == 5
+
+
+def test_a_calibration_has_its_fits() -> None:
+    found = calibration_values(load_calibration(KEPT / "calibration.json"))
+    expected = printed("calibrate")
+    assert found["qubits"]
+    for row, old in zip(found["qubits"], expected.pop("qubits"), strict=True):
+        assert row == pytest.approx(old, rel=1e-9)
+    check_same(found, expected, "file")
+
+
+@pytest.fixture
+def runs(tmp_path: Path) -> Callable[[str], Path]:
+    """A folder with a kept journal, which may be brought up to date there."""
+
+    def make(state: str) -> Path:
+        folder = tmp_path / "runs" / printed(f"runs-show-{state}")["run"]
+        folder.mkdir(parents=True)
+        shutil.copy(KEPT / f"run-{state}.sqlite", folder / "journal.sqlite")
+        return folder.parent
+
+    return make
+
+
+def test_a_finished_journal_has_its_result(runs: Call, qcompile: Call) -> None:
+    found = qcompile("runs", "--runs", runs("finished"), "show", "last", "--json").json()
+    expected = printed("runs-show-finished")
+    check_same(found["result"], expected.pop("result"))
+    check_same(found, expected)
+
+
+def check_open_job(found: dict[str, Any], expected: dict[str, Any]) -> None:
+    """What 0.1.0 called `qpu_seconds` is settled; today it has the cap of the open job as well."""
+    settled_s = expected.pop("qpu_seconds")
+    assert (found["qpu_seconds_settled"], found["qpu_seconds"]) == (settled_s, settled_s + 19)
+    check_same(found, expected)
+
+
+def test_an_unfinished_journal_says_where_it_stands(runs: Call, qcompile: Call) -> None:
+    found = qcompile("runs", "--runs", runs("unfinished"), "show", "last", "--json").json()
+    check_open_job(found, printed("runs-show-unfinished"))
+
+
+def test_an_unfinished_journal_has_its_steps_and_jobs(
+    runs: Call, qcompile: Call, tmp_path: Path
+) -> None:
+    out = tmp_path / "run.json"
+    answer = qcompile("runs", "--runs", runs("unfinished"), "export", "last", "--out", out)
+    assert answer.code == 0, answer.err
+    found, expected = json.loads(out.read_text()), printed("runs-export-unfinished")
+    for job, old in zip(found["jobs"], expected.pop("jobs"), strict=True):
+        check_same(job, old)
+    check_open_job(found, expected)
+
+
+def test_a_cell_of_evaluate_is_not_played_again(tmp_path: Path) -> None:
+    policy = load_policy(KEPT / "policy.json")
+    cells = grid([policy], [load_backend(str(KEPT / "device.json"))], [64], ["readout"],
+                 episodes=3, seed=2)  # fmt: skip
+    (cell,) = (cell for cell in cells if not cell.is_reference)
+    shutil.copy(KEPT / "evaluate-cell.json", tmp_path / f"{cell.name}.json")
+    found = evaluated.read_cell(cell, tmp_path)
+    assert found is not None
+    (expected,) = (row for row in printed("evaluate")["results"] if row["backend"] == "kept")
+    check_same(found.summary, {key: expected[key] for key in found.summary}, "ci95")
+    assert found.threshold == expected["threshold"]
+
+
+def test_a_cell_of_the_study_is_not_trained_again() -> None:
+    contents = (KEPT / "study-cell.json").read_text()
+    found = trained.CellResult.model_validate_json(contents)
+    (expected,) = printed("study")["rows"]
+    assert [found.row, found.environment] == [expected["row"], expected["environment"]]
+    assert found.parameters == expected["parameters"]
+    assert [np.mean(found.evaluation)] == expected["evaluation_mean"]
+    assert [np.mean(found.rewards)] == expected["last_average"]
+
+
+def test_a_checkpoint_is_where_its_training_was() -> None:
+    trainer, _ = load_checkpoint(KEPT / "checkpoint.pt")
+    expected, policy = printed("train"), load_policy(KEPT / "policy.pt")
+    assert [trainer.environment, trainer.seed] == [expected["environment"], expected["seed"]]
+    assert [len(trainer.history), trainer.steps] == [expected["episodes"], expected["steps"]]
+    assert trainer.parameter_count == expected["parameters"]
+    rewards = [episode.reward for episode in trainer.history]
+    assert np.mean(rewards) == expected["last_20_mean_reward"]
+    found = trainer.policy()
+    assert found is not None
+    for name in ("theta", "weights", "bias"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(policy, name))
