@@ -32,6 +32,7 @@ ORDER = (
     {"jobs", "rl", "live"},
     {"report"},
     {"sweep"},
+    {"verbs"},
     {"cli"},
     {"__main__"},
 )

@@ -11,7 +11,7 @@ from types import TracebackType
 from typing import NoReturn
 
 from qcompile.cli.interrupts import after_imports
-from qcompile.errors import QcompileError
+from qcompile.errors import OptionError, QcompileError
 from qcompile.terminal import plain, plain_output
 
 COMMANDS = {
@@ -67,6 +67,8 @@ def _run() -> None:
 
 def _explain(error: Exception) -> NoReturn:
     """End with words on an error, or raise it where it is a defect of ours."""
+    if isinstance(error, OptionError):
+        _fail(str(error), 2)
     if isinstance(error, QcompileError):
         _fail(str(error))
     if isinstance(error, BrokenPipeError):
@@ -88,11 +90,11 @@ def _drop_output() -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def _fail(message: str) -> NoReturn:
+def _fail(message: str, code: int = 1) -> NoReturn:
     import click
 
     click.echo(f"Error: {_without_secrets(message)}", err=True)
-    sys.exit(1)
+    sys.exit(code)
 
 
 def _show_traceback(

@@ -12,7 +12,7 @@ import click
 from qcompile.cli.calibrate_check import MAX_AGE_HOURS, comparable, comparison, failures
 from qcompile.cli.calibrate_from import refit
 from qcompile.cli.calibrate_outputs import check_fitted, check_out, check_plot, show_calibration
-from qcompile.cli.live_options import Live, live_options, spend
+from qcompile.cli.live_options import live_options
 from qcompile.cli.options import (
     PARTS,
     Parts,
@@ -20,6 +20,7 @@ from qcompile.cli.options import (
     Qubits,
     Shots,
     check_distinct,
+    echo_note,
     json_option,
 )
 
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from qcompile.calibration import Calibration
     from qcompile.device import Device
     from qcompile.mitigation.measure import Part
+    from qcompile.verbs.live import Live
 
 
 @click.command("calibrate")
@@ -133,6 +135,7 @@ def command(
     from qcompile.report.live import charged, result_values
     from qcompile.report.placement import left_out_words
     from qcompile.report.progress import progress_bar
+    from qcompile.verbs.live import spend
 
     old = None if check is None else load_calibration(check)
     connection = executor = None
@@ -173,7 +176,7 @@ def command(
             force=force,
             **live.where,
         )
-        found = spend(task, task.load, live, connection)
+        found = spend(task, task.load, live, connection, echo_note)
         calibration = Calibration.model_validate(found["calibration"])
         values = result_values("calibrate", found)
         if out is not None and str(resolved(out)) != found["file"]:  # a file came in between

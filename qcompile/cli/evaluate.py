@@ -30,7 +30,7 @@ class _Mitigation(click.ParamType[str]):
     name = "name"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        from qcompile.deploy.measurement import MITIGATIONS
+        from qcompile.deploy.settings import MITIGATIONS
 
         if value not in MITIGATIONS:
             self.fail(f"{value!r} is not one of {', '.join(MITIGATIONS)}.", param, ctx)

@@ -1,42 +1,17 @@
-"""Options of commands that can run on real hardware, and the guard that all of them pass."""
+"""Options of commands that can run on real hardware."""
 
 from __future__ import annotations
 
 import functools
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from qcompile.cli.options import Decorator, Positive
-from qcompile.limits import FREE_SECONDS, MAX_QPU_SECONDS
-
-if TYPE_CHECKING:
-    from qcompile.execution import Workload
-    from qcompile.live.connection import Connection
-    from qcompile.live.task import Task
-
-
-@dataclass(frozen=True)
-class Live:
-    """What a user allows and wants of a live run."""
-
-    max_qpu_seconds: float
-    yes: bool
-    account: str | None
-    instance: str | None
-    batch: bool
-    runs: Path
-    max_wait_s: float | None
-
-    @property
-    def where(self) -> dict[str, Any]:
-        """The fields of a task that say where it runs."""
-        return {"account": self.account, "instance": self.instance, "batch": self.batch}
-
+from qcompile.limits import MAX_QPU_SECONDS
 
 runs_option: Decorator = click.option(
     "--runs",
@@ -89,52 +64,16 @@ def live_options(function: Callable[..., Any]) -> Callable[..., Any]:
                 "--live needs --max-qpu-seconds: the run stops before it would take more. "
                 "`qcompile plan` says how many it takes."
             )
-        max_wait_s = given.pop("max_wait_seconds")
-        return function(live=Live(runs=runs, max_wait_s=max_wait_s, **given), **values)
+        from qcompile.sweep.arguments import ignore
+        from qcompile.verbs.live import Live
+
+        given["max_wait_s"] = given.pop("max_wait_seconds")
+        given["confirm"] = ignore if given.pop("yes") else confirm
+        return function(live=Live(runs=runs, **given), **values)
 
     for option in reversed(_SHARED):
         called = option(called)
     return called
-
-
-def spend(task: Task, load: Workload, live: Live, connection: Connection) -> dict[str, Any]:
-    """Show what the task costs, have it confirmed, and do it; what it found.
-
-    The run keeps to the instance by which the connection reaches the backend.
-
-    Raises:
-        BudgetError: the task needs more than it is allowed.
-        LiveError: it cannot start or go on.
-    """
-    from qcompile.errors import BudgetError
-    from qcompile.live.perform import begin
-    from qcompile.report.tables import plural
-
-    seconds, left_s = load.qpu_seconds, connection.left_on_plan_s()
-    task = task.model_copy(update={"instance": connection.crn, "planned_jobs": load.jobs})
-    click.echo(
-        f"{task.backend}: {plural(load.jobs, 'job')}, {load.executions:,} executions, "
-        f"about {seconds:.1f} QPU seconds by IBM's estimate; the limit is {live.max_qpu_seconds:g}."
-        + ("" if left_s is None else f" The plan has {left_s:,.0f} s left."),
-        err=True,
-    )
-    if seconds + 1 > live.max_qpu_seconds:  # IBM cuts jobs off at whole seconds
-        raise BudgetError(
-            f"The run needs {seconds:.1f} QPU seconds and one to spare, more than the "
-            f"{live.max_qpu_seconds:g} allowed. Nothing was sent.",
-            "Raise --max-qpu-seconds, or take fewer shots, episodes or steps; "
-            "`qcompile plan` shows cheaper ways.",
-        )
-    if left_s is not None and seconds > left_s:
-        raise BudgetError(
-            f"The run needs {seconds:.1f} QPU seconds, IBM's plan has {left_s:.0f} left: its jobs "
-            "would wait in the queue. Nothing was sent.",
-            f"The Open Plan gives {FREE_SECONDS:g} in 28 days; --instance names another instance.",
-        )
-    if not live.yes:
-        confirm("Spend them?")
-    with begin(live.runs, task, live.max_qpu_seconds) as journal:
-        return follow(journal, live.max_wait_s)
 
 
 def confirm(question: str, hint: str = "In a script say --yes.") -> None:
@@ -158,20 +97,3 @@ def confirm(question: str, hint: str = "In a script say --yes.") -> None:
 def somebody_is_there() -> bool:
     """Whether a question would be read by somebody."""
     return sys.stdin is not None and not sys.stdin.closed and sys.stdin.isatty()
-
-
-def follow(
-    journal: Any, max_wait_s: float | None, out: Path | None = None, pay_again: bool = False
-) -> dict[str, Any]:
-    """Go on with a run, showing how far it is; what it found."""
-    from qcompile.live.looking import doubts_in_words
-    from qcompile.live.perform import go_on, task_of
-    from qcompile.report.progress import progress_bar
-
-    task = task_of(journal)
-    click.echo(f"run {journal.id}", err=True)
-    with progress_bar(task.name, task.planned_jobs) as show:
-        result = go_on(journal, max_wait_s=max_wait_s, pay_again=pay_again, out=out, show=show)
-    for line in doubts_in_words(journal):
-        click.echo(line, err=True)
-    return result

@@ -112,6 +112,7 @@ def command(
             "level": level,
             "mitigation": mitigation,
             "max_steps": max_steps,
+            "copy_of": "episode",
         }
     )
     task = task.model_copy(update={"copies": copies or copies_that_fit(task)})
@@ -154,6 +155,6 @@ def command(
         f"seconds: IBM's published estimate, {SECONDS_PER_JOB:g} for a job and "
         f"{SECONDS_PER_EXECUTION:g} for an execution; the free plan has {FREE_SECONDS:g} in "
         f"28 days\nprice: {usd_per_second:g} USD a second\n"
-        f"lockstep, {plural(task.copies, 'episode')} side by side, is what `run --live` does; "
+        f"lockstep, {plural(task.copies or 1, 'episode')} side by side, is what `run --live` does; "
         "the twin plays any number of episodes"
     )

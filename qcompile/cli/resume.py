@@ -9,13 +9,12 @@ import click
 
 from qcompile.cli.live_options import (
     confirm,
-    follow,
     runs_option,
     somebody_is_there,
     wait_option,
     yes_option,
 )
-from qcompile.cli.options import Positive, echo_json, json_option
+from qcompile.cli.options import Positive, echo_json, echo_note, json_option
 from qcompile.limits import MAX_QPU_SECONDS
 
 if TYPE_CHECKING:
@@ -59,19 +58,20 @@ def command(
     from qcompile.errors import PaidFailureError
     from qcompile.live.runs import find_journal
     from qcompile.report.live import print_result, result_values
+    from qcompile.verbs.live import follow
 
     with find_journal(runs, run_id) as journal:
         pay_again = yes or (max_qpu_seconds or 0) > journal.max_qpu_seconds
         if journal.result is None:
             _agree(journal, max_qpu_seconds, yes)
         try:
-            result = follow(journal, max_wait_seconds, out, pay_again)
+            result = follow(journal, max_wait_seconds, echo_note, out=out, pay_again=pay_again)
         except PaidFailureError as error:
             if not somebody_is_there():
                 raise
             click.echo(error, err=True)
             confirm("Send it again?")
-            result = follow(journal, max_wait_seconds, out, pay_again=True)
+            result = follow(journal, max_wait_seconds, echo_note, out=out, pay_again=True)
         kind = journal.kind
     if kind == "calibrate" and result["file"] is None:
         words = f"The calibration is in the journal alone: `qcompile resume {run_id} --out FILE`"

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from qcompile.cli.live_options import Live, live_options, spend
-from qcompile.cli.options import Share, echo_json, json_option
+from qcompile.cli.live_options import live_options
+from qcompile.cli.options import Share, echo_json, echo_note, json_option
 from qcompile.limits import MAX_SHOTS
+
+if TYPE_CHECKING:
+    from qcompile.verbs.live import Live
 
 _ADVICE = (
     "Calibrate anew: `qcompile calibrate`. If a new one fails too, the qubits depend on their "
@@ -89,6 +92,7 @@ def command(
     from qcompile.policy import load_policy
     from qcompile.policy.files import policy_values
     from qcompile.report.live import charged, print_validation
+    from qcompile.verbs.live import spend
 
     calibration, loaded = load_calibration(file), load_policy(policy)
     observations, shots, least = choose_check(
@@ -134,7 +138,7 @@ def command(
                 "effect": effect,
             }
         )
-        found = spend(task, task.load, live, connection)
+        found = spend(task, task.load, live, connection, echo_note)
     if as_json:
         echo_json(found)
     else:

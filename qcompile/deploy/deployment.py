@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from qcompile.arrays import FloatArray, IntArray
-from qcompile.calibration import Calibration
 from qcompile.deploy.measurement import Measurement
+from qcompile.deploy.rows import Rows
+from qcompile.deploy.settings import RunSettings
 from qcompile.device import Device
 from qcompile.execution import Backend, Executor, open_executor
 from qcompile.policy import Policy
+from qcompile.streams import Draws
 
 _NO_THETA = np.zeros(0)
 
@@ -17,57 +21,64 @@ _NO_THETA = np.zeros(0)
 class Deployment:
     """A policy compiled for a device: from observations to actions.
 
-    `shots` None takes expectations without shot noise. Shot noise, calibration and the sampling
-    of actions draw from generators derived from `seed`, so a deployment repeats exactly. With
-    `copies` so many episodes share an execution, their circuits side by side on the device.
+    `settings`, or the defaults, with `changes`; the deployment has them resolved. Shots and actions
+    are drawn from streams keyed by seed, episode and decision, so an episode repeats alone and
+    beside any others; a calibration that is measured first draws from a generator of the seed.
     `misfits` are the fits of its calibration that contradict their own counts.
 
     Raises:
-        CalibrationError: `mitigation` is not one of MITIGATIONS, or a qubit cannot be calibrated.
+        CalibrationError: there is no such mitigation, or a qubit cannot be calibrated.
         CircuitError: copies are out of range.
-        CountsError: shots out of range.
+        CountsError: shots or steps are out of range.
+        OptionError: settings contradict each other.
     """
 
     def __init__(
         self,
         policy: Policy,
         backend: str | Device | Backend | Executor,
-        *,
-        shots: int | None = None,
-        level: int = 2,
-        mitigation: str = "none",
-        calibration: Calibration | None = None,
-        predistort: bool = False,
-        greedy: bool = False,
-        seed: int = 0,
-        copies: int = 1,
+        settings: RunSettings | None = None,
+        **changes: Any,
     ):
-        self.policy, self.shots, self.copies = policy, shots, copies
-        self.predistort = predistort
-        self.level, self.mitigation, self.greedy, self.seed = level, mitigation, greedy, seed
-        noise_seed, action_seed = np.random.SeedSequence(seed).spawn(2)
-        self._rng = np.random.default_rng(action_seed)
+        chosen = RunSettings.of(settings, **changes)
+        calibration_seed, _ = np.random.SeedSequence(chosen.seed).spawn(2)
+        executor = open_executor(backend, calibration_seed)
+        self.policy, self.executor, self.device = policy, executor, executor.device
+        self.settings = chosen.resolved(executor.device, executor.calibration)
         self._measure = Measurement(
-            policy.trained_program,
-            open_executor(backend, noise_seed),
-            shots=shots,
-            level=level,
-            mitigation=mitigation,
-            calibration=calibration,
-            predistort=predistort,
-            importance=policy.importance,
-            copies=copies,
+            policy.trained_program, executor, self.settings, policy.importance
         )
+        self._draws = Draws(chosen.seed, len(policy.program))
+        self._decisions = 0
+        self.executable = self._measure.executable
         self.calibration_load = self._measure.calibration_load
         self.misfits = self._measure.misfits
-        self.executor, self.executable = self._measure.executor, self._measure.executable
-        self.device = self.executor.device
 
-    def expectation(self, observations: FloatArray) -> FloatArray:
-        """`<Z>` of every circuit as measured and mitigated, (B, circuits)."""
-        return self._measure(self.policy.encode(observations), _NO_THETA)
+    def __repr__(self) -> str:
+        return f"Deployment({self.policy.name} on {self.device.name})"
 
-    def act(self, observations: FloatArray) -> IntArray:
-        """An action for each of the observations (B, features)."""
-        z = self.expectation(observations)
-        return self.policy.greedy(z) if self.greedy else self.policy.sample(z, self._rng)
+    @property
+    def copies(self) -> int:
+        """How many episodes share an execution."""
+        return self.settings.copies or 1
+
+    def expectation(self, observations: FloatArray, rows: Rows | None = None) -> FloatArray:
+        """`<Z>` of every circuit as measured and mitigated, (B, circuits).
+
+        Without `rows` shots come from the executor's own generator.
+        """
+        return self._measure(self.policy.encode(observations), _NO_THETA, rows, self._draws)
+
+    def act(self, observations: FloatArray, rows: Rows | None = None) -> IntArray:
+        """An action for each of the observations (B, features).
+
+        `rows` says which decision of which episode each is; without them row i is episode i, and
+        every call the next decision.
+        """
+        if rows is None:
+            rows = Rows.of(len(observations), self._decisions)
+            self._decisions += 1
+        z = self.expectation(observations, rows)
+        if self.settings.greedy:
+            return self.policy.greedy(z)
+        return self.policy.decide(z, self._draws.actions(rows.episode, rows.decision))

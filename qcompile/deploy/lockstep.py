@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from qcompile.arrays import FloatArray, IntArray
 from qcompile.deploy.environments import Environment, frames_per_second
+from qcompile.deploy.rows import Rows
 from qcompile.deploy.stepping import Stepper, check_finite
 
-Act = Callable[[NDArray[np.float64]], NDArray[np.intp]]
+Act = Callable[[FloatArray, Rows], IntArray]
 Frame = NDArray[np.uint8]
 
 
@@ -29,17 +31,19 @@ def lockstep(
     environments: list[Environment],
     first_seed: int,
     *,
+    episodes: Sequence[int] | None = None,
     max_steps: int | None = None,
-    on_step: Callable[[int], None] = lambda living: None,
+    on_step: Callable[[Rows], None] = lambda rows: None,
     on_rewards: Callable[[list[float]], None] = lambda rewards: None,
     on_episode: Callable[[Episode], None] = lambda episode: None,
     on_frame: Callable[[Frame, float], None] | None = None,
 ) -> None:
-    """Play one episode in every environment, the i-th reset with `first_seed` + i.
+    """Play one episode in every environment: `episodes` by number, by default 0, 1, ...
 
-    `act` maps the observations (B, features) of the living episodes to actions (B,). `on_step` gets
-    their number with each step, `on_rewards` what they earned by it; `on_frame` the frames of the
-    first episode, (height, width, 3), and how many of them make a second. After `max_steps` an
+    Episode i resets with `first_seed` + i. `act` maps the observations (B, features) of the living
+    episodes, and which decision of which episode each row is, to actions (B,). `on_step` gets these
+    rows with each step, `on_rewards` what the episodes earned by it; `on_frame` the frames of the
+    first one, (height, width, 3), and how many of them make a second. After `max_steps` an
     episode ends, whatever the environment says.
 
     Raises:
@@ -48,12 +52,16 @@ def lockstep(
     living = [Stepper(environment) for environment in environments]
     filmed = living[0] if on_frame is not None else None
     fps = frames_per_second(environments[0])
-    first = [stepper.reset(first_seed + i) for i, stepper in enumerate(living)]
+    numbers = np.arange(len(living)) if episodes is None else np.array(episodes)
+    first = [
+        stepper.reset(first_seed + i) for i, stepper in zip(numbers.tolist(), living, strict=True)
+    ]
     observations = np.stack(first).astype(np.float64)
     length = 0
     while living:
-        actions = act(observations).tolist()
-        on_step(len(living))
+        rows = Rows(numbers, np.full(len(living), length))
+        actions = act(observations, rows).tolist()
+        on_step(rows)
         length += 1
         seen = np.empty_like(observations)
         ended = np.zeros(len(living), dtype=bool)
@@ -69,6 +77,6 @@ def lockstep(
         check_finite(living, seen)
         if ended.any():
             living = [stepper for stepper, over in zip(living, ended, strict=True) if not over]
-            seen = seen[~ended]
+            seen, numbers = seen[~ended], numbers[~ended]
         observations = seen
         on_rewards(rewards)

@@ -6,14 +6,10 @@ import numpy as np
 
 from qcompile.arrays import FloatArray
 from qcompile.calibration import Calibration
+from qcompile.deploy.rows import Rows, packed
+from qcompile.deploy.settings import RunSettings
 from qcompile.errors import CalibrationError
-from qcompile.execution import (
-    Executor,
-    Workload,
-    check_shots,
-    exact,
-    expectation_from_ones,
-)
+from qcompile.execution import Executor, Workload, exact, expectation_from_ones
 from qcompile.ir import Program
 from qcompile.mitigation import (
     CALIBRATION_SHOTS,
@@ -21,7 +17,6 @@ from qcompile.mitigation import (
     Mitigation,
     calibrate,
     calibration_workload,
-    check_response_level,
     misfits,
     predistorted,
     readout_mitigation,
@@ -29,115 +24,116 @@ from qcompile.mitigation import (
 )
 from qcompile.mitigation.measure import Part
 from qcompile.passes import Executable, compile
-
-MITIGATIONS = ("none", "readout", "response")
+from qcompile.streams import Draws
 
 
 class Measurement:
     """A program compiled for an executor's device, with its mitigation.
 
-    `shots` None takes expectations without shot noise. `calibration` is measured first where it is
-    needed and not given. With `predistort` the angles are changed by the response curves instead
-    of undoing them afterwards. `importance` (circuits,) guides the placement. With `copies` so many
-    rows of a batch are run side by side, by one execution. `misfits` are the fits it stands on that
-    contradict their own counts.
+    `settings` are resolved. The calibration is measured first where one is needed and not given.
+    `importance` (circuits,) guides the placement. With copies so many rows of a batch are run side
+    by side, by one execution. `misfits` are the fits it stands on that contradict their own counts,
+    `calibration_load` the jobs and executions of what was measured.
 
     Raises:
-        CalibrationError: `mitigation` is not one of MITIGATIONS or contradicts `predistort`, the
-            calibration is of another device, or a qubit cannot be calibrated.
+        CalibrationError: the calibration is of another device, or a qubit cannot be calibrated.
         CircuitError: importance or copies are out of range.
-        CountsError: shots out of range.
     """
 
     def __init__(
         self,
         program: Program,
         executor: Executor,
-        *,
-        shots: int | None,
-        level: int = 2,
-        mitigation: str = "none",
-        calibration: Calibration | None = None,
-        predistort: bool = False,
+        settings: RunSettings,
         importance: FloatArray | None = None,
-        copies: int = 1,
     ):
-        if shots is not None:
-            check_shots(shots)
-        if mitigation not in MITIGATIONS:
-            raise CalibrationError(
-                f"Unknown mitigation {mitigation!r}.", f"Known: {', '.join(MITIGATIONS)}."
-            )
-        if predistort and mitigation != "none":
-            raise CalibrationError(
-                f"Predistorted angles and mitigation {mitigation!r} contradict each other.",
-                "Bent angles make the device show the ideal <Z>: take --mitigation none.",
-            )
-        if predistort or mitigation == "response":
-            check_response_level(level, predistort=predistort)  # before anything is measured
-        self.shots, self.copies, self.executor = shots, copies, executor
+        self.settings, self.executor = settings, executor
         self.executable: Executable = compile(
-            program, executor.device, level, importance, copies=copies
+            program, executor.device, settings.level, importance, copies=settings.copies or 1
         )
         self.calibration_load = Workload()
         self.misfits: list[Misfit] = []
         self._mitigation: Mitigation | None = None
-        if mitigation == "readout":
-            measured = self._calibrated(calibration, "readout")
-            self._mitigation = readout_mitigation(measured, self.executable)
-        elif mitigation == "response":
-            measured = self._calibrated(calibration, "response")
-            self._mitigation = response_mitigation(measured, self.executable)
-        elif predistort:
-            measured = self._calibrated(calibration, "response")
-            self.executable = predistorted(self.executable, measured)
+        if settings.mitigation == "readout":
+            calibration = self._calibrated("readout")
+            self._mitigation = readout_mitigation(calibration, self.executable)
+        elif settings.mitigation == "response":
+            calibration = self._calibrated("response")
+            self._mitigation = response_mitigation(calibration, self.executable)
+        elif settings.predistort:
+            calibration = self._calibrated("response")
+            self.executable = predistorted(self.executable, calibration)
         if executor.calibration is not None:
-            self._look_at(executor.calibration, "response")
+            self._note_misfits(executor.calibration, "response")
         self._prepared = executor.prepare(self.executable)
 
-    def _look_at(self, calibration: Calibration, part: Part) -> None:
+    def _note_misfits(self, calibration: Calibration, part: Part) -> None:
         """Note the misfits of a part on the qubits of the executable, each once."""
-        found = misfits(calibration, [part], self.executable.qubits.tolist())
-        self.misfits += [one for one in found if one not in self.misfits]
+        fits = misfits(calibration, [part], self.executable.qubits.tolist())
+        self.misfits += [fit for fit in fits if fit not in self.misfits]
 
-    def _calibrated(self, given: Calibration | None, part: Part) -> Calibration:
-        """The calibration given, that of the twin, or one that is measured now; looked at."""
-        calibration = self._calibration(given, part)
-        self._look_at(calibration, part)
-        return calibration
-
-    def _calibration(self, given: Calibration | None, part: Part) -> Calibration:
-        given = self.executor.calibration if given is None else given
-        if given is None:
-            shots = None if self.shots is None else CALIBRATION_SHOTS
-            measured = calibrate(self.executor, self.executable.qubits, shots, parts=[part])
-            if shots is not None:
-                self.calibration_load = calibration_workload(len(measured.qubits), shots, [part])
-            if measured.unfitted:
-                raise CalibrationError(
-                    f"The {part} of {self.executor.device.name} cannot be calibrated.",
-                    *measured.unfitted,
-                )
-            return measured
+    def _calibrated(self, part: Part) -> Calibration:
+        """The calibration given, that of the backend, or one that is measured now."""
+        calibration = self.settings.calibration or self.executor.calibration
+        if calibration is None:
+            calibration = self._measured(part)
         name = self.executor.device.name
-        if given.backend != name:
+        if calibration.backend != name:
             raise CalibrationError(
-                f"The calibration is of {given.backend}, the backend is {name}.",
+                f"The calibration is of {calibration.backend}, the backend is {name}.",
                 f"Measure one with `qcompile calibrate --backend {name}`.",
             )
-        return given
+        self._note_misfits(calibration, part)
+        return calibration
 
-    def __call__(self, x: FloatArray, theta: FloatArray) -> FloatArray:
-        """Inputs (B, inputs) and theta (parameters,) to `<Z>` as measured, (B, circuits)."""
-        rows, copies = len(x), self.copies
-        if copies > 1:  # side by side; the last row is filled up with zeros
-            x = np.pad(x, ((0, -rows % copies), (0, 0)))
-            x = x.reshape(len(x) // copies, copies * x.shape[1])
-        if self.shots is None:
+    def _measured(self, part: Part) -> Calibration:
+        shots = None if self.settings.shots is None else CALIBRATION_SHOTS
+        calibration = calibrate(self.executor, self.executable.qubits, shots, parts=[part])
+        if calibration.unfitted:
+            raise CalibrationError(
+                f"The {part} of {self.executor.device.name} cannot be calibrated.",
+                *calibration.unfitted,
+            )
+        if shots is not None:
+            self.calibration_load = calibration_workload(len(calibration.qubits), shots, [part])
+        return calibration
+
+    def __call__(
+        self,
+        x: FloatArray,
+        theta: FloatArray,
+        rows: Rows | None = None,
+        draws: Draws | None = None,
+    ) -> FloatArray:
+        """Inputs (B, inputs) and theta (parameters,) to `<Z>` as measured, (B, circuits).
+
+        `rows` says which decision of which episode each is: its copy follows from that, and what is
+        drawn comes from `draws`, if they are given.
+        """
+        copies = self.settings.copies or 1
+        if copies == 1:
+            return self._measure(x, theta, rows, draws)
+        rows = Rows.of(len(x)) if rows is None else rows
+        places = packed(rows, copies)
+        side_by_side = np.zeros((*places.shape, x.shape[1]))
+        taken = places >= 0
+        side_by_side[taken] = x[places[taken]]
+        z = self._measure(
+            side_by_side.reshape(len(places), copies * x.shape[1]), theta, rows.at(places), draws
+        )
+        z = z.reshape(*places.shape, z.shape[1] // copies)
+        result = np.empty((len(x), z.shape[2]))
+        result[places[taken]] = z[taken]
+        return result
+
+    def _measure(
+        self, x: FloatArray, theta: FloatArray, rows: Rows | None, draws: Draws | None
+    ) -> FloatArray:
+        """(executions, copies * circuits), for as many inputs."""
+        shots = self.settings.shots
+        if shots is None:
             z = exact(self._prepared).expectation(x, theta)
         else:
-            ones = self._prepared.ones(x, theta, self.shots)
-            z = expectation_from_ones(ones, self.shots)
-        if self._mitigation is not None:
-            z = self._mitigation.apply(z)
-        return z.reshape(len(z) * copies, z.shape[1] // copies)[:rows]
+            rng = None if draws is None or rows is None else draws.rows(rows.episode, rows.decision)
+            z = expectation_from_ones(self._prepared.ones(x, theta, shots, rng), shots)
+        return z if self._mitigation is None else self._mitigation.apply(z)

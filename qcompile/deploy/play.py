@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Protocol
 
@@ -17,7 +17,8 @@ from qcompile.deploy.environments import (
     reward_threshold,
 )
 from qcompile.deploy.lockstep import Act, Episode, Frame, lockstep
-from qcompile.deploy.result import RunResult
+from qcompile.deploy.result import Run
+from qcompile.deploy.rows import Rows
 from qcompile.errors import CountsError
 from qcompile.limits import MAX_EPISODES
 
@@ -25,7 +26,7 @@ from qcompile.limits import MAX_EPISODES
 class Record(Protocol):
     """Keeps the steps of a run."""
 
-    def act(self, act: Act, observations: FloatArray) -> IntArray:
+    def act(self, act: Act, observations: FloatArray, rows: Rows) -> IntArray:
         """The actions (B,) for observations (B, features), which `act` may be asked for."""
         ...
 
@@ -40,48 +41,50 @@ def _drop(rewards: list[float]) -> None:
 
 def play(
     deployment: Deployment,
-    episodes: int,
+    episodes: int | Sequence[int],
     *,
-    max_steps: int | None = None,
     record: Record | None = None,
     on_episode: Callable[[Episode], None] = lambda episode: None,
     on_frame: Callable[[Frame, float], None] | None = None,
-) -> RunResult:
-    """Play `episodes` episodes in lockstep; episode i resets with the deployment's seed + i.
+) -> Run:
+    """Play so many episodes in lockstep, or those of these numbers, each once, in ascending order.
 
-    All living episodes step together: one batch of circuits, one job. An episode ends after
-    `max_steps`. Ctrl-C ends the run and keeps what is finished; `record` sees every step.
-    `on_frame` gets the frames of the first episode, (height, width, 3), and how many of them make a
-    second.
+    Episode i resets with the deployment's seed + i and draws from streams of its own. All living
+    episodes step together: one batch of circuits, one job. Ctrl-C ends the run and keeps what is
+    finished; `record` sees every step. `on_frame` gets the frames of the first episode, (height,
+    width, 3), and how many of them make a second.
 
     Raises:
-        CountsError: episodes lie outside [1, MAX_EPISODES].
+        CountsError: the number of episodes lies outside [1, MAX_EPISODES].
         EnvironmentMismatchError: the environment is unknown or does not fit the policy.
         EnvironmentStepError: it fails in an episode, or gives what no policy can use.
     """
-    if not 1 <= episodes <= MAX_EPISODES:
+    numbers = range(episodes) if isinstance(episodes, int) else sorted(set(episodes))
+    if not 1 <= len(numbers) <= MAX_EPISODES or numbers[0] < 0:
         raise CountsError(
-            f"{episodes} episodes cannot be played.", f"Their number lies in [1, {MAX_EPISODES}]."
+            f"{len(numbers)} episodes cannot be played.",
+            f"Their number lies in [1, {MAX_EPISODES}].",
         )
-    name, arguments = deployment.policy.environment, deployment.policy.environment_kwargs
-    environments = make_environments(name, 1, film=on_frame is not None, arguments=arguments)
+    policy = deployment.policy
+    make = partial(make_environments, policy.environment, arguments=policy.environment_kwargs)
+    environments = make(1, film=on_frame is not None)
     try:
-        check_fit(deployment.policy, environments[0])
-        environments += make_environments(name, episodes - 1, arguments=arguments)
-        return _play(deployment, environments, max_steps, record, on_episode, on_frame)
+        check_fit(policy, environments[0])
+        environments += make(len(numbers) - 1)
+        return _play(deployment, numbers, environments, record, on_episode, on_frame)
     finally:
         close_environments(environments)
 
 
 def _play(
     deployment: Deployment,
+    episodes: Sequence[int],
     environments: list[Environment],
-    max_steps: int | None,
     record: Record | None,
     on_episode: Callable[[Episode], None],
     on_frame: Callable[[Frame, float], None] | None,
-) -> RunResult:
-    result = RunResult(deployment, reward_threshold(environments[0]), max_steps)
+) -> Run:
+    result = Run(deployment, reward_threshold(environments[0]))
 
     def note(episode: Episode) -> None:
         result.episodes.append(episode)
@@ -92,8 +95,9 @@ def _play(
         lockstep(
             deployment.act if record is None else partial(record.act, deployment.act),
             environments,
-            deployment.seed,
-            max_steps=max_steps,
+            deployment.settings.seed,
+            episodes=episodes,
+            max_steps=deployment.settings.max_steps,
             on_step=result.count_step,
             on_rewards=_drop if record is None else record.rewards,
             on_episode=note,

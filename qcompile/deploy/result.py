@@ -1,4 +1,4 @@
-"""What a run found."""
+"""What a run found, and what it takes on a machine."""
 
 from __future__ import annotations
 
@@ -11,24 +11,23 @@ from qcompile.arrays import FloatArray
 from qcompile.deploy.deployment import Deployment
 from qcompile.deploy.intervals import bootstrap_ci95
 from qcompile.deploy.lockstep import Episode
+from qcompile.deploy.rows import Rows, executions
 from qcompile.execution import Workload
 
 _LEAST_FOR_SOLVED = 100
 
 
 @dataclass
-class RunResult:
-    """What a run found; `episodes` are those that finished.
+class Run:
+    """Episodes played with a deployment; `episodes` are those that finished.
 
     `threshold` is the mean reward at which the environment counts as solved, if it has one;
     `steps` counts the steps of the lockstep, `env_steps` those of every environment, `load` the
-    jobs and executions for them: a program for as many episodes as the deployment has copies.
-    Episodes longer than `max_steps` were cut.
+    jobs and executions for them: those of the fullest copy, step by step.
     """
 
     deployment: Deployment
     threshold: float | None = None
-    max_steps: int | None = None
     episodes: list[Episode] = field(default_factory=list)
     load: Workload = field(default_factory=Workload)
     steps: int = 0
@@ -36,13 +35,14 @@ class RunResult:
     wall_seconds: float = 0.0
     interrupted: bool = False
 
-    def count_step(self, living: int) -> None:
-        """Count a step of `living` episodes: one job, or more where a job cannot hold it."""
-        made = self.deployment
+    def count_step(self, rows: Rows) -> None:
+        """Count a step of these episodes: one job, or more where a job cannot hold it."""
+        deployment = self.deployment
         self.steps += 1
-        self.env_steps += living
-        programs = -(-living // made.copies)
-        self.load += Workload.of_batch(programs, made.executable.round_count, made.shots or 0)
+        self.env_steps += len(rows.episode)
+        programs = executions(rows, deployment.copies)
+        rounds, shots = deployment.executable.round_count, deployment.settings.shots or 0
+        self.load += Workload.of_batch(programs, rounds, shots)
 
     @property
     def rewards(self) -> FloatArray:
@@ -53,42 +53,42 @@ class RunResult:
         """Jobs and executions (circuits after packing times shots), with the calibration's."""
         return self.load + self.deployment.calibration_load
 
-    def summary(self, calibration: str | None = None) -> dict[str, Any]:
-        """The plain values of `qcompile run --json`; `calibration` is the name of its file."""
-        made, rewards = self.deployment, self.rewards
-        policy, counts = made.policy, made.executable.gate_counts()
-        mean = float(rewards.mean()) if len(rewards) else None
+    def summary(self) -> dict[str, Any]:
+        """The plain values of `qcompile run --json`."""
+        deployment, settings, rewards = self.deployment, self.deployment.settings, self.rewards
+        policy, counts = deployment.policy, deployment.executable.gate_counts()
+        shots, load = settings.shots, self.total_load
         # Of an interrupted run the shortest episodes ended first: their mean is biased.
-        judged = not self.interrupted and self.max_steps is None
+        judged = not self.interrupted and settings.max_steps is None
         return {
             "policy": policy.name,
             "environment": policy.environment,
-            "backend": made.device.name,
-            "kind": made.executor.kind,
-            "shots": "exact" if made.shots is None else made.shots,
-            "mitigation": made.mitigation,
-            "predistort": made.predistort,
-            "calibration": calibration,
-            "calibration_misfits": [misfit.values() for misfit in made.misfits],
-            "copies": made.copies,
-            "level": made.level,
-            "greedy": made.greedy,
-            "seed": made.seed,
+            "backend": deployment.device.name,
+            "kind": deployment.executor.kind,
+            "shots": "exact" if shots is None else shots,
+            "mitigation": settings.mitigation,
+            "predistort": settings.predistort,
+            "calibration": settings.calibration_file,
+            "calibration_misfits": [misfit.values() for misfit in deployment.misfits],
+            "copies": deployment.copies,
+            "level": settings.level,
+            "greedy": settings.greedy,
+            "seed": settings.seed,
             "episodes": [vars(episode) for episode in self.episodes],
-            "mean_reward": mean,
+            "mean_reward": float(rewards.mean()) if len(rewards) else None,
             "std_reward": float(rewards.std()) if len(rewards) else None,
-            "ci95": None if self.interrupted else bootstrap_ci95(rewards, made.seed),
+            "ci95": None if self.interrupted else bootstrap_ci95(rewards, settings.seed),
             "solved": is_solved(rewards, self.threshold) if judged else None,
             "gates_per_circuit": {
                 gate: max((count[gate] for count in counts), default=0)
                 for gate in ("sx", "rz", "x", "rx")
             },
             "circuits_per_step": len(policy.program),
-            "rounds_per_step": made.executable.round_count,
-            "max_steps": self.max_steps,
-            "jobs": 0 if made.shots is None else self.total_load.jobs,
-            "executions": self.total_load.executions,
-            "qpu_seconds_estimate": None if made.shots is None else self.total_load.qpu_seconds,
+            "rounds_per_step": deployment.executable.round_count,
+            "max_steps": settings.max_steps,
+            "jobs": 0 if shots is None else load.jobs,
+            "executions": load.executions,
+            "qpu_seconds_estimate": None if shots is None else load.qpu_seconds,
             "env_steps": self.env_steps,
             "wall_seconds": self.wall_seconds,
             "interrupted": self.interrupted,

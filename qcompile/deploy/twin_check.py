@@ -15,6 +15,7 @@ from qcompile.calibration import Calibration
 from qcompile.deploy.deployment import Deployment
 from qcompile.deploy.lockstep import Act
 from qcompile.deploy.play import Record, play
+from qcompile.deploy.rows import Rows
 from qcompile.deploy.twin_power import EFFECT, TwinShown, twin_program
 from qcompile.errors import CalibrationError
 from qcompile.execution import Executor, TwinExecutor, expectation_from_ones
@@ -131,9 +132,9 @@ def wide_observations(policy: Policy, calibration: Calibration, seed: int) -> Fl
     of their curves that they rarely show while the policy plays.
     """
     twin = TwinExecutor(calibration, seed)
-    deployment = Deployment(policy, twin, shots=1024, predistort=True, seed=seed)
+    deployment = Deployment(policy, twin, shots=1024, predistort=True, seed=seed, max_steps=_STEPS)
     kept = _Kept()
-    play(deployment, _EPISODES, max_steps=_STEPS, record=kept)
+    play(deployment, _EPISODES, record=kept)
     seen = np.concatenate(kept.observations)
     rng = np.random.default_rng(seed)
     seen = seen[rng.choice(len(seen), min(_MOST_SEEN, len(seen)), replace=False)]
@@ -146,9 +147,9 @@ class _Kept(Record):
     def __init__(self) -> None:
         self.observations: list[FloatArray] = []
 
-    def act(self, act: Act, observations: FloatArray) -> IntArray:
+    def act(self, act: Act, observations: FloatArray, rows: Rows) -> IntArray:
         self.observations.append(observations.copy())
-        return act(observations)
+        return act(observations, rows)
 
     def rewards(self, rewards: list[float]) -> None:
         """They do not matter here."""

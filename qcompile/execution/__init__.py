@@ -9,12 +9,20 @@ from qcompile.execution.executor import (
 )
 from qcompile.execution.offline import OfflineExecutor
 from qcompile.execution.open import load_backend, open_device, open_executor
-from qcompile.execution.prepared import ExactPrepared, Prepared, check_shots, draw_ones, exact
+from qcompile.execution.prepared import (
+    Binomial,
+    ExactPrepared,
+    Prepared,
+    check_shots,
+    draw_ones,
+    exact,
+)
 from qcompile.execution.primitive import PrimitiveExecutor
 from qcompile.execution.twin import TwinExecutor
 
 __all__ = [
     "Backend",
+    "Binomial",
     "DeviceBackend",
     "ExactPrepared",
     "Executor",

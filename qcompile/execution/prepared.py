@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from typing import Protocol
 
 import numpy as np
 
@@ -10,6 +11,12 @@ from qcompile.arrays import CountArray, FloatArray
 from qcompile.errors import CountsError
 from qcompile.limits import MAX_SHOTS
 from qcompile.passes import Executable
+
+
+class Binomial(Protocol):
+    """Where counts are drawn from: a generator of numpy's, or the draws of a batch's rows."""
+
+    def binomial(self, n: int, p: FloatArray, /) -> CountArray: ...
 
 
 class Prepared(ABC):
@@ -28,8 +35,13 @@ class Prepared(ABC):
         return f"{type(self).__name__}({self.executable!r})"
 
     @abstractmethod
-    def ones(self, x: FloatArray, theta: FloatArray, shots: int) -> CountArray:
+    def ones(
+        self, x: FloatArray, theta: FloatArray, shots: int, rng: Binomial | None = None
+    ) -> CountArray:
         """The number of ones of each circuit in `shots` shots, (B, circuits), for x (B, inputs).
+
+        Where counts are drawn here they come from `rng`, by default the executor's own generator;
+        a sampler and a machine have their own.
 
         Raises:
             CircuitError: x or theta has another shape.
@@ -38,7 +50,7 @@ class Prepared(ABC):
 
 
 class ExactPrepared(Prepared):
-    """An executable whose probabilities are known; its counts are drawn from `rng`."""
+    """An executable whose probabilities are known, so that its counts can be drawn."""
 
     def __init__(self, executable: Executable, rng: np.random.Generator):
         super().__init__(executable)
@@ -56,11 +68,13 @@ class ExactPrepared(Prepared):
         """
         return 1.0 - 2.0 * self.p_one(x, theta)
 
-    def ones(self, x: FloatArray, theta: FloatArray, shots: int) -> CountArray:
-        return draw_ones(self._rng, check_shots(shots), self.p_one(x, theta))
+    def ones(
+        self, x: FloatArray, theta: FloatArray, shots: int, rng: Binomial | None = None
+    ) -> CountArray:
+        return draw_ones(rng or self._rng, check_shots(shots), self.p_one(x, theta))
 
 
-def draw_ones(rng: np.random.Generator, shots: int, p_one: FloatArray) -> CountArray:
+def draw_ones(rng: Binomial, shots: int, p_one: FloatArray) -> CountArray:
     """Ones in `shots` shots, of the shape of `p_one`: binomial draws, as nothing is entangled."""
     return rng.binomial(shots, np.minimum(np.maximum(p_one, 0.0), 1.0))
 

@@ -17,7 +17,7 @@ from qcompile.device import Device
 from qcompile.errors import DeviceError, MissingExtraError
 from qcompile.execution.executor import Executor, Kind, check_device
 from qcompile.execution.packed import REGISTER, PackedExecutable, PackedRound, count_ones
-from qcompile.execution.prepared import Prepared, check_shots
+from qcompile.execution.prepared import Binomial, Prepared, check_shots
 from qcompile.passes import Executable
 from qcompile.snapshot import device_from_backend, properties_of
 
@@ -128,7 +128,9 @@ class _Sampled(PackedExecutable):
             "Expectations without shot noise need a device file: `qcompile backends` lists them.",
         )
 
-    def ones(self, x: FloatArray, theta: FloatArray, shots: int) -> CountArray:
+    def ones(
+        self, x: FloatArray, theta: FloatArray, shots: int, rng: Binomial | None = None
+    ) -> CountArray:
         check_shots(shots)
         angles = self.executable.bind(x, theta)
         circuits = np.arange(len(self.executable.native))

@@ -7,7 +7,7 @@ import numpy as np
 from qcompile.arrays import CountArray, FloatArray
 from qcompile.device import Device
 from qcompile.errors import LiveError
-from qcompile.execution import Executor, Kind, Prepared, check_shots, portions
+from qcompile.execution import Binomial, Executor, Kind, Prepared, check_shots, portions
 from qcompile.execution.executor import check_device
 from qcompile.execution.packed import PackedExecutable
 from qcompile.live.jobs import Jobs
@@ -47,7 +47,9 @@ class _Sent(PackedExecutable):
             "Give a number of shots, 1024 say.",
         )
 
-    def ones(self, x: FloatArray, theta: FloatArray, shots: int) -> CountArray:
+    def ones(
+        self, x: FloatArray, theta: FloatArray, shots: int, rng: Binomial | None = None
+    ) -> CountArray:
         check_shots(shots)
         angles = self.executable.bind(x, theta)
         ones = np.zeros((len(angles), len(self.executable.native)), dtype=np.int64)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from qcompile.deploy.play import play
-from qcompile.deploy.result import RunResult
+from qcompile.deploy.result import Run
 from qcompile.execution import Workload
 from qcompile.limits import FREE_SECONDS, USD_PER_SECOND
 from qcompile.live.play import RunTask
@@ -46,20 +46,20 @@ def copies_that_fit(task: RunTask) -> int:
     return min(task.episodes, compile(program, task.device, task.level).copies_that_fit)
 
 
-def forecast(task: RunTask) -> RunResult:
+def forecast(task: RunTask) -> Run:
     """The task played on the noise model of its device, from the same resets.
 
     Its `total_load` is what `run --live` sends if the episodes last as long on the machine.
     """
-    return play(task.deploy(task.device), task.episodes, max_steps=task.max_steps)
+    return play(task.deploy(task.device), task.episodes)
 
 
-def strategies(task: RunTask, forecasted: RunResult) -> list[Strategy]:
+def strategies(task: RunTask, forecasted: Run) -> list[Strategy]:
     """The ways to run the task, the paper's first, for episodes as long as forecast.
 
     All but the paper's and the twin's include the calibration of the task's mitigation.
     """
-    policy, steps, shots = task.policy.policy(), forecasted.env_steps, task.shots
+    policy, steps, shots = task.policy.policy(), forecasted.env_steps, task.shots or 0
     circuits = len(policy.program)
     single = compile(policy.trained_program, task.device, task.level, policy.importance)
     qubits = len(np.unique(single.qubits))

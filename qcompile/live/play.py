@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, ClassVar
+from dataclasses import replace
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from qcompile.calibration import Calibration
+from qcompile.arrays import FloatArray, IntArray
 from qcompile.deploy.deployment import Deployment
 from qcompile.deploy.lockstep import Act
 from qcompile.deploy.play import play
+from qcompile.deploy.rows import Rows
+from qcompile.deploy.settings import RunSettings
+from qcompile.device import Device
 from qcompile.errors import LiveError, ReplayError
+from qcompile.execution import Executor
 from qcompile.live.executor import IBMExecutor
 from qcompile.live.journal import Journal, TaskKind
 from qcompile.live.task import Context, Task
@@ -22,30 +27,26 @@ _ROUNDING = 1e-9
 """Another processor may round the last digits otherwise."""
 
 
-class RunTask(Task):
-    """Play `episodes` with a policy, as `qcompile run` does; the options are those of its command.
+class RunTask(Task, RunSettings):
+    """Play `episodes` with a policy, as `qcompile run` does, with these settings.
 
-    `calibration` mitigates instead of measuring first; `calibration_file` is the file it came from.
+    Journals of earlier versions say nothing of `copy_of`: there a row's copy followed from its
+    place among the living episodes.
     """
 
     kind: ClassVar[TaskKind] = "run"
 
     policy: AnyPolicyFile
-    shots: int
     episodes: int
-    seed: int
-    level: int
-    mitigation: str
-    calibration: Calibration | None = None
-    calibration_file: str | None = None
-    predistort: bool = False
-    greedy: bool = False
-    copies: int = 1
-    max_steps: int | None = None
+    copy_of: Literal["episode", "place"] = "place"
 
     @property
     def name(self) -> str:
         return self.policy.name
+
+    @property
+    def settings(self) -> RunSettings:
+        return RunSettings.of(self)
 
     def perform(self, context: Context) -> dict[str, Any]:
         """The figures of `qcompile run --json`.
@@ -56,47 +57,35 @@ class RunTask(Task):
         """
         deployment = self.deploy(IBMExecutor(self.device, context.jobs))
         actions = len(deployment.policy.bias)
-        steps = Steps(context.jobs.journal, actions, context.say)
-        result = play(
-            deployment,
-            self.episodes,
-            max_steps=self.max_steps,
-            record=steps,
-        )
-        if result.interrupted:
+        steps = Steps(context.jobs.journal, actions, self.copy_of, context.say)
+        run = play(deployment, self.episodes, record=steps)
+        if run.interrupted:
             raise KeyboardInterrupt
-        return result.summary(self.calibration_file)
+        return run.summary()
 
-    def deploy(self, executor: Any) -> Deployment:
-        """The task's policy on an executor of the task's device."""
-        return Deployment(
-            self.policy.policy(),
-            executor,
-            shots=self.shots,
-            level=self.level,
-            mitigation=self.mitigation,
-            calibration=self.calibration,
-            predistort=self.predistort,
-            greedy=self.greedy,
-            seed=self.seed,
-            copies=self.copies,
-        )
+    def deploy(self, backend: Device | Executor) -> Deployment:
+        """The task's policy on an executor of the task's device, or on its noise model."""
+        return Deployment(self.policy.policy(), backend, self.settings)
 
 
 class Steps:
     """Records the steps of a run; those that the journal has are played again and checked.
 
-    A recorded step takes its recorded actions. The deployment is asked for them all the same: its
-    counts come from the journal, and it draws what it drew then, so the next new step goes on as if
-    nothing had happened. The actions lie in [0, `actions`).
+    A recorded step takes its recorded actions, which lie in [0, `actions`). The deployment is asked
+    for them all the same: its counts come from the journal, in the same order.
     """
 
     def __init__(
-        self, journal: Journal, actions: int, say: Callable[[str], None] = lambda words: None
+        self,
+        journal: Journal,
+        actions: int,
+        copy_of: Literal["episode", "place"] = "episode",
+        say: Callable[[str], None] = lambda words: None,
     ):
-        self._journal, self._actions, self._say, self._number = journal, actions, say, 0
+        self._journal, self._actions, self._copy_of, self._say = journal, actions, copy_of, say
+        self._number = 0
 
-    def act(self, act: Act, observations: NDArray[np.float64]) -> NDArray[np.intp]:
+    def act(self, act: Act, observations: FloatArray, rows: Rows) -> IntArray:
         """The actions (B,) for observations (B, features).
 
         Raises:
@@ -105,12 +94,14 @@ class Steps:
         """
         step = self._journal.step(self._number)
         self._say(f"step {self._number + 1}")
+        if self._copy_of == "place":
+            rows = replace(rows, order=np.arange(len(observations)))
         if step is None:
-            actions = act(observations)
+            actions = act(observations, rows)
             self._journal.note_actions(self._number, observations, actions)
             return actions
         self._check("observations", step.observations, observations)
-        drawn, recorded = act(observations), step.actions
+        drawn, recorded = act(observations, rows), step.actions
         if recorded.shape != drawn.shape or not np.isin(recorded, range(self._actions)).all():
             raise LiveError(
                 f"{self._journal.path} is damaged: the actions of step {self._number} are wrong.",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import pickle
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -42,17 +43,17 @@ def policy_names() -> list[str]:
     return names("trained", SUFFIXES)
 
 
-def load_policy(name: str | Path) -> Policy:
+def load_policy(name: str | PathLike[str]) -> Policy:
     """The policy of the file at this path, or shipped in trained/ under this bare name.
 
     Raises:
         PolicyError: there is no such file, or its contents are wrong; the message says what.
     """
-    path = find("trained", str(name), SUFFIXES)
+    path = find("trained", fspath(name), SUFFIXES)
     if path is None:
         raise PolicyError(
-            f"Unknown policy {str(name)!r}.",
-            nearest(str(name), policy_names()),
+            f"Unknown policy {fspath(name)!r}.",
+            nearest(fspath(name), policy_names()),
             "A path to a .pt or .json policy file works too.",
         )
     try:

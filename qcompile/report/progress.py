@@ -12,10 +12,12 @@ from qcompile.terminal import plain_output
 
 
 @contextmanager
-def progress_bar(title: str, total: float) -> Iterator[Callable[[float, str], None]]:
+def progress_bar(
+    title: str, total: float, *, enabled: bool = True
+) -> Iterator[Callable[[float, str], None]]:
     """Show a bar while the block runs; call what it yields with (done, words) to move it.
 
-    Nothing is shown where standard error is no terminal.
+    Nothing is shown unless it is `enabled`, on a terminal or in a notebook.
     """
     err = console(stderr=True)
     bar = Progress(
@@ -26,7 +28,7 @@ def progress_bar(title: str, total: float) -> Iterator[Callable[[float, str], No
         TimeRemainingColumn(),
         console=err,
         transient=True,
-        disable=not err.is_terminal,
+        disable=not enabled or not (err.is_terminal or err.is_jupyter),
     )
     with bar, plain_output():  # rich shows what is printed meanwhile above the bar
         task = bar.add_task(title, total=total, words="")

@@ -8,6 +8,7 @@ import numpy as np
 import torch
 
 from qcompile.deploy.measurement import Measurement
+from qcompile.deploy.settings import RunSettings
 from qcompile.device import load_device
 from qcompile.execution import OfflineExecutor
 from qcompile.rl.models import SVQC
@@ -29,8 +30,9 @@ class ActingNoise:
         self._measure = Measurement(
             actor.program,
             self._executor,
-            shots=settings.shots,
-            mitigation=settings.mitigation,
+            RunSettings(shots=settings.shots, mitigation=settings.mitigation).resolved(
+                self._executor.device
+            ),
         )
         self._residuals: list[torch.Tensor] = []
 

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
+from qcompile.arrays import FloatArray, IntArray
 from qcompile.deploy.deployment import Deployment
 from qcompile.deploy.environments import close_environments, make_environments
 from qcompile.deploy.lockstep import Act, Episode, lockstep
 from qcompile.deploy.play import play
+from qcompile.deploy.rows import Rows
 from qcompile.device import load_device
 from qcompile.rl.draw import draw_actions
 from qcompile.rl.ppo import Trainer
 
 
-def score(trainer: Trainer, episodes: int, first_seed: int) -> NDArray[np.float64]:
+def score(trainer: Trainer, episodes: int, first_seed: int) -> FloatArray:
     """Rewards (episodes,) of the model as it is, episode i reset with `first_seed` + i.
 
     Actions are sampled; a model of one-qubit circuits plays on the backend it learns on. Every
@@ -53,7 +54,7 @@ def _sampling(trainer: Trainer, seed: int) -> Act:
     """Actions drawn from the softmax of a network's outputs, which sees what it learns from."""
     rng = np.random.default_rng(seed)
 
-    def act(observations: NDArray[np.float64]) -> NDArray[np.intp]:
+    def act(observations: FloatArray, rows: Rows) -> IntArray:
         with torch.no_grad():
             seen = torch.from_numpy(observations.astype(trainer.observation_dtype))
             logits = trainer.actor(seen).numpy()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -118,6 +119,7 @@ def deploy(cell: Cell) -> Deployment:
         level=cell.level,
         mitigation=cell.mitigation,
         calibration=None if file is None else file.calibration,
+        calibration_file=None if file is None else file.name,
         greedy=cell.greedy,
         seed=cell.seed,
     )
@@ -158,13 +160,12 @@ def run_cell(cell: Cell) -> CellResult | CellFailure:
         return CellFailure(cell.name, str(error))
     if result.interrupted:
         raise KeyboardInterrupt
-    file = cell.calibration
     return CellResult(
         name=cell.name,
         settings=cell.settings(),
         versions=versions("numpy", "gymnasium", *cell.backend.packages),
         threshold=result.threshold,
-        summary=result.summary(None if file is None else file.name),
+        summary=result.summary(),
     )
 
 

@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 from qcompile.calibration import Calibration, age_words, load_calibration
 from qcompile.deploy.environments import check_fit, make_environments
-from qcompile.deploy.measurement import MITIGATIONS
+from qcompile.deploy.settings import MITIGATIONS
 from qcompile.device import Device
 from qcompile.errors import CalibrationError, StudyError
 from qcompile.execution import Backend, DeviceBackend, load_backend

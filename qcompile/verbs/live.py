@@ -1,0 +1,107 @@
+"""Runs on IBM's machines: what a user allows of one, and the guard that each passes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from qcompile.errors import BudgetError
+from qcompile.execution import Workload
+from qcompile.limits import FREE_SECONDS
+from qcompile.live.connection import Connection
+from qcompile.live.journal import Journal
+from qcompile.live.looking import doubts_in_words
+from qcompile.live.perform import begin, go_on, task_of
+from qcompile.live.task import Task
+from qcompile.report.progress import progress_bar
+from qcompile.report.tables import plural
+from qcompile.sweep.arguments import Name, ignore
+
+
+@dataclass(frozen=True)
+class Live:
+    """What is allowed and wanted of a run on a real machine; this spends.
+
+    The run stops before it would take more than `max_qpu_seconds`. `account` and `instance` are
+    names of IBM's own tools, by default theirs. With `batch` jobs go as a batch of IBM's. `runs` is
+    the folder of the journals; after `max_wait_s` a job is not waited for any longer, and
+    `qcompile resume` fetches it. `confirm` is asked before anything is spent, and raises where the
+    answer is no.
+    """
+
+    max_qpu_seconds: float
+    account: str | None = None
+    instance: str | None = None
+    batch: bool = False
+    runs: Name = "runs"
+    max_wait_s: float | None = None
+    confirm: Callable[[str], None] = ignore
+
+    @property
+    def where(self) -> dict[str, Any]:
+        """The fields of a task that say where it runs."""
+        return {"account": self.account, "instance": self.instance, "batch": self.batch}
+
+    def connection(self, backend: str) -> Connection:
+        """A connection to the machine of that name."""
+        return Connection(backend, self.account, self.instance)
+
+
+def spend(
+    task: Task,
+    load: Workload,
+    live: Live,
+    connection: Connection,
+    on_note: Callable[[str], None],
+) -> dict[str, Any]:
+    """Tell what the task costs, have it confirmed, and do it; what it found.
+
+    The run keeps to the instance by which the connection reaches the backend.
+
+    Raises:
+        BudgetError: the task needs more than it is allowed.
+        LiveError: it cannot start or go on.
+    """
+    seconds, left_s = load.qpu_seconds, connection.left_on_plan_s()
+    task = task.model_copy(update={"instance": connection.crn, "planned_jobs": load.jobs})
+    on_note(
+        f"{task.backend}: {plural(load.jobs, 'job')}, {load.executions:,} executions, "
+        f"about {seconds:.1f} QPU seconds by IBM's estimate; the limit is {live.max_qpu_seconds:g}."
+        + ("" if left_s is None else f" The plan has {left_s:,.0f} s left.")
+    )
+    if seconds + 1 > live.max_qpu_seconds:  # IBM cuts jobs off at whole seconds
+        raise BudgetError(
+            f"The run needs {seconds:.1f} QPU seconds and one to spare, more than the "
+            f"{live.max_qpu_seconds:g} allowed. Nothing was sent.",
+            "Raise --max-qpu-seconds, or take fewer shots, episodes or steps; "
+            "`qcompile plan` shows cheaper ways.",
+        )
+    if left_s is not None and seconds > left_s:
+        raise BudgetError(
+            f"The run needs {seconds:.1f} QPU seconds, IBM's plan has {left_s:.0f} left: its jobs "
+            "would wait in the queue. Nothing was sent.",
+            f"The Open Plan gives {FREE_SECONDS:g} in 28 days; --instance names another instance.",
+        )
+    live.confirm("Spend them?")
+    with begin(Path(live.runs), task, live.max_qpu_seconds) as journal:
+        return follow(journal, live.max_wait_s, on_note)
+
+
+def follow(
+    journal: Journal,
+    max_wait_s: float | None,
+    on_note: Callable[[str], None],
+    *,
+    out: Path | None = None,
+    pay_again: bool = False,
+) -> dict[str, Any]:
+    """Resume a run, showing how far it is; what it found."""
+    task = task_of(journal)
+    on_note(f"run {journal.id}")
+    with progress_bar(task.name, task.planned_jobs) as show:
+        result = go_on(journal, max_wait_s=max_wait_s, pay_again=pay_again, out=out, show=show)
+    for line in doubts_in_words(journal):
+        on_note(line)
+    return result

@@ -1,0 +1,59 @@
+"""What a verb gives: short to print, a picture on demand, the JSON document of its command."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from qcompile.output import write_file
+from qcompile.report.figure import Figure
+from qcompile.sweep.arguments import Name
+
+
+class Result:
+    """Plain values with a short repr; `to_dict` is the document of the command's --json."""
+
+    def __init__(self, values: Mapping[str, Any]):
+        self._values = dict(values)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The document that the command prints with --json."""
+        return self._values
+
+    def save(self, path: Name) -> None:
+        """Write `to_dict` as JSON to a file, which is overwritten.
+
+        Raises:
+            OutputError: the file cannot be written.
+        """
+        text = json.dumps(self.to_dict(), indent=1, allow_nan=False)
+        write_file(Path(path), (text + "\n").encode())
+
+    def plot(self) -> Figure:
+        """A picture; a notebook shows it, `save` writes it to a file."""
+        raise NotImplementedError
+
+    @property
+    def table(self) -> tuple[list[str], list[list[str]]]:
+        """Columns and rows of what `repr` and notebooks show."""
+        raise NotImplementedError
+
+    def __repr__(self) -> str:
+        columns, rows = self.table
+        lines = [columns, *rows]
+        widths = [max(len(line[k]) for line in lines) for k in range(len(columns))]
+        return "\n".join(
+            "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip()
+            for line in lines
+        )
+
+    def _repr_html_(self) -> str:
+        columns, rows = self.table
+        head = "".join(f"<th>{escape(name)}</th>" for name in columns)
+        body = "".join(
+            "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows
+        )
+        return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"

@@ -1,0 +1,220 @@
+"""Play episodes with a policy on a backend: what `qcompile run` does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import nullcontext
+from datetime import UTC, datetime
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from qcompile.calibration import Calibration, age_words, load_calibration
+from qcompile.deploy.deployment import Deployment
+from qcompile.deploy.lockstep import Episode
+from qcompile.deploy.play import play
+from qcompile.deploy.settings import RunSettings
+from qcompile.device import Device
+from qcompile.errors import OptionError, QcompileError
+from qcompile.execution import Backend, Executor, load_backend
+from qcompile.live.plan import copies_that_fit, forecast
+from qcompile.live.play import RunTask
+from qcompile.mitigation.misfit import misfit_words
+from qcompile.policy import Policy, load_policy
+from qcompile.policy.files import policy_values
+from qcompile.report.figure import Figure
+from qcompile.report.film import SUFFIXES, Film
+from qcompile.report.progress import progress_bar
+from qcompile.report.rewards import draw_rewards
+from qcompile.report.tables import interval_words, plural
+from qcompile.sweep.arguments import Name, ignore
+from qcompile.verbs.live import Live, spend
+from qcompile.verbs.results import Result
+
+Words = Callable[[str], None]
+
+
+class RunResult(Result):
+    """What a run found. Of an interrupted one the shortest episodes alone are there."""
+
+    @property
+    def episodes(self) -> list[dict[str, Any]]:
+        """Seed, reward and length of each episode."""
+        episodes: list[dict[str, Any]] = self.to_dict()["episodes"]
+        return episodes
+
+    @property
+    def rewards(self) -> list[float]:
+        return [episode["reward"] for episode in self.episodes]
+
+    @property
+    def mean_reward(self) -> float | None:
+        """None where no episode was finished."""
+        mean: float | None = self.to_dict()["mean_reward"]
+        return mean
+
+    @property
+    def ci95(self) -> list[float] | None:
+        """The 95 % interval of the mean; None where there is none to be had."""
+        interval: list[float] | None = self.to_dict()["ci95"]
+        return interval
+
+    def plot(self) -> Figure:
+        """The reward of each episode, their mean and its interval."""
+        return draw_rewards(self.to_dict())
+
+    @property
+    def table(self) -> tuple[list[str], list[list[str]]]:
+        values = self.to_dict()
+        mean = "-" if self.mean_reward is None else f"{self.mean_reward:.1f}"
+        mitigation = "predistort" if values["predistort"] else values["mitigation"]
+        row = [values["policy"], values["backend"], values["kind"], str(values["shots"])]
+        row += [mitigation, str(len(self.episodes)), mean, interval_words(values) or "-"]
+        columns = ["policy", "backend", "kind", "shots", "mitigation", "episodes"]
+        return [*columns, "mean reward", "95 % interval"], [row]
+
+    def check_complete(self, episodes: int) -> None:
+        """Nothing, if all of so many episodes were played.
+
+        Raises:
+            QcompileError: Ctrl-C came before.
+        """
+        if self.to_dict()["interrupted"]:
+            raise QcompileError(
+                f"Interrupted: {len(self.episodes)} of {episodes} episodes were finished.",
+                "These are the shortest ones, so their mean is no estimate of the policy's score.",
+                "Fewer --episodes end sooner.",
+            )
+
+
+def run(
+    policy: Name | Policy = "lunarlander",
+    backend: Name | Device | Backend | Executor | Any = "ideal",
+    *,
+    episodes: int = 20,
+    shots: int | None = 8192,
+    seed: int = 0,
+    level: int = 2,
+    mitigation: str | None = None,
+    calibration: Name | Calibration | None = None,
+    predistort: bool = False,
+    copies: int | None = None,
+    max_steps: int | None = None,
+    greedy: bool = False,
+    sampler: Any = None,
+    video: Name | None = None,
+    live: Live | None = None,
+    progress: bool = True,
+    on_note: Words = ignore,
+) -> RunResult:
+    """Play `episodes` with a policy on a backend, all in lockstep.
+
+    Policy and backend are names, files or objects; a Qiskit backend is played on the noise model of
+    its calibration, or through `sampler`, a SamplerV2. The settings are those of `RunSettings`:
+    shots None are exact expectations; mitigation None is `readout` on a noisy backend, calibrated
+    first unless `calibration` is given, and `none` on `ideal`. The same seed gives the same result;
+    episode i resets its environment with seed + i. `video` films the first episode, .mp4 or .gif.
+
+    With `live` it is played on IBM's machine of that name, which costs money: see `Live`. `on_note`
+    is told what a person should read.
+
+    Raises:
+        OptionError: options contradict each other.
+        QcompileError: a name, a file or a combination that cannot be played.
+    """
+    settings = _settings(
+        episodes,
+        video,
+        live,
+        sampler,
+        shots=shots,
+        seed=seed,
+        level=level,
+        mitigation=mitigation,
+        predistort=predistort,
+        copies=copies,
+        max_steps=max_steps,
+        greedy=greedy,
+    )
+    loaded = policy if isinstance(policy, Policy) else load_policy(policy)
+    if isinstance(calibration, str | PathLike):
+        file = Path(calibration)
+        calibration = load_calibration(file)
+        settings = RunSettings.of(settings, calibration_file=str(file))
+        for words in age_words(str(file), calibration, datetime.now(UTC)):
+            on_note(words)
+    settings = RunSettings.of(settings, calibration=calibration)
+    if live is not None:
+        return RunResult(_run_live(loaded, backend, settings, episodes, live, on_note))
+    opened = load_backend(backend, sampler=sampler)
+    bar = progress_bar(f"{loaded.name} on {opened.device.name}", episodes, enabled=progress)
+    with nullcontext() if video is None else Film(Path(video)) as film, bar as show:
+        known = settings.resolved(opened.device, opened.calibration)
+        show(0, "calibrating" if known.calibrates and calibration is None else "compiling")
+        deployment = Deployment(loaded, opened, settings)
+        show(0, "")
+        rewards: list[float] = []
+
+        def count(episode: Episode) -> None:
+            rewards.append(episode.reward)
+            show(len(rewards), f"mean reward {sum(rewards) / len(rewards):.1f}")
+
+        result = play(
+            deployment, episodes, on_episode=count, on_frame=None if film is None else film.add
+        )
+    if film is not None:
+        words = f"film of the first episode in {video}"
+        on_note(words if film.frames else "no step was played: there is no film")
+    return RunResult(result.summary())
+
+
+def _settings(
+    episodes: int, video: Name | None, live: Live | None, sampler: Any, **values: Any
+) -> RunSettings:
+    """The settings, if they fit what else is asked for."""
+    settings = RunSettings.of(**values)
+    if video is not None and Path(video).suffix not in SUFFIXES:
+        raise OptionError(f"{video} must end with .mp4 or .gif.")
+    if settings.copies is not None and settings.copies > episodes:
+        raise OptionError(
+            f"copies {settings.copies} are more than the {plural(episodes, 'episode')} there are "
+            "to share an execution."
+        )
+    if live is not None:
+        wrong = {"video": video is not None, "shots exact": settings.shots is None}
+        wrong["sampler"] = sampler is not None
+        for name in (name for name, given in wrong.items() if given):
+            raise OptionError(f"{name} and live exclude each other.")
+    return settings
+
+
+def _run_live(
+    policy: Policy,
+    backend: Any,
+    settings: RunSettings,
+    episodes: int,
+    live: Live,
+    on_note: Words,
+) -> dict[str, Any]:
+    """Plan the run on the noise model of the backend of now, have it confirmed, and play it."""
+    if not isinstance(backend, str):
+        raise OptionError("A live run needs the name of a machine of IBM's.")
+    connection = live.connection(backend)
+    device = connection.device()
+    task = RunTask.model_validate(
+        {
+            **settings.resolved(device).values,
+            **live.where,
+            "backend": backend,
+            "device": device,
+            "policy": policy_values(policy),
+            "episodes": episodes,
+            "copy_of": "episode",
+        }
+    )
+    task = task.model_copy(update={"copies": settings.copies or copies_that_fit(task)})
+    forecasted = forecast(task)
+    if task.calibration is not None:
+        for words in misfit_words(forecasted.deployment.misfits):
+            on_note(f"{task.calibration_file or 'the calibration'}: {words}")
+    return spend(task, forecasted.total_load, live, connection, on_note)
