@@ -20,6 +20,7 @@ from qcompile.live.journal import FILE, Journal
 from qcompile.live.perform import costs, task_of
 from qcompile.live.play import RunTask
 from qcompile.mitigation import calibrate
+from qcompile.noise import usable
 from qcompile.passes import compile
 from qcompile.policy import Policy, load_policy, save_policy
 from qcompile.policy.files import policy_values
@@ -92,7 +93,7 @@ def devices() -> list[bytes]:
 
 def use_device(path: Path) -> object:
     device: Device = load_device(path)
-    return device.usable
+    return usable(device)
 
 
 def calibrations() -> list[bytes]:

@@ -17,6 +17,7 @@ from qcompile.device import load_device
 from qcompile.execution import OfflineExecutor
 from qcompile.mitigation import calibrate
 from qcompile.mitigation.measure import RESPONSE_ANGLES_RAD
+from qcompile.noise import unusable
 
 Call = Callable[..., Any]
 
@@ -415,8 +416,7 @@ def test_ctrl_c_while_the_picture_is_drawn_keeps_the_calibration(
 def test_qubits_that_are_not_measured_are_named(qcompile: Call) -> None:
     answer = qcompile("calibrate", "--backend", "fake_lagos", "--shots", 100, "--json")
     assert answer.code == 0
-    unusable = load_device("fake_lagos").unusable
-    for qubit, why in unusable.items():
+    for qubit, why in unusable(load_device("fake_lagos")).items():
         assert f"{qubit} {why}" in " ".join(answer.err.split())
     assert not {row["qubit"] for row in answer.json()["qubits"]} & set(unusable)
     words = ("--qubits", "0", "--force", "--json")
