@@ -57,9 +57,7 @@ def test_rows_are_listed(qcompile: Call, left: Call) -> None:
 
 @pytest.mark.usefixtures("untrained")
 def test_rows_are_listed_as_json(qcompile: Call) -> None:
-    document = qcompile(
-        "study", "--list", "--json", "--row", "acrobot-svqc", "--seeds", 2
-    ).json()
+    document = qcompile("study", "--list", "--json", "--row", "acrobot-svqc", "--seeds", 2).json()
     assert document == [
         {"row": f"acrobot-svqc-{preset}", "environment": "Acrobot-v1", "seeds": 2, "left": 2}
         for preset in ("paper", "tuned", "critic-tuned")
