@@ -171,6 +171,7 @@ def print_grid(objects: Sequence[Mapping[str, Any]]) -> None:
         title = f"{policy} in {shown[0]['environment']}, {played}"
         if not levels:
             title += f", level {shown[0]['level']}"
+        title += ", greedy" * shown[0]["greedy"]
         print_table(
             [*header, "to ideal", "solved"],
             [_grid_row(values, levels) for values in shown],

@@ -61,7 +61,7 @@ def _figure(objects: Sequence[Mapping[str, Any]]) -> bytes:
         for level in levels
     ]
     episodes = plural(len(first["episodes"]), "episode")
-    title = f"{first['policy']} in {first['environment']}, {episodes}"
+    title = f"{first['policy']} in {first['environment']}, {episodes}{', greedy' * first['greedy']}"
     return draw_intervals(title, panels)
 
 
