@@ -14,7 +14,7 @@ import pytest
 from qcompile.calibration import load_calibration
 from qcompile.device import load_device
 from qcompile.execution import load_backend
-from qcompile.policy import load_policy
+from qcompile.policy import load_policy, save_policy
 from qcompile.report.calibration_values import calibration_values
 from qcompile.rl.checkpoint import load_checkpoint
 from qcompile.sweep.evaluation import cell as evaluated
@@ -50,6 +50,11 @@ def test_a_policy_plays_as_it_did(name: str, qcompile: Call) -> None:
 def test_a_policy_compiles_as_it_did(name: str, qcompile: Call) -> None:
     found = qcompile("show", KEPT / name, "--backend", "ibm_lima", "--json").json()
     check_same(found, printed("show"))
+
+
+def test_a_policy_is_written_as_it_was(tmp_path: Path) -> None:
+    save_policy(load_policy(KEPT / "policy.json"), tmp_path / "p.json")
+    assert (tmp_path / "p.json").read_bytes() == (KEPT / "policy.json").read_bytes()
 
 
 def test_a_device_has_its_numbers() -> None:
