@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -287,3 +288,13 @@ def test_a_file_of_another_format_is_told_which(
     path = write_json(tmp_path / "p.json", values(format="qcompile-policy-1") | change)
     with pytest.raises(PolicyError, match=message):
         load_policy(path)
+
+
+def test_the_documented_example_is_read(tmp_path: Path) -> None:
+    """Input 1 of (0, 0, 0.02, 0.4) is 1.57 times clip(0.3 / 0.5), input 0 arctan(10 * 0.4)."""
+    page = Path(__file__).parents[2] / "docs" / "policies.md"
+    (example,) = (part for part in page.read_text().split("```") if "gain" in part and "{" in part)
+    path = tmp_path / "p.json"
+    path.write_text(example.removeprefix("json"))
+    x = load_policy(path).encode([[0.0, 0.0, 0.02, 0.4]])
+    np.testing.assert_allclose(x, [[math.atan(4.0), 1.57 * 0.6]], rtol=1e-14)
