@@ -63,7 +63,7 @@ def load_policy(name: str | Path) -> Policy:
     except _UnreadableError:
         raise
     except (CircuitError, PolicyError) as error:
-        lines = [line.strip() for line in str(error).splitlines()]
+        lines = str(error).splitlines()
         if isinstance(error, UnsupportedPolicyError):
             what = f"{path} is a policy that this version cannot run."
             raise UnsupportedPolicyError(what, *lines) from error
@@ -84,7 +84,7 @@ def _read_values(values: object) -> PolicyFile | PolicyFile2:
         return SCHEMAS[values["format"]].model_validate(values)
     except ValidationError as error:
         lines = explain(error, words={"extra_forbidden": "unknown key"})
-        raise PolicyError(*lines, *_hints(error, values)) from error
+        raise PolicyError("\n".join([*lines, *_hints(error, values)])) from error
 
 
 def _hints(error: ValidationError, values: dict[str, Any]) -> list[str]:
