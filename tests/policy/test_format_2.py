@@ -214,7 +214,7 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     (gates(["h", 0], ["cz", 1]), "circuits.0.gates.1: Gate 'cz' needs 2 different qubits"),
     (gates(["h"]), "circuits.0.gates.0: Gate 'h' needs 1 different qubits"),
     (gates(["ecr", 0, 2]), "Gate 'ecr' acts on 2.\n    The block has qubits 0 to 1"),
-    (gates(["ry", 0, "x0"]), "Gate 'ry' acts on 'x0'.\n    The block has qubits 0 to 1, which come"),
+    (gates(["ry", 0, "x0"]), "Gate 'ry' acts on 'x0'.\n    The block has qubits 0 to 1, which"),
     (gates(["h", 0.0]), "Gate 'h' acts on 0.0"),
     (gates(["cz", "x0", 0, 1]), "Gate 'cz' has 1 angles"),
     (gates(["swap", 0]), "Unknown gate 'swap'"),
