@@ -14,7 +14,11 @@ import pytest
 from qcompile.calibration import load_calibration
 from qcompile.device import load_device
 from qcompile.execution import load_backend
-from qcompile.policy import load_policy
+from qcompile.live.perform import task_of
+from qcompile.live.play import RunTask
+from qcompile.live.runs import find_journal
+from qcompile.policy import load_policy, save_policy
+from qcompile.policy.files import policy_values
 from qcompile.report.calibration_values import calibration_values
 from qcompile.rl.checkpoint import load_checkpoint
 from qcompile.sweep.evaluation import cell as evaluated
@@ -50,6 +54,11 @@ def test_a_policy_plays_as_it_did(name: str, qcompile: Call) -> None:
 def test_a_policy_compiles_as_it_did(name: str, qcompile: Call) -> None:
     found = qcompile("show", KEPT / name, "--backend", "ibm_lima", "--json").json()
     check_same(found, printed("show"))
+
+
+def test_a_policy_is_written_as_it_was(tmp_path: Path) -> None:
+    save_policy(load_policy(KEPT / "policy.json"), tmp_path / "p.json")
+    assert (tmp_path / "p.json").read_bytes() == (KEPT / "policy.json").read_bytes()
 
 
 def test_a_device_has_its_numbers() -> None:
@@ -109,6 +118,16 @@ def test_an_unfinished_journal_has_its_steps_and_jobs(
     for job, old in zip(found["jobs"], expected.pop("jobs"), strict=True):
         check_same(job, old)
     check_open_job(found, expected)
+
+
+@pytest.mark.parametrize("state", ["finished", "unfinished"])
+def test_a_journal_has_its_task(state: str, runs: Call) -> None:
+    with find_journal(runs(state), "last") as journal:
+        task = task_of(journal)
+    assert isinstance(task, RunTask)
+    kept = load_policy(KEPT / "policy.json")
+    assert policy_values(task.policy.policy()) == policy_values(kept)
+    assert (task.shots, task.episodes, task.max_steps, task.seed) == (64, 2, 3, 4)
 
 
 def test_a_cell_of_evaluate_is_not_played_again(tmp_path: Path) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import pickle
-from os import PathLike
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -65,7 +64,7 @@ def load_policy(name: str | PathLike[str]) -> Policy:
     except _UnreadableError:
         raise
     except (CircuitError, PolicyError) as error:
-        lines = [line.strip() for line in str(error).splitlines()]
+        lines = str(error).splitlines()
         if isinstance(error, UnsupportedPolicyError):
             what = f"{path} is a policy that this version cannot run."
             raise UnsupportedPolicyError(what, *lines) from error
@@ -86,7 +85,7 @@ def _read_values(values: object) -> PolicyFile | PolicyFile2:
         return SCHEMAS[values["format"]].model_validate(values)
     except ValidationError as error:
         lines = explain(error, words={"extra_forbidden": "unknown key"})
-        raise PolicyError(*lines, *_hints(error, values)) from error
+        raise PolicyError("\n".join([*lines, *_hints(error, values)])) from error
 
 
 def _hints(error: ValidationError, values: dict[str, Any]) -> list[str]:
