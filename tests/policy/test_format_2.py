@@ -235,7 +235,7 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"hold": 0}, "hold: input should be greater than or equal to 1"),
     ({"hold": 1.0}, "hold: input should be a valid integer"),
     ({"holds": 2}, "holds: unknown key .*\n  Did you mean hold?"),
-    ({"environment_kwargs": []}, "environment_kwargs: input should be a valid dictionary"),
+    ({"environment_kwargs": []}, "environment_kwargs: input should be an object"),
 ]  # fmt: skip
 
 
