@@ -74,7 +74,9 @@ def ctrl_c(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
         counted = 0
 
         @contextmanager
-        def bar(title: str, total: float) -> Iterator[Callable[[float, str], None]]:
+        def bar(
+            title: str, total: float, *, enabled: bool = True
+        ) -> Iterator[Callable[[float, str], None]]:
             def show(done: float, words: str) -> None:
                 nonlocal counted
                 counted += done > 0
@@ -84,6 +86,7 @@ def ctrl_c(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
             yield show
 
         monkeypatch.setattr("qcompile.report.progress.progress_bar", bar)
+        monkeypatch.setattr("qcompile.verbs.run.progress_bar", bar)
 
     return after
 
