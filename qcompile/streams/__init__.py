@@ -22,6 +22,7 @@ Sources:
     Comput. Simul. 46 (1993) 101-110 (BTRS, the rejection of binomial.py).
 """
 
+from qcompile.streams.draws import Draws
 from qcompile.streams.stream import Purpose, Stream
 
-__all__ = ["Purpose", "Stream"]
+__all__ = ["Draws", "Purpose", "Stream"]
