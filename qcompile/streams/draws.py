@@ -27,19 +27,20 @@ class Draws:
     """The counts and actions of a run: those of `Stream(seed, "shots")` and of "actions".
 
     Draws for the same episodes, or fewer of them, at one decision after the other come from a block
-    that was drawn ahead. All others are drawn when they are asked for. The results are the same.
+    that was drawn ahead, as long as the shots stay the same. All others are drawn when they are
+    asked for. The results are the same.
     """
 
     def __init__(self, seed: int, circuits: int):
         self.circuits = circuits
-        self._shots = Stream(seed, "shots")
-        actions = Stream(seed, "actions")
+        self._counts, actions = Stream(seed, "shots"), Stream(seed, "actions")
         self._uniforms = _Ahead(lambda *places: actions.uniforms(*places)[None], 1)
-        self._scores: dict[int, _Ahead] = {}
+        self._shots = 1
+        self._scores = self._scores_ahead(self._shots)
 
     def actions(self, episode: PlaceArray, decision: PlaceArray) -> FloatArray:
         """A number in [0, 1) for each episode (B,) at its decision (B,)."""
-        return self._uniforms.numbers(episode, decision)[0]
+        return np.asarray(self._uniforms.numbers(episode, decision)[0])
 
     def binomial(
         self, shots: int, p: FloatArray, episode: PlaceArray, decision: PlaceArray
@@ -52,14 +53,10 @@ class Draws:
         Raises:
             ValueError: a probability is not a number, or shapes do not fit.
         """
-        if (ahead := self._scores.get(shots)) is None:
-            self._scores = {shots: (ahead := self._scores_ahead(shots))}
-        scores = ahead.numbers(episode, decision)
-        places = p.reshape(-1, self.circuits)
-        if len(places) != scores.shape[1]:
-            raise ValueError(
-                f"{len(places)} rows of {self.circuits} probabilities, but {scores.shape[1]} places."
-            )
+        if shots != self._shots:
+            self._shots, self._scores = shots, self._scores_ahead(shots)
+        scores = self._scores.numbers(episode, decision)
+        places = p.reshape(scores.shape[1], self.circuits)
         return binomial_quantiles(shots, places, scores).reshape(p.shape)
 
     def rows(self, episode: PlaceArray, decision: PlaceArray) -> Rows:
@@ -68,7 +65,7 @@ class Draws:
 
     def _scores_ahead(self, shots: int) -> _Ahead:
         def draw(episode: PlaceArray, decision: PlaceArray) -> FloatArray:
-            return self._shots.scores(shots, episode, decision, self.circuits)
+            return self._counts.scores(shots, episode, decision, self.circuits)
 
         return _Ahead(draw, ARRAYS * self.circuits)
 
@@ -104,6 +101,8 @@ class _Ahead:
 
     def numbers(self, episode: PlaceArray, decision: PlaceArray) -> FloatArray:
         """Those of the places of both arrays, flat: (arrays, places, ...)."""
+        episode = np.asarray(episode, dtype=np.int64)
+        decision = np.asarray(decision, dtype=np.int64)
         asked, decisions = episode.tobytes(), decision.tobytes()
         size = episode.size
         if size == 0 or decisions != decisions[:8] * size:
