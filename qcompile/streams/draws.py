@@ -40,7 +40,7 @@ class Draws:
 
     def actions(self, episode: PlaceArray, decision: PlaceArray) -> FloatArray:
         """A number in [0, 1) for each episode (B,) at its decision (B,)."""
-        return np.asarray(self._uniforms.numbers(episode, decision)[0])
+        return np.array(self._uniforms.numbers(episode, decision)[0])
 
     def binomial(
         self, shots: int, p: FloatArray, episode: PlaceArray, decision: PlaceArray

@@ -29,6 +29,7 @@ from scipy.special import betainc, betaincc
 from qcompile.arrays import CountArray, FloatArray
 
 LARGEST_MEAN = 16.0
+"""Up to so many expected counts the sum is the faster way."""
 
 _BLOCK = 8192
 """Counts at a time: their arrays stay within the cache, and below the size mapped anew."""
