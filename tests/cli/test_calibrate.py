@@ -416,9 +416,10 @@ def test_ctrl_c_while_the_picture_is_drawn_keeps_the_calibration(
 def test_qubits_that_are_not_measured_are_named(qcompile: Call) -> None:
     answer = qcompile("calibrate", "--backend", "fake_lagos", "--shots", 100, "--json")
     assert answer.code == 0
-    for qubit, why in unusable(load_device("fake_lagos")).items():
+    reasons = unusable(load_device("fake_lagos"))
+    for qubit, why in reasons.items():
         assert f"{qubit} {why}" in " ".join(answer.err.split())
-    assert not {row["qubit"] for row in answer.json()["qubits"]} & set(unusable)
+    assert not {row["qubit"] for row in answer.json()["qubits"]} & set(reasons)
     words = ("--qubits", "0", "--force", "--json")
     assert qcompile("calibrate", "--backend", "fake_lagos", *words).err == ""
 
