@@ -105,7 +105,7 @@ class Scope:
                 right = self.value(node.rhs, to_whole=to_whole)
                 value = operators.binary(node.op.name, value, right, to_whole=to_whole)
             return value
-        except operators.NotAffineError as error:
+        except operators.NoOperationError as error:
             raise _not_affine(node) from error
         except operators.AmbiguousError as error:
             what, hint = error.args
@@ -180,7 +180,7 @@ class Scope:
                 if target is not None:
                     value = self.value(node.argument, to_whole=target.is_whole)
                     return value.to(target, cast=True)
-        raise operators.NotAffineError
+        raise operators.NoOperationError
 
 
 def _not_affine(node: Any) -> CircuitError:
