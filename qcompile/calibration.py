@@ -12,15 +12,15 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AwareDatetime, Field, ValidationError, model_validator
 
 from qcompile.arrays import FloatArray, IntArray
-from qcompile.device import Device, Probability
+from qcompile.device import CALIBRATION_MARK, Device, Kind, Probability
 from qcompile.errors import CalibrationError
 from qcompile.limits import CALIBRATION_HOURS, CLOCK_HOURS, MAX_SHOTS
 from qcompile.output import write_file
 from qcompile.reading import ContentsError, load_json, read_file, read_json
-from qcompile.validation import Line, Many, explain, listed
+from qcompile.validation import Line, Many, Record, explain, listed
 
 INVERTIBLE_CONTRAST = 0.02
 """A qubit that shows less of `<Z>` cannot be undone."""
@@ -28,7 +28,6 @@ MOST_ERROR = 0.1
 """A contrast, or an offset, that is known less well needs more shots."""
 _SURE = 3.0
 """The sign of a contrast is known where it is so many standard errors."""
-MARK = b'"qcompile-calibration-'
 _ROUNDING = 1e-6
 
 Count = Annotated[float, Field(ge=0, allow_inf_nan=False)]
@@ -39,11 +38,7 @@ Shots = Annotated[int, Field(ge=1, le=MAX_SHOTS)]
 Degrees = Annotated[int, Field(ge=0, le=1_000_000)]
 
 
-class _Record(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class ReadoutCounts(_Record):
+class ReadoutCounts(Record):
     """Ones of each qubit after each pattern of prepared bits, (patterns, qubits) each.
 
     Without shots `ones` are probabilities.
@@ -63,7 +58,7 @@ class ReadoutCounts(_Record):
         return self
 
 
-class ResponseCounts(_Record):
+class ResponseCounts(Record):
     """Ones of each qubit after sx rz(a) sx (rx(a) where it is native), (circuits, qubits).
 
     `angles_rad` has the angle of each circuit and qubit, or of each circuit where all qubits were
@@ -98,7 +93,7 @@ def _check_ones(ones: tuple[tuple[float, ...], ...], shots: int | None) -> None:
         raise ValueError(f"{most:g} ones in {shots or 1} shots")
 
 
-class ReadoutFit(_Record):
+class ReadoutFit(Record):
     """p10 = P(1 | 0) and p01 = P(0 | 1) of each qubit, with their standard errors."""
 
     p10: Many[Probability]
@@ -119,7 +114,7 @@ class ReadoutFit(_Record):
         return np.asarray(np.hypot(self.p10_error, self.p01_error))
 
 
-class ResponseFit(_Record):
+class ResponseFit(Record):
     """b, c, s of each qubit's measured `<Z>` = b + c cos(a) + s sin(a), with their covariance.
 
     `chi_square` says how well the curve fits, against `degrees_of_freedom` expected.
@@ -199,7 +194,7 @@ def weakness(fit: ReadoutFit | ResponseFit, qubits: Sequence[int]) -> list[str]:
     return []
 
 
-class Calibration(_Record):
+class Calibration(Record):
     """Measured on `qubits` of `device`; entry i of every list below belongs to qubits[i].
 
     `kind` is that of the executor it was measured on, `created` when. `unfitted` says why counts
@@ -208,7 +203,7 @@ class Calibration(_Record):
 
     format: Literal["qcompile-calibration-1"] = "qcompile-calibration-1"
     backend: Line
-    kind: Literal["ideal", "noise-model", "measured-response", "hardware"]
+    kind: Kind
     created: AwareDatetime
     device: Device
     qubits: Many[Annotated[int, Field(ge=0, le=1_000_000)]]
@@ -330,6 +325,6 @@ def is_calibration(path: Path) -> bool:
     if not os.path.isfile(path):  # unlike Path.is_file, False for a name too long to be one
         return False
     try:
-        return MARK in read_file(path)
+        return CALIBRATION_MARK in read_file(path)
     except (OSError, ContentsError):
         return False

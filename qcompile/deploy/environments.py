@@ -17,10 +17,10 @@ from gymnasium.spaces import Box, Discrete
 from qcompile.catalogue import nearest
 from qcompile.errors import EnvironmentMismatchError
 from qcompile.policy import Policy
+from qcompile.terminal import first_line
 
 Environment = gymnasium.Env[Any, Any]
 
-_LONGEST_WORDS = 200
 _USUAL = ("CartPole-v1", "Acrobot-v1", "LunarLander-v3", "MountainCar-v0")
 
 
@@ -51,7 +51,8 @@ def make_environments(
             ]
     except (ImportError, gymnasium.error.DependencyNotInstalled) as error:
         raise EnvironmentMismatchError(
-            f"Environment {name!r} needs a package that is not installed.", *_first_line(error)
+            f"Environment {name!r} needs a package that is not installed.",
+            *_first_line(error),
         ) from error
     except Exception as error:  # an environment is made by code of any kind
         if name in gymnasium.registry:
@@ -114,7 +115,7 @@ def _check_frames(name: str, settings: Mapping[str, Any]) -> None:
 
 
 def _first_line(error: Exception) -> list[str]:
-    return [line[:_LONGEST_WORDS] for line in str(error).splitlines()[:1]]
+    return [line] if (line := first_line(str(error))) else []
 
 
 def features_and_actions(environment: Environment) -> tuple[int, int]:

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from qcompile.deploy.environments import Environment, environment_name
 from qcompile.errors import EnvironmentStepError
+from qcompile.terminal import first_line
 
 _NUMBERS = "biuf"
 """The kinds of numpy types that are real numbers."""
-_LONGEST_WORDS = 200
 _LARGEST_REWARD = 1e150
 """The squares of larger ones overflow, so that they have no deviation."""
 
@@ -105,7 +105,6 @@ class Stepper:
         return EnvironmentStepError(f"{name}, episode of seed {self.seed}, {where}: {what}", *hints)
 
     def _failed(self, error: Exception) -> EnvironmentStepError:
-        words = str(error).strip().splitlines()
         # a wrapper took the answer apart
         if isinstance(error, ValueError | TypeError) and "unpack" in str(error):
             return self._wrong_step(None)
@@ -113,7 +112,7 @@ class Stepper:
             return self.error(
                 "reset takes no seed.", "It must be reset(*, seed=None, options=None)."
             )
-        said = words[0][:_LONGEST_WORDS] if words else type(error).__name__
+        said = first_line(str(error)) or type(error).__name__
         return self.error(f"the environment failed: {said}")
 
     def _wrong_step(self, answer: Any) -> EnvironmentStepError:

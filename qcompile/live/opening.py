@@ -18,6 +18,7 @@ from typing import Any
 from qcompile.errors import LiveError
 from qcompile.live import schema
 from qcompile.reading import load_json
+from qcompile.terminal import one_line
 
 FILE = "journal.sqlite"
 _RESTORE = "Copy the run to a folder that can be written; if it is damaged, restore it."
@@ -99,7 +100,7 @@ def reading(path: Path) -> Iterator[None]:
             raise
         raise LiveError(f"{path}: {error}") from error
     except (sqlite3.Error, ValueError, TypeError, RecursionError, OverflowError) as error:
-        words = " ".join(str(error).split())[:200].rstrip(".")
+        words = one_line(str(error), 200).rstrip(".")
         why = words if isinstance(error, sqlite3.Error) else "it is damaged"
         raise LiveError(f"{path} cannot be read: {why}.", _RESTORE) from error
 
@@ -161,7 +162,7 @@ def check_pages(db: sqlite3.Connection, path: Path) -> None:
     with reading(path):
         words = str(db.execute("PRAGMA integrity_check(1)").fetchone()[0])
         if words != "ok":
-            raise LiveError(f"{path} is damaged: {' '.join(words.split())[:200]}.", _RESTORE)
+            raise LiveError(f"{path} is damaged: {one_line(words, 200)}.", _RESTORE)
 
 
 def json_object(text: str | None) -> dict[str, Any]:

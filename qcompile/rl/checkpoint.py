@@ -23,6 +23,7 @@ from qcompile.reading import ContentsError, load_json, read_file, read_torch
 from qcompile.rl.models import critic_size, model_size
 from qcompile.rl.ppo import Trainer
 from qcompile.rl.settings import PACKAGES, Settings, plain, restored
+from qcompile.terminal import first_line
 from qcompile.validation import Line, explain
 from qcompile.version import versions
 
@@ -141,13 +142,13 @@ def load_checkpoint(path: Path) -> tuple[Trainer, list[str]]:
         trainer.restore({**saved.tensors.model_dump(), **state.model_dump()})
     except EnvironmentStepError as error:
         what = f"Checkpoint {path} is damaged, or its environment has changed."
-        raise TrainingError(what, str(error).splitlines()[0]) from error
+        raise TrainingError(what, first_line(str(error))) from error
     except QcompileError:
         raise
     except (ContentsError, ValidationError) as error:
         raise TrainingError(f"Checkpoint {path} is damaged.", *explain(error, 1)) from error
     except Exception as error:  # wrong values lead torch and the environments into any error
-        why = f"{type(error).__name__}: {error}".splitlines()[0][:200]
+        why = first_line(f"{type(error).__name__}: {error}")
         raise TrainingError(f"Checkpoint {path} is damaged.", why) from error
     now = versions(*PACKAGES)
     differ = [

@@ -17,7 +17,7 @@ from qcompile.policy import Policy
 from qcompile.rl.advantage import ReturnScale, generalised_advantage
 from qcompile.rl.draw import draw_actions
 from qcompile.rl.flat import FlatParameters
-from qcompile.rl.models import SVQC, Surrogate, make_critic, make_model, parameter_count
+from qcompile.rl.models import SVQC, SurrogateModel, make_critic, make_model, parameter_count
 from qcompile.rl.noise import ActingNoise
 from qcompile.rl.pause import Pause
 from qcompile.rl.rollout import Collector, FinishedEpisode, Rollout
@@ -151,7 +151,7 @@ class Trainer:
 
     def policy(self) -> Policy | None:
         """The policy as it is, if it can be deployed."""
-        if not isinstance(self.actor, SVQC | Surrogate):
+        if not isinstance(self.actor, SVQC | SurrogateModel):
             return None
         metadata: dict[str, Any] = {
             "seed": self.seed,
