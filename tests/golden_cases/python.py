@@ -28,7 +28,7 @@ from qcompile.qasm import write as write_qasm
 from qcompile.rl.presets import settings_for
 from qcompile.rl.settings import Settings
 from qcompile.sweep.engine import run_all
-from qcompile.sweep.study.study import write_up
+from qcompile.sweep.study.write_up import write_up
 
 from .case import Expression
 from .inputs import calibration, policy, write
@@ -159,7 +159,7 @@ CASES = tuple(
         "predistorted(executable, readout)",
         "fit_readout(np.zeros((2, 1), int), ones, 10, np.array([0]))",
         "fit_response(np.zeros(2), ones, 10, np.array([0]))",
-        "IBMExecutor.expectation(executor, executable, x, theta)",
+        "IBMExecutor(executor.device, None).expectation(executable, x, theta)",
         "replace(policy, bias=np.zeros(3))",
         "replace(policy, bias=np.array([0.0, np.nan]))",
         "replace(policy, encoder=replace(policy.encoder, scale=np.full(4, 1e30)))",
