@@ -86,7 +86,6 @@ def ctrl_c(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
             yield show
 
         monkeypatch.setattr("qcompile.report.progress.progress_bar", bar)
-        monkeypatch.setattr("qcompile.verbs.run.progress_bar", bar)
 
     return after
 

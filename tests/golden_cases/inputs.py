@@ -114,7 +114,9 @@ def ctrl_c_after(episodes: int) -> Change:
         counted = 0
 
         @contextmanager
-        def bar(title: str, total: float) -> Iterator[Callable[[float, str], None]]:
+        def bar(
+            title: str, total: float, *, enabled: bool = True
+        ) -> Iterator[Callable[[float, str], None]]:
             def show(done: float, words: str) -> None:
                 nonlocal counted
                 counted += done > 0
