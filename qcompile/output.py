@@ -1,4 +1,4 @@
-"""Files and folders that appear whole or not at all."""
+"""Files and folders that appear whole or not at all, even where the machine crashes meanwhile."""
 
 from __future__ import annotations
 
@@ -44,8 +44,11 @@ def write_file(path: Path, contents: bytes) -> None:
         try:
             with os.fdopen(handle, "wb") as file:
                 file.write(contents)
+                file.flush()
+                os.fsync(file.fileno())
             os.chmod(temporary, _mode(target))
             os.replace(temporary, target)
+            sync(target.parent)
         except BaseException:
             Path(temporary).unlink(missing_ok=True)
             raise
@@ -53,6 +56,20 @@ def write_file(path: Path, contents: bytes) -> None:
         raise  # the reader has had enough
     except OSError as error:
         raise _cannot_write(path, error) from error
+
+
+def sync(folder: Path) -> None:
+    """Have the names in a folder on the disk, where the system has a way to ask for that."""
+    if not hasattr(os, "O_DIRECTORY"):
+        return
+    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(handle)
+    except OSError as error:
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP):  # some network file systems
+            raise
+    finally:
+        os.close(handle)
 
 
 def resolved(path: Path) -> Path:
@@ -126,10 +143,21 @@ def new_folder(path: Path) -> Iterator[Path]:
     try:
         yield temporary
         temporary.chmod(0o777 & ~_umask())
+        _sync_contents(temporary)
         os.replace(temporary, path)
+        sync(path.parent)
     except QcompileError:
         raise
     except OSError as error:
         raise _cannot_write(path, error) from error
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _sync_contents(folder: Path) -> None:
+    """Have on the disk what was written to a folder and to those within it."""
+    for inside, _, names in os.walk(folder):
+        for name in names:
+            with open(os.path.join(inside, name), "rb+") as file:
+                os.fsync(file.fileno())
+        sync(Path(inside))

@@ -6,7 +6,6 @@ types that a journal has, and nothing in it that SQLite would execute.
 
 from __future__ import annotations
 
-import os
 import shutil
 import sqlite3
 import tempfile
@@ -17,6 +16,7 @@ from typing import Any
 
 from qcompile.errors import LiveError
 from qcompile.live import schema
+from qcompile.output import sync
 from qcompile.reading import load_json
 from qcompile.terminal import one_line
 
@@ -197,22 +197,12 @@ def write_journal(folder: Path, fill: Callable[[sqlite3.Connection], None]) -> N
             temporary.rename(folder)
         finally:
             shutil.rmtree(temporary, ignore_errors=True)
-        _sync(folder.parent)
+        sync(folder.parent)
     except (OSError, sqlite3.Error) as error:
         raise LiveError(
             f"The run's journal cannot be written to {folder}: {error}.",
             "Nothing was sent. Choose another folder with --runs.",
         ) from error
-
-
-def _sync(folder: Path) -> None:
-    """Have the names in a folder on the disk, where a system can."""
-    if hasattr(os, "O_DIRECTORY"):
-        handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)
 
 
 def _text(contents: bytes) -> str:
