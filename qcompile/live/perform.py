@@ -198,7 +198,7 @@ def finished(journal: Journal) -> dict[str, Any]:
 
 def where_it_stands(journal: Journal) -> str:
     """A line of words: jobs and steps of the run so far."""
-    steps = f", steps played: {journal.step_count()}" if journal.kind == "run" else ""
+    steps = f", steps played: {len(journal.steps)}" if journal.kind == "run" else ""
     return f"Jobs done: {journal.jobs_done()}{steps}; all of it is kept."
 
 

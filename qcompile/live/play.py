@@ -92,13 +92,13 @@ class Steps:
             LiveError: the recorded actions are damaged.
             ReplayError: the observations are not those recorded.
         """
-        step = self._journal.step(self._number)
+        step = self._journal.steps.at(self._number)
         self._say(f"step {self._number + 1}")
         if self._copy_of == "place":
             rows = replace(rows, order=np.arange(len(observations)))
         if step is None:
             actions = act(observations, rows)
-            self._journal.note_actions(self._number, observations, actions)
+            self._journal.steps.note_actions(self._number, observations, actions)
             return actions
         self._check("observations", step.observations, observations)
         drawn, recorded = act(observations, rows), step.actions
@@ -115,9 +115,9 @@ class Steps:
         Raises:
             ReplayError: it is not what is recorded.
         """
-        step = self._journal.step(self._number)
+        step = self._journal.steps.at(self._number)
         if step is None or step.rewards is None:
-            self._journal.note_rewards(self._number, rewards)
+            self._journal.steps.note_rewards(self._number, rewards)
         else:
             self._check("rewards", step.rewards, np.array(rewards))
         self._number += 1

@@ -28,7 +28,7 @@ def overview(journal: Journal) -> dict[str, Any]:
         "state": "unfinished" if journal.result is None else "finished",
         "jobs_done": states.get("done", 0),
         "jobs_open": states.get("sending", 0) + states.get("sent", 0),
-        "steps": journal.step_count(),
+        "steps": len(journal.steps),
         **costs(journal),
     }
 
@@ -56,7 +56,7 @@ def exported(journal: Journal) -> dict[str, Any]:
             "actions": step.actions.tolist(),
             "rewards": None if step.rewards is None else step.rewards.tolist(),
         }
-        for step in map(journal.step, range(journal.step_count()))
+        for step in map(journal.steps.at, range(len(journal.steps)))
         if step is not None
     ]
     return {
