@@ -2,8 +2,8 @@
 
 A p01 = P(0 | 1) that is raised by an effect moves the `<Z>` of its qubit by effect (1 - u), where
 u = cos(w - tilt) is the `<Z>` before the readout: a move of (b, c, s) of its curve. The chi-square
-of `check_twin` is then noncentral, by v' (A^-1 + C)^-1 v = v' A (1 + C A)^-1 v: v is that move, A is
-the information of the shots and C the covariance of the calibrated curve.
+of `check_twin` is then noncentral, by v' (A^-1 + C)^-1 v = v' A (1 + C A)^-1 v, where v is that
+move, A the information of the shots and C the covariance of the calibrated curve.
 """
 
 from __future__ import annotations
