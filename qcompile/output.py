@@ -1,4 +1,4 @@
-"""Files and folders that appear whole or not at all, even where the machine crashes meanwhile."""
+"""Files and folders that appear whole or not at all: files even where the machine crashes."""
 
 from __future__ import annotations
 
@@ -143,21 +143,10 @@ def new_folder(path: Path) -> Iterator[Path]:
     try:
         yield temporary
         temporary.chmod(0o777 & ~_umask())
-        _sync_contents(temporary)
         os.replace(temporary, path)
-        sync(path.parent)
     except QcompileError:
         raise
     except OSError as error:
         raise _cannot_write(path, error) from error
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
-
-
-def _sync_contents(folder: Path) -> None:
-    """Have on the disk what was written to a folder and to those within it."""
-    for inside, _, names in os.walk(folder):
-        for name in names:
-            with open(os.path.join(inside, name), "rb+") as file:
-                os.fsync(file.fileno())
-        sync(Path(inside))

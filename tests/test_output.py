@@ -146,9 +146,7 @@ def test_links_that_lead_to_each_other_raise_nothing_else(tmp_path: Path) -> Non
     assert (tmp_path / "a").read_bytes() == b"x"
 
 
-def test_a_power_cut_leaves_a_file_or_folder_whole(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_power_cut_leaves_a_file_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What is inside is on the disk before it has its name, and the name before it is used."""
     real, synced = os.fsync, []
 
@@ -166,11 +164,3 @@ def test_a_power_cut_leaves_a_file_or_folder_whole(
     (inside, text, before), (folder, _, after) = synced
     assert (inside, text, folder) == ("file", "new", tmp_path.name)
     assert ("file" in before, "file" in after) == (False, True)
-    synced.clear()
-    with new_folder(tmp_path / "folder") as draft:
-        (draft / "part").write_text("first")
-    assert [(name, text, "folder" in there) for name, text, there in synced] == [
-        ("part", "first", False),
-        ("folder", "", False),
-        (tmp_path.name, "", True),
-    ]

@@ -45,7 +45,7 @@ def make_environments(
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            made = [
+            environments = [
                 gymnasium.make(name, disable_env_checker=True, **settings)
                 for _ in range(count)  # that checker looks at one step; deploy/stepping.py at all
             ]
@@ -66,11 +66,11 @@ def make_environments(
             *(() if isinstance(error, missing) else _first_line(error)),
             nearest(name, [*_USUAL, *gymnasium.registry]),
         ) from error
-    for environment in made[:1]:
+    for environment in environments[:1]:
         features_and_actions(environment)
     if film:
         _check_frames(name, settings)
-    return made
+    return environments
 
 
 def close_environments(environments: Iterable[Environment]) -> None:
@@ -105,8 +105,8 @@ def _check_frames(name: str, settings: Mapping[str, Any]) -> None:
         if is_picture and 0 < rate < np.inf:
             return
         kind = f"of type {dtype}" if dtype is not None else f"a {type(frame).__name__}"
-        found = "None" if frame is None else f"{kind} and shape {shape}"
-        why = [f"A frame is {found}, {rate:g} a second."]
+        rendered = "None" if frame is None else f"{kind} and shape {shape}"
+        why = [f"A frame is {rendered}, {rate:g} a second."]
     raise EnvironmentMismatchError(
         f"Environment {name!r} cannot be filmed: it renders no pictures.",
         *why,

@@ -63,20 +63,20 @@ def lockstep(
         actions = act(observations, rows).tolist()
         on_step(rows)
         length += 1
-        seen = np.empty_like(observations)
+        following = np.empty_like(observations)
         ended = np.zeros(len(living), dtype=bool)
         rewards: list[float] = []
         for i, (stepper, action) in enumerate(zip(living, actions, strict=True)):
-            seen[i], reward, terminated, truncated = stepper.step(action)
+            following[i], reward, terminated, truncated = stepper.step(action)
             rewards.append(reward)
             if stepper is filmed and on_frame is not None:
                 on_frame(stepper.environment.render(), fps)  # type: ignore[arg-type]
             if terminated or truncated or length == max_steps:
                 ended[i] = True
                 on_episode(Episode(stepper.seed, stepper.reward, length))
-        check_finite(living, seen)
+        check_finite(living, following)
         if ended.any():
             living = [stepper for stepper, over in zip(living, ended, strict=True) if not over]
-            seen, numbers = seen[~ended], numbers[~ended]
-        observations = seen
+            following, numbers = following[~ended], numbers[~ended]
+        observations = following
         on_rewards(rewards)

@@ -37,7 +37,7 @@ from qcompile.live.opening import (
 )
 from qcompile.live.records import State, Submission, to_bytes
 from qcompile.live.steps import Steps
-from qcompile.live.words import said
+from qcompile.live.words import quoted
 
 TaskKind = Literal["run", "calibrate", "validate"]
 
@@ -215,9 +215,9 @@ class Journal:
 
     def submissions(self, where: str = "TRUE", *values: object) -> list[Submission]:
         """Every attempt for which `where` holds, in order."""
-        own = ", ".join(f"submission.{column}" for column in Submission.COLUMNS.split(", "))
+        columns = ", ".join(f"submission.{column}" for column in Submission.COLUMNS.split(", "))
         rows = self._db.rows(
-            f"SELECT {own}, charge.charged_s FROM submission "
+            f"SELECT {columns}, charge.charged_s FROM submission "
             "LEFT JOIN charge ON charge.job_id = submission.job_id "
             f"WHERE {where} ORDER BY submission.number, attempt",
             *values,
@@ -289,7 +289,7 @@ class Journal:
 
     def note_failed(self, submission: Submission, words: str) -> None:
         """It ended without counts; `words` of the service are kept without what is secret."""
-        self._note(submission, "state = 'failed', words = ?", said(words))
+        self._note(submission, "state = 'failed', words = ?", quoted(words))
 
     def _note(self, submission: Submission, what: str, *values: object) -> None:
         self._db.do(f"UPDATE submission SET {what} WHERE tag = ?", *values, submission.tag)

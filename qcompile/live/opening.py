@@ -145,12 +145,12 @@ def check_values(db: sqlite3.Connection, path: Path, format_: str) -> None:
                 f"WHEN NOT ifnull({rule.format(column)}, 0) THEN '{column}'"
                 for column, rule in rules.items()
             )
-            found = db.execute(
+            wrong = db.execute(
                 f"SELECT wrong FROM (SELECT CASE {tests} END AS wrong FROM {table}) "
                 "WHERE wrong IS NOT NULL LIMIT 1"
             ).fetchone()
-            if found is not None:
-                raise LiveError(f"{path} is damaged: {found[0]} of a {table} is wrong.", _RESTORE)
+            if wrong is not None:
+                raise LiveError(f"{path} is damaged: {wrong[0]} of a {table} is wrong.", _RESTORE)
 
 
 def check_pages(db: sqlite3.Connection, path: Path) -> None:
@@ -171,10 +171,10 @@ def json_object(text: str | None) -> dict[str, Any]:
     Raises:
         ValueError: it holds none.
     """
-    found = load_json(text) if isinstance(text, str) else None
-    if not isinstance(found, dict):
+    value = load_json(text) if isinstance(text, str) else None
+    if not isinstance(value, dict):
         raise ValueError("no object")
-    return found
+    return value
 
 
 def write_journal(folder: Path, fill: Callable[[sqlite3.Connection], None]) -> None:

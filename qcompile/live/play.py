@@ -57,8 +57,8 @@ class RunTask(Task, RunSettings):
         """
         deployment = self.deploy(IBMExecutor(self.device, context.jobs))
         actions = len(deployment.policy.bias)
-        steps = Steps(context.jobs.journal, actions, self.copy_of, context.say)
-        run = play(deployment, self.episodes, record=steps)
+        recorder = Recorder(context.jobs.journal, actions, self.copy_of, context.say)
+        run = play(deployment, self.episodes, record=recorder)
         if run.interrupted:
             raise KeyboardInterrupt
         return run.summary()
@@ -68,7 +68,7 @@ class RunTask(Task, RunSettings):
         return Deployment(self.policy.policy(), backend, self.settings)
 
 
-class Steps:
+class Recorder:
     """Records the steps of a run; those that the journal has are played again and checked.
 
     A recorded step takes its recorded actions, which lie in [0, `actions`). The deployment is asked
@@ -122,9 +122,11 @@ class Steps:
             self._check("rewards", step.rewards, np.array(rewards))
         self._number += 1
 
-    def _check(self, what: str, recorded: NDArray[Any], found: NDArray[Any]) -> None:
-        same = recorded.shape == found.shape
-        if not same or not np.allclose(recorded, found, _ROUNDING, _ROUNDING, equal_nan=True):
+    def _check(self, what: str, recorded: NDArray[Any], actual: NDArray[Any]) -> None:
+        same_shape = recorded.shape == actual.shape
+        if not same_shape or not np.allclose(
+            recorded, actual, _ROUNDING, _ROUNDING, equal_nan=True
+        ):
             raise ReplayError(
                 f"The {what} of step {self._number} are not those recorded: the environment does "
                 "not repeat itself."

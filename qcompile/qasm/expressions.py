@@ -124,12 +124,12 @@ class Scope:
             CircuitError: the name is unknown, or has no value yet.
         """
         if name in self.variables:
-            found = self.variables[name]
-            if found is None:
+            value = self.variables[name]
+            if value is None:
                 raise CircuitError(
                     f"{name!r} has no value yet.", "Assign one before its first use."
                 )
-            return found
+            return value
         if name not in self.constants:
             names = [name for name in (*self.constants, *self.variables) if name.isascii()]
             raise CircuitError(f"Unknown name {name!r}.", nearest(name, names))

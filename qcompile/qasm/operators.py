@@ -95,9 +95,9 @@ def binary(symbol: str, left: Value, right: Value, *, to_whole: bool) -> Value:
     if "bit" in (left.type.kind, right.type.kind):
         raise NoOperationError
     if "angle" in (left.type.kind, right.type.kind):
-        found = _angles(symbol, left, right)
-        if found is not None:
-            return found
+        result = _angles(symbol, left, right)
+        if result is not None:
+            return result
     elif isinstance(left.number, int) and isinstance(right.number, int):
         return _whole_numbers(symbol, left, right, to_whole)
     return _reals(symbol, left, right)

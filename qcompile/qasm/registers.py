@@ -110,13 +110,13 @@ class Registers:
         """The qubits or bits that an operand names; `kind` says which they must be."""
         match node:
             case ast.Identifier():
-                found = self._lookup(node.name)
+                reference = self._lookup(node.name)
             case ast.IndexedIdentifier():
-                found = self._lookup(node.name.name)
+                reference = self._lookup(node.name.name)
                 for index in node.indices:
-                    found = _index(found, index, node, scope)
+                    reference = _index(reference, index, node, scope)
             case ast.IndexExpression():
-                found = _index(self.resolve(node.collection, scope), node.index, node, scope)
+                reference = _index(self.resolve(node.collection, scope), node.index, node, scope)
             case ast.Concatenation():
                 left, right = self.resolve(node.lhs, scope), self.resolve(node.rhs, scope)
                 if left.kind != right.kind:
@@ -124,12 +124,12 @@ class Registers:
                 both = (*left.positions, *right.positions)
                 if len(set(both)) != len(both):
                     raise CircuitError(f"{shown(node)!r} holds a {left.kind} twice.")
-                found = Reference(left.kind, both, single=False)
+                reference = Reference(left.kind, both, single=False)
             case _:
                 raise CircuitError(f"{shown(node)!r} is not a qubit or bit.")
-        if kind is not None and found.kind != kind:
-            raise CircuitError(f"{shown(node)!r} is a {found.kind}, not a {kind}.")
-        return found
+        if kind is not None and reference.kind != kind:
+            raise CircuitError(f"{shown(node)!r} is a {reference.kind}, not a {kind}.")
+        return reference
 
     def _lookup(self, name: str) -> Reference:
         if name not in self._references and re.fullmatch(r"\$\d{1,9}", name):

@@ -152,9 +152,9 @@ def load_checkpoint(path: Path) -> tuple[Trainer, list[str]]:
         raise TrainingError(f"Checkpoint {path} is damaged.", why) from error
     now = versions(*PACKAGES)
     differ = [
-        f"{name} {made} then, {now.get(name, 'none')} now"
-        for name, made in saved.versions.items()
-        if made != now.get(name)
+        f"{name} {version} then, {now.get(name, 'none')} now"
+        for name, version in saved.versions.items()
+        if version != now.get(name)
     ]
     return trainer, differ
 
@@ -177,9 +177,9 @@ def _check_sizes(settings: Settings, saved: _Saved, state: _Plain) -> None:
 
 
 def _check_model(name: str, tensors: Mapping[str, torch.Tensor], size: int) -> None:
-    found = sum(tensor.numel() for tensor in tensors.values())
-    if found != size:
-        raise ContentsError(f"Its {name} has {found:,} numbers, by its settings {size:,}.")
+    count = sum(tensor.numel() for tensor in tensors.values())
+    if count != size:
+        raise ContentsError(f"Its {name} has {count:,} numbers, by its settings {size:,}.")
     if not all(torch.isfinite(tensor).all() for tensor in tensors.values()):
         raise ContentsError(f"Its {name} has a number that is not finite.")
 
@@ -201,11 +201,11 @@ def _read(path: Path) -> _Saved:
             *explain(error),
             "Name a file that `qcompile train --checkpoint` wrote, and wrote to its end.",
         ) from error
-    found = saved.get("format") if isinstance(saved, dict) else type(saved).__name__
-    if found != FORMAT:
+    format_ = saved.get("format") if isinstance(saved, dict) else type(saved).__name__
+    if format_ != FORMAT:
         raise TrainingError(
             f"{path} is not a checkpoint that this version reads; "
-            f"its format is {ascii(found)[:60]}.",
+            f"its format is {ascii(format_)[:60]}.",
             f"Needed: {FORMAT!r}, as `qcompile train --checkpoint` writes it.",
         )
     missing = sorted(set(_Saved.model_fields) - set(saved))

@@ -273,8 +273,8 @@ class Trainer:
         """
         self.actor.load_state_dict(state["actor"])
         self._critic.load_state_dict(state["critic"])
-        own = self._optimiser.state_dict()  # its groups: Adam's settings are not the file's
-        self._optimiser.load_state_dict(own | {"state": state["optimiser"]["state"]})
+        adam = self._optimiser.state_dict()  # the settings of its groups are not the file's
+        self._optimiser.load_state_dict(adam | {"state": state["optimiser"]["state"]})
         for flat in self._learned:
             moments = self._optimiser.state[flat.parameter]
             for name in ("exp_avg", "exp_avg_sq") if moments else ():
