@@ -186,7 +186,7 @@ def _prepare(prepared: IntArray, qubits: IntArray, device: Device) -> Executable
 
 
 def _turn(qubits: IntArray, device: Device, order_of: IntArray) -> Executable:
-    """The response circuit on every one of `qubits`; `own` has the number of the input a."""
+    """The response circuit on every one of `qubits`; `order_of` has the number of the input a."""
     inputs = tuple(f"x{order}" for order in range(order_of.max() + 1))
     circuits = tuple(device.native.response_circuit(Angle.symbol(inputs[i])) for i in order_of)
     program = Program(circuits, inputs)

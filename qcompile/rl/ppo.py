@@ -14,11 +14,11 @@ from torch.nn.functional import cross_entropy, mse_loss
 
 from qcompile.errors import TrainingError
 from qcompile.policy import Policy
+from qcompile.rl.acting_noise import ActingNoise
 from qcompile.rl.advantage import ReturnScale, generalised_advantage
 from qcompile.rl.draw import draw_actions
 from qcompile.rl.flat import FlatParameters
 from qcompile.rl.models import SVQC, SurrogateModel, make_critic, make_model, parameter_count
-from qcompile.rl.noise import ActingNoise
 from qcompile.rl.pause import Pause
 from qcompile.rl.rollout import Collector, FinishedEpisode, Rollout
 from qcompile.rl.settings import PACKAGES, Settings, plain

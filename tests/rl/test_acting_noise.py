@@ -10,8 +10,8 @@ import torch
 
 from qcompile.deploy.deployment import Deployment
 from qcompile.device import load_device
+from qcompile.rl.acting_noise import ActingNoise
 from qcompile.rl.models import SVQC
-from qcompile.rl.noise import ActingNoise
 from qcompile.rl.ppo import Trainer, TrainingResult
 from qcompile.rl.settings import Settings
 
