@@ -145,7 +145,7 @@ def test_a_killed_training_goes_on_from_the_last_checkpoint(
 def test_checkpoints_are_ten_seconds_apart(qcompile: Call, monkeypatch: pytest.MonkeyPatch) -> None:
     """The clock of each episode is 4 seconds on: written after the 3rd and the 6th, and at the
     end."""
-    from qcompile.report import watch
+    from qcompile.rl import watch
 
     now, saved = [0.0], []
 
