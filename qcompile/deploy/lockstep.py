@@ -64,7 +64,7 @@ def lockstep(
         on_step(rows)
         length += 1
         seen = np.empty_like(observations)
-        ended = np.zeros(len(living), dtype=bool)
+        over: list[int] = []
         rewards: list[float] = []
         for i, (stepper, action) in enumerate(zip(living, actions, strict=True)):
             seen[i], reward, terminated, truncated = stepper.step(action)
@@ -72,11 +72,11 @@ def lockstep(
             if stepper is filmed and on_frame is not None:
                 on_frame(stepper.environment.render(), fps)  # type: ignore[arg-type]
             if terminated or truncated or length == max_steps:
-                ended[i] = True
+                over.append(i)
                 on_episode(Episode(stepper.seed, stepper.reward, length))
         check_finite(living, seen)
-        if ended.any():
-            living = [stepper for stepper, over in zip(living, ended, strict=True) if not over]
-            seen, numbers = seen[~ended], numbers[~ended]
+        if over:
+            living = [stepper for i, stepper in enumerate(living) if i not in over]
+            seen, numbers = np.delete(seen, over, axis=0), np.delete(numbers, over)
         observations = seen
         on_rewards(rewards)
