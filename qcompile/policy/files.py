@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import pickle
-from os import PathLike
+from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
