@@ -85,7 +85,8 @@ class RunSettings(BaseModel):
         if mitigation is None:
             measured = "readout" if known is None else known.mitigation
             mitigation = "none" if self.predistort or device.is_ideal else measured
-        settings = self.model_copy(update={"mitigation": mitigation, "copies": self.copies or 1})
+        copies = 1 if self.copies is None else self.copies
+        settings = self.model_copy(update={"mitigation": mitigation, "copies": copies})
         settings._check()
         return settings
 

@@ -40,7 +40,8 @@ class CalibrationOutputs:
         """
         if self.plot is not None and self.plot.suffix != ".png":
             raise OptionError(f"{self.plot} must end with .png.")
-        check_distinct({**inputs, "out": self.out, "plot": self.plot})
+        check_distinct({**inputs, "plot": self.plot})
+        check_distinct({"out": self.out, "plot": self.plot})
 
     def into(self, backend: str) -> CalibrationOutputs:
         """The same, with the usual name of the file of that device where none is named."""

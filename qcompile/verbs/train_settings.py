@@ -104,7 +104,7 @@ class Wanted:
         if changing:
             raise OptionError(
                 f"{' and '.join(changing)} cannot be given with resume: "
-                "settings come from the checkpoint."
+                "the checkpoint has the settings."
             )
         trainer, differ = load_checkpoint(checkpoint)
         saved = (trainer.environment, trainer.settings.model, trainer.seed)

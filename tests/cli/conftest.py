@@ -11,6 +11,9 @@ from typing import Any
 
 import pytest
 
+BARS = tuple(f"qcompile.verbs.{verb}" for verb in ("run", "train", "evaluate", "study"))
+"""Where episodes, cells and trainings are counted."""
+
 
 @pytest.fixture(autouse=True)
 def empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
@@ -74,7 +77,7 @@ def ctrl_c(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
         counted = 0
 
         @contextmanager
-        def bar(title: str, total: float) -> Iterator[Callable[[float, str], None]]:
+        def bar(*_: object, **__: object) -> Iterator[Callable[[float, str], None]]:
             def show(done: float, words: str) -> None:
                 nonlocal counted
                 counted += done > 0
@@ -83,7 +86,8 @@ def ctrl_c(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
 
             yield show
 
-        monkeypatch.setattr("qcompile.report.progress.progress_bar", bar)
+        for module in BARS:
+            monkeypatch.setattr(f"{module}.progress_bar", bar)
 
     return after
 
@@ -92,3 +96,11 @@ def ctrl_c(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
 def left() -> Callable[[], list[str]]:
     """The names of everything in the folder, hidden and temporary files included."""
     return lambda: sorted(str(path) for path in Path().rglob("*"))
+
+
+@pytest.fixture
+def nothing_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    def calibrate(*_: object, **__: object) -> None:
+        pytest.fail("measured before the words were checked")
+
+    monkeypatch.setattr("qcompile.verbs.calibrate.measure_qubits", calibrate)

@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 
 from qcompile.errors import CalibrationError
-from qcompile.sweep.evaluation.cell import CellFailure, run_cell
+from qcompile.sweep.complete import CellFailure
+from qcompile.sweep.evaluation.cell import run_cell
 
 from .case import Command
 from .inputs import calibration, device, policy, write
@@ -25,14 +26,14 @@ def failing(patch: pytest.MonkeyPatch) -> None:
         error = CalibrationError("Qubit 3 cannot be calibrated.", "Leave it out.")
         return CellFailure(cell.name, str(error))
 
-    patch.setattr("qcompile.sweep.evaluation.cell.run_cell", run)
+    patch.setattr("qcompile.sweep.evaluation.run.run_cell", run)
 
 
 def interrupted(patch: pytest.MonkeyPatch) -> None:
     def run_all(*_: Any, **__: Any) -> None:
         raise KeyboardInterrupt
 
-    patch.setattr("qcompile.sweep.engine.run_all", run_all)
+    patch.setattr("qcompile.sweep.complete.run_all", run_all)
 
 
 def losing(patch: pytest.MonkeyPatch) -> None:
@@ -40,7 +41,7 @@ def losing(patch: pytest.MonkeyPatch) -> None:
         on_loss("workers were lost (killed); 3 cells run again")
         raise KeyboardInterrupt
 
-    patch.setattr("qcompile.sweep.engine.run_all", run_all)
+    patch.setattr("qcompile.sweep.complete.run_all", run_all)
 
 
 def files() -> None:

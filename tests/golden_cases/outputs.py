@@ -55,7 +55,7 @@ def nothing_runs(cells: Sequence[object], *_: object, **__: object) -> None:
     assert not cells, "the cells of docs/ are not those that are asked for"
 
 
-ALL_STORED = setting("qcompile.sweep.engine.run_all", nothing_runs)
+ALL_STORED = setting("qcompile.sweep.complete.run_all", nothing_runs)
 GREEDY = "run tiny.json --episodes 5 --shots exact --greedy"
 
 RUN = (

@@ -139,7 +139,7 @@ CASES = (
     Command(
         "show plain.json",
         "with 5 gates at most",
-        setting("qcompile.policy.files.MAX_POLICY_GATES", 5),
+        setting("qcompile.policy.schema.MAX_POLICY_GATES", 5),
     ),
     Command(
         "show plain.json",

@@ -28,7 +28,7 @@ from qcompile.qasm import write as write_qasm
 from qcompile.rl.presets import settings_for
 from qcompile.rl.settings import Settings
 from qcompile.sweep.engine import run_all
-from qcompile.sweep.study.study import write_up
+from qcompile.sweep.study.write_up import write_up
 
 from .case import Expression
 from .inputs import calibration, policy, write

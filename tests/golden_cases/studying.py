@@ -15,10 +15,10 @@ ROW = "study paper --row cartpole-svqc-paper --episodes 3 --evaluation 2 --seeds
 
 
 def interrupted(patch: pytest.MonkeyPatch) -> None:
-    def run_cells(*_: Any, **__: Any) -> None:
+    def run_all(*_: Any, **__: Any) -> None:
         raise KeyboardInterrupt
 
-    patch.setattr("qcompile.sweep.engine.run_cells", run_cells)
+    patch.setattr("qcompile.sweep.complete.run_all", run_all)
 
 
 def failing(patch: pytest.MonkeyPatch) -> None:
