@@ -20,9 +20,11 @@ from qcompile.live.journal import FILE, Journal
 from qcompile.live.perform import costs, task_of
 from qcompile.live.play import RunTask
 from qcompile.mitigation import calibrate
+from qcompile.noise import usable
 from qcompile.passes import compile
 from qcompile.policy import Policy, load_policy, save_policy
 from qcompile.policy.files import policy_values
+from qcompile.policy.refusals import UnsupportedPolicyError
 from qcompile.qasm import read_file, write
 from qcompile.report.live import exported
 from qcompile.rl.checkpoint import load_checkpoint, save_checkpoint
@@ -64,8 +66,18 @@ def saved(save: Callable[[Path], object], name: str) -> bytes:
 
 
 def policies(suffix: str) -> list[bytes]:
-    found = [policy(), load_policy(ROOT / "trained" / "cartpole_1q.pt")]
+    encoder = replace(policy().encoder, function="clip", gain=np.full(len(policy().theta), 0.5))
+    later = replace(policy(), encoder=encoder, environment_kwargs={"sutton_barto_reward": True})
+    found = [policy(), load_policy(ROOT / "trained" / "cartpole_1q.pt"), later]
     return [saved(partial(save_policy, one), f"p{suffix}") for one in found]
+
+
+def wide_policies() -> list[bytes]:
+    """One with all of format 2 that this version reads and cannot run."""
+    values = policy_values(policy()) | {"format": "qcompile-policy-2", "decision": "born"}
+    block = {"qubits": 4, "gates": [["ry", "x0", 0], ["cz", 0, 1], ["rx", 0.5, 3]]}
+    values |= {"circuits": [block], "observables": [[0, 1], [3]], "hold": 2}
+    return [json.dumps(values | {"weights": [[0.5, 1.0]] * 2}).encode()]
 
 
 def use_policy(path: Path) -> object:
@@ -74,6 +86,14 @@ def use_policy(path: Path) -> object:
     if sum(map(len, loaded.program.circuits)) < 200:
         write(compile(loaded.trained_program, IDEAL, 0, loaded.importance).native)
     return loaded
+
+
+def use_wide_policy(path: Path) -> object:
+    """Read and checked whole, which comes before it is said that it cannot run."""
+    try:
+        return load_policy(path)
+    except UnsupportedPolicyError as error:
+        return error
 
 
 def checkpoints() -> list[bytes]:
@@ -92,7 +112,7 @@ def devices() -> list[bytes]:
 
 def use_device(path: Path) -> object:
     device: Device = load_device(path)
-    return device.usable
+    return usable(device)
 
 
 def calibrations() -> list[bytes]:
@@ -193,6 +213,7 @@ def use_journal(path: Path) -> object:
 READERS = {
     "policy .json": Reader("json", "p.json", use_policy, lambda: policies(".json"), 2),
     "policy .pt": Reader("pt", "p.pt", use_policy, lambda: policies(".pt"), 2),
+    "policy of blocks": Reader("json", "p.json", use_wide_policy, wide_policies, 1),
     "checkpoint": Reader("pt", "c.pt", load_checkpoint, checkpoints, 1),
     "device": Reader("json", "d.json", use_device, devices, 2),
     "calibration": Reader("json", "c.json", lambda path: load_backend(str(path)), calibrations, 2),

@@ -185,8 +185,8 @@ def gate_errors(shots: int = 8192) -> list[Row]:
     ideal_executable = qcompile.compile(policy.trained_program)
     ideal = qcompile.OfflineExecutor(ideal_executable.device).expectation(ideal_executable, x, none)
     exact = qcompile.OfflineExecutor(device).expectation(executable, x, none)
-    undone: dict[str, list[np.ndarray]] = {"readout": [], "response": [], "bent": []}
-    noisy: dict[str, list[float]] = {"none": [], "readout": [], "response": [], "bent": []}
+    undone: dict[str, list[np.ndarray]] = {"readout": [], "response": [], "predistorted": []}
+    noisy: dict[str, list[float]] = {"none": [], "readout": [], "response": [], "predistorted": []}
     reached: list[float] = []
     share: list[float] = []
     for seed in SEEDS:
@@ -196,20 +196,20 @@ def gate_errors(shots: int = 8192) -> list[Row]:
             "readout": readout_mitigation(calibration, executable),
             "response": response_mitigation(calibration, executable),
         }
-        bent = predistorted(executable, calibration)
+        changed = predistorted(executable, calibration)
         z = 1 - 2 * executor.run(executable, x, none, shots) / shots
-        z_bent = 1 - 2 * executor.run(bent, x, none, shots) / shots
+        z_predistorted = 1 - 2 * executor.run(changed, x, none, shots) / shots
         for which, mitigation in made.items():
             undone[which].append(mitigation.apply(exact))
             noisy[which].append(float(np.abs(mitigation.apply(z) - ideal).mean()))
-        undone["bent"].append(executor.expectation(bent, x, none))
+        undone["predistorted"].append(executor.expectation(changed, x, none))
         noisy["none"].append(float(np.abs(z - ideal).mean()))
-        noisy["bent"].append(float(np.abs(z_bent - ideal).mean()))
+        noisy["predistorted"].append(float(np.abs(z_predistorted - ideal).mean()))
         response = made["response"]
         in_reach = np.abs(ideal - response.offset) <= response.contrast
         reached.append(
             float(
-                np.abs(z_bent - ideal)[in_reach].mean()
+                np.abs(z_predistorted - ideal)[in_reach].mean()
                 / np.abs(response.apply(z) - ideal)[in_reach].mean()
             )
         )
@@ -226,7 +226,7 @@ def gate_errors(shots: int = 8192) -> list[Row]:
             ">= 90" if which == "response" else "",
         )
         for where, at in (("worst", worst), ("worst after readout", int(left["readout"].argmax())))
-        for which in ("readout", "response", "bent")
+        for which in ("readout", "response", "predistorted")
     ]
     rows.append(
         spread(
@@ -238,8 +238,10 @@ def gate_errors(shots: int = 8192) -> list[Row]:
         )
     )
     means = ", ".join(f"{k} {np.mean(v):.5f}" for k, v in noisy.items())
-    what = f"bent angles, {shots} shots: mean error of <Z> ({means})"
-    ratios = {other: np.array(noisy["bent"]) / noisy[other] for other in ("readout", "response")}
+    what = f"predistorted angles, {shots} shots: mean error of <Z> ({means})"
+    ratios = {
+        other: np.array(noisy["predistorted"]) / noisy[other] for other in ("readout", "response")
+    }
     ratios["response, where the curve reaches"] = np.array(reached)
     what += f", {np.mean(share):.2f} of <Z> within reach,"
     return rows + [

@@ -43,6 +43,9 @@ class NativeGates:
         found = sorted(set(basis_gates))
         raise ValueError(f"basis_gates holds {found}; it needs rz, sx, x or rz, rx")
 
+    def __str__(self) -> str:
+        return " ".join(self.gates)
+
     @property
     def pulses(self) -> tuple[str, ...]:
         """The gates of the response circuit that take time and bring noise."""

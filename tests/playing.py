@@ -143,10 +143,11 @@ def stubborn() -> Callable[..., Policy]:
 
 @pytest.fixture
 def deploy() -> Callable[..., Deployment]:
-    """A policy on a backend by name, with these settings."""
+    """A policy on a backend by name: exact and unmitigated but for these settings."""
 
     def make(policy: Policy, backend: str = "ideal", **settings: Any) -> Deployment:
-        return Deployment(policy, load_device(backend), **settings)
+        plain = {"shots": None, "mitigation": "none"}
+        return Deployment(policy, load_device(backend), **{**plain, **settings})
 
     return make
 

@@ -12,14 +12,13 @@ import numpy as np
 import pytest
 
 from qcompile.calibration import load_calibration
-from qcompile.device import load_device
-from qcompile.execution import load_backend
-from qcompile.policy import load_policy
+from qcompile.live.perform import task_of
+from qcompile.live.play import RunTask
+from qcompile.live.runs import find_journal
+from qcompile.policy import load_policy, save_policy
+from qcompile.policy.files import policy_values
 from qcompile.report.calibration_values import calibration_values
 from qcompile.rl.checkpoint import load_checkpoint
-from qcompile.sweep.evaluation import cell as evaluated
-from qcompile.sweep.evaluation.grid import grid
-from qcompile.sweep.study import cell as trained
 
 Call = Callable[..., Any]
 
@@ -52,10 +51,14 @@ def test_a_policy_compiles_as_it_did(name: str, qcompile: Call) -> None:
     check_same(found, printed("show"))
 
 
-def test_a_device_has_its_numbers() -> None:
-    device = load_device(KEPT / "device.json")
-    check_same(device.model_dump(mode="json"), printed("backends-show"))
-    assert len(device.usable) == 5
+def test_a_policy_is_written_as_it_was(tmp_path: Path) -> None:
+    save_policy(load_policy(KEPT / "policy.json"), tmp_path / "p.json")
+    assert (tmp_path / "p.json").read_bytes() == (KEPT / "policy.json").read_bytes()
+
+
+def test_a_device_has_its_numbers(qcompile: Call) -> None:
+    found = qcompile("backends", "show", KEPT / "device.json", "--json").json()
+    check_same(found, printed("backends-show"))
 
 
 def test_a_calibration_has_its_fits() -> None:
@@ -111,27 +114,36 @@ def test_an_unfinished_journal_has_its_steps_and_jobs(
     check_open_job(found, expected)
 
 
-def test_a_cell_of_evaluate_is_not_played_again(tmp_path: Path) -> None:
-    policy = load_policy(KEPT / "policy.json")
-    cells = grid([policy], [load_backend(str(KEPT / "device.json"))], [64], ["readout"],
-                 episodes=3, seed=2)  # fmt: skip
-    (cell,) = (cell for cell in cells if not cell.is_reference)
-    shutil.copy(KEPT / "evaluate-cell.json", tmp_path / f"{cell.name}.json")
-    found = evaluated.read_cell(cell, tmp_path)
-    assert found is not None
-    (expected,) = (row for row in printed("evaluate")["results"] if row["backend"] == "kept")
-    check_same(found.summary, {key: expected[key] for key in found.summary}, "ci95")
-    assert found.threshold == expected["threshold"]
+@pytest.mark.parametrize("state", ["finished", "unfinished"])
+def test_a_journal_has_its_task(state: str, runs: Call) -> None:
+    with find_journal(runs(state), "last") as journal:
+        task = task_of(journal)
+    assert isinstance(task, RunTask)
+    kept = load_policy(KEPT / "policy.json")
+    assert policy_values(task.policy.policy()) == policy_values(kept)
+    assert (task.shots, task.episodes, task.max_steps, task.seed) == (64, 2, 3, 4)
 
 
-def test_a_cell_of_the_study_is_not_trained_again() -> None:
-    contents = (KEPT / "study-cell.json").read_text()
-    found = trained.CellResult.model_validate_json(contents)
-    (expected,) = printed("study")["rows"]
-    assert [found.row, found.environment] == [expected["row"], expected["environment"]]
-    assert found.parameters == expected["parameters"]
-    assert [np.mean(found.evaluation)] == expected["evaluation_mean"]
-    assert [np.mean(found.rewards)] == expected["last_average"]
+def test_a_cell_of_evaluate_is_not_played_again(tmp_path: Path, qcompile: Call) -> None:
+    """Played again it would take another time; the reference is not kept, and is played."""
+    out = shutil.copytree(KEPT / "evaluation", tmp_path / "evaluation")
+    words = ("--shots", 64, "--mitigation", "readout", "--episodes", 3, "--seed", 2, "--json")
+    files = (KEPT / "policy.json", "--backend", KEPT / "device.json", "--out", out)
+    _, found = qcompile("evaluate", *files, *words, "--workers", 1).json()["results"]
+    _, expected = printed("evaluate")["results"]
+    own = ("ci95", "ideal_mean_reward", "paired_difference", "paired_std", "paired_ci95")
+    check_same(found, expected, *own, "ratio_to_ideal")
+
+
+def test_a_cell_of_the_study_is_not_trained_again(tmp_path: Path, qcompile: Call) -> None:
+    """0.1.0 had averages of 20 episodes even where there are but five."""
+    out = shutil.copytree(KEPT / "study", tmp_path / "study")
+    words = ("--row", "cartpole-fcn-small-paper", "--seeds", 1, "--episodes", 5)
+    options = ("--evaluation", 5, "--workers", 1, "--out", out, "--json")
+    found = qcompile("study", *words, *options).json()
+    assert found["trained"] == 0
+    own = ("best_average", "last_average")
+    check_same(found["rows"][0], printed("study")["rows"][0], *own)
 
 
 def test_a_checkpoint_is_where_its_training_was() -> None:

@@ -7,23 +7,17 @@ import math
 
 import numpy as np
 import pytest
+from noisy import noisy_circuits
 from qiskit import QuantumCircuit
 from qiskit.quantum_info import PTM, average_gate_fidelity
 from qiskit_aer import AerSimulator
 from qiskit_aer.noise import NoiseModel, depolarizing_error, thermal_relaxation_error
 from qiskit_aer.noise.noiseerror import NoiseError
 
-from qcompile.device import (
-    IDEAL,
-    Device,
-    GateCalibration,
-    Qubit,
-    depolarising,
-    load_device,
-    relaxation_error,
-)
+from qcompile.device import IDEAL, Device, GateCalibration, Qubit, load_device
 from qcompile.ir import FIXED_GATES, ROTATION_GATES, Circuit, Program
-from qcompile.noise import NoisyCircuits, noise_after, readout_row
+from qcompile.noise import channel_after, noise_after, readout_row
+from qcompile.noise.channels import depolarising, relaxation, relaxation_error
 from qcompile.passes import Executable, compile
 from qcompile.snapshot import find_backend
 
@@ -67,9 +61,10 @@ def on_qubit(executable: Executable, qubit: int) -> Executable:
 def bound(executable: Executable, qubit: int) -> list[QuantumCircuit]:
     """The native circuits on `qubit` with bound angles, gate by gate, for every observation."""
     made = []
-    for angles in executable.bind_slots(X, THETA):
-        for circuit, slots in zip(executable.native.circuits, angles, strict=True):
-            built, values = QuantumCircuit(qubit + 1), iter(slots)
+    for angles in executable.bind(X, THETA):
+        for index, circuit in enumerate(executable.native.circuits):
+            values = iter(angles[executable.slot_circuits == index])
+            built = QuantumCircuit(qubit + 1)
             for gate in circuit.gates:
                 if gate.angle is None:
                     getattr(built, gate.name)(qubit)
@@ -99,7 +94,7 @@ def test_noisy_expectations_equal_aer_s_density_matrix(name: str) -> None:
         executable = compile(PROGRAM, device, level)
         for qubit in range(len(device.qubits)):
             placed = on_qubit(executable, qubit)
-            ours.append(NoisyCircuits(placed).expectation(placed.bind_slots(X, THETA)).ravel())
+            ours.append(noisy_circuits(placed).expectation(placed.bind(X, THETA)).ravel())
             circuits += bound(placed, qubit)
             values = properties.qubit_property(qubit)
             p10, p01 = values["prob_meas1_prep0"][0], values["prob_meas0_prep1"][0]
@@ -143,7 +138,7 @@ def test_native_rx_equals_aer_with_its_own_noise(qubit: int) -> None:
         assert names <= ({"rz", "rx"} if level else {"rz", "rx", "id"})
         true = probabilities(bound(placed, qubit), noise)
         theirs = true @ [1 - 2 * physical.p10, 2 * physical.p01 - 1]
-        ours = NoisyCircuits(placed).expectation(placed.bind_slots(X, THETA))
+        ours = noisy_circuits(placed).expectation(placed.bind(X, THETA))
         np.testing.assert_allclose(ours.ravel(), theirs, rtol=0, atol=1e-9)
 
 
@@ -194,6 +189,15 @@ def test_a_gate_without_calibration_is_free_of_noise() -> None:
     np.testing.assert_array_equal(noise_after("sx", None), np.eye(4))
 
 
+def test_a_channel_names_what_it_leaves() -> None:
+    """T1 = 100 us, T2 = 50 us, 10 us: exp(-0.2) across, exp(-0.1) along, the rest to |0>."""
+    qubit = a_qubit(0.0, 10_000.0, t1_us=100, t2_us=50)
+    for channel in (relaxation(qubit, 10_000.0), channel_after("sx", qubit)):
+        assert channel.across == pytest.approx(0.8187307530779818, rel=1e-12)
+        assert channel.along == pytest.approx(0.9048374180359595, rel=1e-12)
+        assert channel.added == pytest.approx(0.0951625819640405, rel=1e-12)
+
+
 def test_the_readout_row_by_hand() -> None:
     # |0> gives 1 with probability 0.01, |1> gives 0 with 0.03.
     row = readout_row(a_qubit(0.0, 0.0))
@@ -208,19 +212,19 @@ def test_one_slot_answers_with_a_response_curve(name: str) -> None:
     executable = compile(Program.of([Circuit.parse("ry(x0)")], inputs=1), device)
     angle = np.random.default_rng(3).uniform(-7, 7, 200)
     for qubit in range(len(device.qubits)):
-        noisy = NoisyCircuits(on_qubit(executable, qubit))
-        at = noisy.expectation(np.array([0.0, np.pi / 2, np.pi]).reshape(3, 1, 1))[:, 0]
+        noisy = noisy_circuits(on_qubit(executable, qubit))
+        at = noisy.expectation(np.array([0.0, np.pi / 2, np.pi]).reshape(3, 1))[:, 0]
         b, c = (at[0] + at[2]) / 2, (at[0] - at[2]) / 2
         s = at[1] - b
         curve = b + c * np.cos(angle) + s * np.sin(angle)
-        np.testing.assert_allclose(noisy.expectation(angle[:, None, None])[:, 0], curve, atol=1e-14)
+        np.testing.assert_allclose(noisy.expectation(angle[:, None])[:, 0], curve, atol=1e-14)
         assert math.hypot(c, s) + abs(b) <= 1 + 1e-12
 
 
 def test_the_ideal_device_has_no_noise() -> None:
     for level in (0, 1, 2):
         executable = compile(PROGRAM, IDEAL, level)
-        ours = NoisyCircuits(executable).expectation(executable.bind_slots(X, THETA))
+        ours = noisy_circuits(executable).expectation(executable.bind(X, THETA))
         true = probabilities(bound(executable, 0), NoiseModel())
         np.testing.assert_allclose(ours.ravel(), true[:, 0] - true[:, 1], rtol=0, atol=1e-12)
 
@@ -237,14 +241,14 @@ def test_the_last_slot_acts_on_a_vector_that_lies_across(
     device = Device(name="perfect", source="by hand", basis_gates=gates, qubits=(perfect,))
     executable = compile(Program.of([Circuit.parse(text)], inputs=1), device, 0)
     angle = np.linspace(-3, 3, 7)[:, None]
-    slots = executable.bind_slots(angle, np.zeros(0))
-    ours = NoisyCircuits(executable).expectation(slots)
+    slots = executable.bind(angle, np.zeros(0))
+    ours = noisy_circuits(executable).expectation(slots)
     np.testing.assert_allclose(ours, sign * np.sin(angle), atol=1e-14)
 
 
 def test_a_batch_is_its_rows() -> None:
     executable = compile(PROGRAM, load_device("fake_lima"), 1)
-    noisy, angles = NoisyCircuits(executable), executable.bind_slots(X, THETA)
+    noisy, angles = noisy_circuits(executable), executable.bind(X, THETA)
     rows = [noisy.expectation(angles[i : i + 1]) for i in range(len(X))]
     np.testing.assert_array_equal(noisy.expectation(angles), np.concatenate(rows))
     assert noisy.expectation(angles[:0]).shape == (0, len(PROGRAM))

@@ -10,6 +10,7 @@ from qiskit.quantum_info import Operator, Statevector
 
 from qcompile.errors import CircuitError
 from qcompile.ir import FIXED_GATES, ROTATION_GATES, Circuit, Program
+from qcompile.native import RX, SX, NativeGates
 from qcompile.passes import lower
 from qcompile.simulate import Definitions, Simulator
 
@@ -60,8 +61,8 @@ def test_the_closed_form_of_the_paper() -> None:
 
 
 @pytest.mark.parametrize("level", [1, 2])
-@pytest.mark.parametrize("native", ["rz sx x", "rz rx"])
-def test_programs_with_definitions(level: int, native: str) -> None:
+@pytest.mark.parametrize("native", [SX, RX])
+def test_programs_with_definitions(level: int, native: NativeGates) -> None:
     program = random_program(40, seed=2)
     z = Simulator(lower(program, level, native)).expectation(X, THETA)
     np.testing.assert_allclose(z, reference(program), rtol=0, atol=1e-12)
@@ -156,7 +157,7 @@ def test_no_observation_is_an_empty_answer() -> None:
 def test_definitions_are_the_euler_angles_of_their_blocks() -> None:
     texts = ["h ry(x0) rz(x0) ry(theta0)", "sx rz(x1) sx s"]
     source = Program.of(map(Circuit.parse, texts), inputs=2, parameters=2)
-    lowered = lower(source, 1, "rz sx x")
+    lowered = lower(source, 1, SX)
     values = Definitions(lowered.definitions, lowered.inputs, lowered.parameters)(X, THETA)
     blocks = tuple(dict.fromkeys(d.block for d in lowered.definitions))
     euler = np.stack(Simulator(Program(blocks, source.inputs, source.parameters)).euler(X, THETA))
@@ -168,10 +169,10 @@ def test_definitions_are_the_euler_angles_of_their_blocks() -> None:
 
 def test_a_fused_program_is_for_numpy() -> None:
     source = Program.of([Circuit.parse("h ry(x0) rz(x0) ry(theta0)")], inputs=2, parameters=2)
-    fused = lower(source, 1, "rz sx x")
+    fused = lower(source, 1, SX)
     assert fused.definitions
     with pytest.raises(CircuitError, match="evaluated in numpy alone"):
         Simulator(fused, torch, torch.float64)
-    plain = lower(source, 0, "rz sx x")
+    plain = lower(source, 0, SX)
     assert not plain.definitions
     Simulator(plain, torch, torch.float64)

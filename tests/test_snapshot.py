@@ -8,6 +8,7 @@ import pytest
 
 from qcompile.device import load_device
 from qcompile.errors import DeviceError, MissingExtraError
+from qcompile.noise import usable
 from qcompile.snapshot import device_from_backend, find_backend
 
 FAKES = ("fake_lagos", "fake_belem", "fake_lima", "fake_jakarta", "fake_toronto")
@@ -81,7 +82,7 @@ def test_a_qubit_that_lacks_a_property_is_left_out(lima, missing: str) -> None:
     assert device.left_out == (3,)
     assert device.qubits[3].doubtful == (f"Qubit 3 has no {missing} in its calibration.",)
     assert device.notes[-1] == "Left out, faulty or without all values: 3."
-    assert sorted(device.usable) == [0, 1, 2, 4]
+    assert sorted(usable(device)) == [0, 1, 2, 4]
 
 
 def test_a_qubit_that_lacks_a_gate_is_left_out(lima) -> None:

@@ -61,9 +61,9 @@ def play(
     """
     numbers = range(episodes) if isinstance(episodes, int) else sorted(set(episodes))
     if not 1 <= len(numbers) <= MAX_EPISODES or numbers[0] < 0:
+        count = episodes if isinstance(episodes, int) else len(numbers)
         raise CountsError(
-            f"{len(numbers)} episodes cannot be played.",
-            f"Their number lies in [1, {MAX_EPISODES}].",
+            f"{count} episodes cannot be played.", f"Their number lies in [1, {MAX_EPISODES}]."
         )
     policy = deployment.policy
     make = partial(make_environments, policy.environment, arguments=policy.environment_kwargs)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal, Self, get_args
+from typing import Annotated, Any, Literal, Self, get_args
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from qcompile.calibration import Calibration
 from qcompile.device import Device
@@ -41,7 +41,7 @@ class RunSettings(BaseModel):
     """Bend the angles by the response curves, so that the device shows the ideal `<Z>`."""
     greedy: bool = False
     """Take the most probable action instead of sampling one."""
-    seed: int = 0
+    seed: Annotated[int, Field(ge=0)] = 0
     """Episode i resets with seed + i; shots and actions are drawn from streams of the seed."""
     copies: int | None = None
     """Episodes that share an execution, side by side on the device; None: one."""
@@ -85,8 +85,9 @@ class RunSettings(BaseModel):
         if mitigation is None:
             measured = "readout" if known is None else known.mitigation
             mitigation = "none" if self.predistort or device.is_ideal else measured
-        copies = 1 if self.copies is None else self.copies
-        settings = self.model_copy(update={"mitigation": mitigation, "copies": copies})
+        settings = self.model_copy(
+            update={"mitigation": mitigation, "copies": 1 if self.copies is None else self.copies}
+        )
         settings._check()
         return settings
 
@@ -111,8 +112,6 @@ class RunSettings(BaseModel):
             check_response_level(
                 self.level, predistort=self.predistort
             )  # before anything is measured
-        if self.seed < 0:
-            raise OptionError(f"The seed is {self.seed}.", "A seed is 0 or more.")
         if self.copies is not None and self.copies < 1:
             raise CircuitError(
                 f"{self.copies} copies of a program cannot be placed.", "One is the least."

@@ -84,8 +84,9 @@ def open_executor(backend: Any, seed: Seed = None) -> Executor:
         CalibrationError, DeviceError: what `load_backend` raises.
         MissingExtraError: `qiskit:NAME` without Qiskit, Aer and qiskit-ibm-runtime.
     """
-    loaded: Backend | Executor = load_backend(backend)
-    return loaded if isinstance(loaded, Executor) else loaded.open(seed)
+    backend = load_backend(backend)
+    executor: Executor = backend if isinstance(backend, Executor) else backend.open(seed)
+    return executor
 
 
 def open_device(backend: str) -> Device:

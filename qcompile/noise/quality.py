@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from qcompile.device import Device
+from qcompile.device import Device, Qubit
+from qcompile.native import NativeGates
 from qcompile.noise.channels import channel_after
 
 USABLE_CONTRAST = 0.8
@@ -58,22 +59,23 @@ def mean_square_error(device: Device, qubit: int) -> float:
     It is infinite where g is 0; where 0 and 1 are swapped, g is negative and undoes that too. The
     clipping to [-1, 1] is not counted.
     """
-    return _quality(device, qubit).error
+    return _quality(device.qubits[qubit], device.native).error
 
 
 def _qualities(device: Device) -> list[_Quality]:
-    return [_quality(device, qubit) for qubit in range(len(device.qubits))]
+    native = device.native
+    return [_quality(qubit, native) for qubit in device.qubits]
 
 
-def _quality(device: Device, qubit: int) -> _Quality:
-    native, record = device.native, device.qubits[qubit]
-    shift, contrast = record.p01 - record.p10, record.contrast
+def _quality(qubit: Qubit, native: NativeGates) -> _Quality:
+    shift, contrast = qubit.p01 - qubit.p10, qubit.contrast
     # Between two pulses the vector lies across; what the first adds along z, the second turns to y,
     # where it is not seen.
-    pulse = channel_after(native.pulses[-1], record)
-    slope = pulse.across * pulse.along if len(native.pulses) == 2 else pulse.along
+    *others, last = native.pulses
+    pulse = channel_after(last, qubit)
+    slope = pulse.across * pulse.along if others else pulse.along
     b, k = shift + contrast * pulse.added, contrast * slope
-    flip = channel_after(native.one, record)
+    flip = channel_after(native.one, qubit)
     one = flip.added - flip.along  # r_z of |1> as the calibration prepares it
     h, g = shift + contrast * (1 + one) / 2, contrast * (1 - one) / 2
     if g == 0:

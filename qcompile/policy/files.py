@@ -6,7 +6,7 @@ import json
 import pickle
 from os import PathLike, fspath
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
@@ -24,15 +24,18 @@ from qcompile.policy.schema import (
     FUNCTIONS_1,
     SCHEMAS,
     AnyFormat,
+    EncoderFile,
     EncoderFile2,
     PolicyFile,
     PolicyFile2,
 )
-from qcompile.reading import CodeError, ContentsError, load_json, read_file, read_torch
+from qcompile.reading import CodeError, ContentsError, read_file, read_json, read_torch
 from qcompile.validation import explain
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+_Schema = TypeVar("_Schema", bound=BaseModel)
 
 SUFFIXES = (".pt", ".json")
 _TENSORS = ("theta", "weights", "bias")
@@ -57,58 +60,70 @@ def load_policy(name: str | PathLike[str]) -> Policy:
             "A path to a .pt or .json policy file works too.",
         )
     try:
-        values = _read_pt(path) if path.suffix == ".pt" else load_json(read_file(path))
-        return _read_values(values).policy()
+        return _validated(_read_pt(path) if path.suffix == ".pt" else read_json(path)).policy()
     except (OSError, ContentsError) as error:
         raise PolicyError(f"{path} is no policy file.", *explain(error)) from error
     except _UnreadableError:
         raise
     except (CircuitError, PolicyError) as error:
-        lines = [line.strip() for line in str(error).splitlines()]
+        lines = str(error).splitlines()
         if isinstance(error, UnsupportedPolicyError):
             what = f"{path} is a policy that this version cannot run."
             raise UnsupportedPolicyError(what, *lines) from error
         raise PolicyError(f"{path} is no policy file.", *lines) from error
 
 
-def _read_values(values: object) -> PolicyFile | PolicyFile2:
-    """The policy file with these plain values.
+def _validated(source: str | dict[str, Any]) -> PolicyFile | PolicyFile2:
+    """The policy file with this JSON text, or with these plain values.
 
     Raises:
         PolicyError: they are not those of a policy file; keys that are not known are told the
             nearest that are.
     """
-    if not isinstance(values, dict):
-        raise PolicyError(f"It holds a {type(values).__name__}, not an object with keys.")
     try:
-        AnyFormat.model_validate(values)
-        return SCHEMAS[values["format"]].model_validate(values)
+        format_ = _by_schema(AnyFormat, source).format
+        return _by_schema(SCHEMAS[format_], source)
     except ValidationError as error:
         lines = explain(error, words={"extra_forbidden": "unknown key"})
-        raise PolicyError(*lines, *_hints(error, values)) from error
+        values = json.loads(source) if isinstance(source, str) else source
+        raise PolicyError("\n".join([*lines, *_hints(error, values)])) from error
 
 
-def _hints(error: ValidationError, values: dict[str, Any]) -> list[str]:
-    if values.get("format") == FORMAT_1:
+def _by_schema(schema: type[_Schema], source: str | dict[str, Any]) -> _Schema:
+    if isinstance(source, str):
+        return schema.model_validate_json(source)
+    return schema.model_validate(source)
+
+
+def _hints(error: ValidationError, values: Any) -> list[str]:
+    """What to do about unknown keys, and about a file that says the wrong format."""
+    is_first = isinstance(values, dict) and values.get("format") == FORMAT_1
+    if is_first:
         try:
             PolicyFile2.model_validate(values | {"format": FORMAT_2})
         except ValidationError:
             pass
         else:
             return [f'It is right in the other format: "format": "{FORMAT_2}".']
-    schema = PolicyFile if values.get("format") == FORMAT_1 else PolicyFile2
+    parts = _PARTS_1 if is_first else _PARTS_2
     lines = []
     for fault in error.errors(include_url=False, include_context=False)[:2]:
         *place, key = fault["loc"] or [""]
         if fault["type"] == "extra_forbidden":
-            part = _PARTS.get(place[-1] if place else "", schema)
-            is_later = part is PolicyFile and key in PolicyFile2.model_fields
+            part = place[-1] if place else ""
+            is_later = key in _PARTS_2[part].model_fields
             later = f'{key} is a key of format "{FORMAT_2}".'
-            lines.append(later if is_later else nearest(str(key), part.model_fields))
+            lines.append(later if is_later else nearest(str(key), parts[part].model_fields))
     return lines
 
 
-_PARTS: dict[object, type[BaseModel]] = {"encoder": EncoderFile2, "block": BlockFile}
+_PARTS_1: dict[object, type[BaseModel]] = {"": PolicyFile, "encoder": EncoderFile}
+_PARTS_2: dict[object, type[BaseModel]] = {
+    "": PolicyFile2,
+    "encoder": EncoderFile2,
+    "block": BlockFile,
+}
+"""The schemas of a file, of its encoder and of a block."""
 
 
 class _UnreadableError(PolicyError):

@@ -18,8 +18,13 @@ from qcompile.policy.encoder import Encoder, check_arrays
 
 def softmax(logits: FloatArray) -> FloatArray:
     """Logits (B, actions) to probabilities (B, actions)."""
-    odds = np.exp(logits - logits.max(axis=1, keepdims=True))
+    odds = _odds(logits)
     return np.asarray(odds / odds.sum(axis=1, keepdims=True))
+
+
+def _odds(logits: FloatArray) -> FloatArray:
+    """Probabilities (B, actions) times a number of each row, which makes its largest 1."""
+    return np.asarray(np.exp(logits - np.maximum.reduce(logits, axis=1, keepdims=True)))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -152,8 +157,9 @@ class Policy:
         """
         if np.shape(u) != (len(z),):
             raise PolicyError(f"u has shape {np.shape(u)}.", f"It needs {(len(z),)}.")
-        below = self.probabilities(z).cumsum(axis=1)[:, :-1] <= np.asarray(u)[:, np.newaxis]
-        return np.asarray(below.sum(axis=1))
+        sums = np.add.accumulate(_odds(self.logits(z)), axis=1)
+        below = sums[:, :-1] <= np.asarray(u)[:, np.newaxis] * sums[:, -1:]
+        return np.asarray(np.add.reduce(below, axis=1, dtype=np.intp))
 
     def sample(self, z: FloatArray, rng: np.random.Generator) -> IntArray:
         """One action for each row of `<Z>` (B, circuits), drawn from its exact probabilities."""

@@ -54,4 +54,4 @@ def long_hold(hold: int) -> list[str]:
 def refuse(lines: Sequence[str]) -> None:
     """Raise UnsupportedPolicyError with `lines`, unless there are none."""
     if lines:
-        raise UnsupportedPolicyError(*lines)
+        raise UnsupportedPolicyError("\n".join(lines))

@@ -170,6 +170,7 @@ def print_grid(objects: Sequence[Mapping[str, Any]]) -> None:
         title = f"{policy} in {shown[0]['environment']}, {played}"
         if not levels:
             title += f", level {shown[0]['level']}"
+        title += ", greedy" * shown[0]["greedy"]
         rows = [_grid_row(values, levels) for values in shown]
         print_table(_grid_columns(levels), rows, title, tight=True)
         for values in shown:

@@ -4,22 +4,28 @@ An ordinary generator hands out its numbers in the order of asking: whoever asks
 all others get. A `Stream` has no order. Each of its numbers is a function of what it is for and
 where it is used,
 
-    seed, purpose -> key        episode, decision, circuit, attempt -> counter
+    seed, purpose -> key        episode, decision, circuit -> counter
     number = Philox4x32-10 of counter and key.
 
-So every draw *repeats*: the same seed, purpose, episode, decision and circuit (for a count also the
-same shots and probability) give the same number, alone or in any batch, in any row of it, before or
-after any other draw, whatever becomes of the other episodes. Draws that differ in one of the five
-are independent, as far as Philox is random; it passes all tests of TestU01's BigCrush. Episode,
-decision and circuit count modulo 2**32.
+There is one uniform number for each (seed, episode, decision, circuit), and a count is its
+quantile: the smallest k of which the binomial distribution of the shots and the probability has at
+least so much at or below k. So every draw *repeats*: the same seed, purpose, episode, decision and
+circuit (for a count also the same shots and probability) give the same number, alone or in any
+batch, in any row of it, before or after any other draw, whatever becomes of the other episodes.
+Draws that differ in one of the five are independent, as far as Philox is random; it passes all
+tests of TestU01's BigCrush. Episode, decision and circuit count modulo 2**32.
 
-Numbers repeat bit for bit with the same numpy on the same kind of processor. Elsewhere logarithms
-may round differently, which changes fewer than one count in 10**9.
+Counts rise with the probability: circuits, devices or settings that are compared at the same
+places share their noise, and nearly equal probabilities give nearly equal counts.
+
+Numbers repeat bit for bit with the same numpy and scipy on the same kind of processor. Elsewhere
+functions may round differently, which changes fewer than one count in 10**9.
 
 Sources:
     J. K. Salmon, M. A. Moraes, R. O. Dror, D. E. Shaw, "Parallel random numbers: as easy as
-    1, 2, 3", SC 2011 (Philox). W. Hörmann, "The generation of binomial random variates", J. Stat.
-    Comput. Simul. 46 (1993) 101-110 (BTRS, the rejection of binomial.py).
+    1, 2, 3", SC 2011 (Philox). E. A. Cornish, R. A. Fisher, "Moments and cumulants in the
+    specification of distributions", Rev. Inst. Int. Stat. 5 (1938) 307-320 (the expansion of
+    quantile.py).
 """
 
 from qcompile.streams.draws import Draws

@@ -1,31 +1,140 @@
-"""temporary"""
+"""The draws of episodes that walk in lockstep, made for many decisions at once."""
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Callable
+from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+from qcompile.arrays import CountArray, FloatArray, IntArray
+from qcompile.streams.quantile import binomial_quantiles
+from qcompile.streams.scores import ARRAYS
 from qcompile.streams.stream import Stream
 
+_DECISIONS = 32
+"""Decisions of a block at most."""
+_NUMBERS = 2_000_000
+"""Numbers of a block at most: 16 megabytes."""
 
-class Bound:
-    def __init__(self, draws, episode, decision):
-        self.d, self.e, self.k = draws, episode, decision
-
-    def binomial(self, n, p):
-        e = np.asarray(self.e)
-        rows = p.shape[0]
-        copies = e.size // rows if rows else 1
-        q = np.asarray(p).reshape(rows * copies, -1)
-        return self.d._shots.binomial(n, q, e.ravel(), np.asarray(self.k).ravel()).reshape(p.shape)
+PlaceArray = NDArray[np.int64]
+Draw = Callable[[PlaceArray, PlaceArray], FloatArray]
+"""From episodes and decisions, both (rows,), to numbers, (arrays, rows, ...)."""
 
 
 class Draws:
-    def __init__(self, seed, circuits):
-        self._shots = Stream(seed, "shots")
-        self._actions = Stream(seed, "actions")
+    """The counts and actions of a run: those of `Stream(seed, "shots")` and of "actions".
 
-    def actions(self, episode, decision):
-        return self._actions.uniforms(episode, decision)
+    Draws for the same episodes, or fewer of them, at one decision after the other come from a block
+    that was drawn ahead, as long as the shots stay the same. All others are drawn when they are
+    asked for. The results are the same.
+    """
 
-    def rows(self, episode, decision):
-        return Bound(self, episode, decision)
+    def __init__(self, seed: int, circuits: int):
+        self.circuits = circuits
+        self._counts, actions = Stream(seed, "shots"), Stream(seed, "actions")
+        self._uniforms = _Ahead(lambda *places: actions.uniforms(*places)[None], 1)
+        self._shots = 1
+        self._scores = self._scores_ahead(self._shots)
+
+    def actions(self, episode: PlaceArray, decision: PlaceArray) -> FloatArray:
+        """A number in [0, 1) for each episode (B,) at its decision (B,)."""
+        return np.array(self._uniforms.numbers(episode, decision)[0])
+
+    def binomial(
+        self, shots: int, p: FloatArray, episode: PlaceArray, decision: PlaceArray
+    ) -> CountArray:
+        """The successes among `shots` trials of probability `p`, (rows, copies * circuits).
+
+        `episode` and `decision` are (rows, copies) integers. Each copy's circuits count from 0.
+        Otherwise as `Stream.binomial`.
+
+        Raises:
+            ValueError: a probability is not a number, or shapes do not fit.
+        """
+        if shots != self._shots:
+            self._shots, self._scores = shots, self._scores_ahead(shots)
+        scores = self._scores.numbers(episode, decision)
+        places = p.reshape(scores.shape[1], self.circuits)
+        return binomial_quantiles(shots, places, scores).reshape(p.shape)
+
+    def rows(self, episode: PlaceArray, decision: PlaceArray) -> Rows:
+        """A source of counts for these places, (rows, copies), in place of a Generator."""
+        return Rows(self, episode, decision)
+
+    def _scores_ahead(self, shots: int) -> _Ahead:
+        def draw(episode: PlaceArray, decision: PlaceArray) -> FloatArray:
+            return self._counts.scores(shots, episode, decision, self.circuits)
+
+        return _Ahead(draw, ARRAYS * self.circuits)
+
+
+class Rows(NamedTuple):
+    """The draws at some episodes and decisions, both (rows, copies)."""
+
+    draws: Draws
+    episode: PlaceArray
+    decision: PlaceArray
+
+    def binomial(self, shots: int, p: FloatArray) -> CountArray:
+        """As `Draws.binomial`: counts of `p`, (rows, copies * circuits)."""
+        return self.draws.binomial(shots, p, self.episode, self.decision)
+
+
+class _Ahead:
+    """Numbers of `draw`, of a block of decisions at once where they follow each other.
+
+    A block that was used up is followed by one of twice as many decisions; every other starts with
+    a single one.
+    """
+
+    def __init__(self, draw: Draw, width: int):
+        self._draw = draw
+        self._width = width
+        self._first = self._length = 0
+        self._episodes = np.empty(0, dtype=np.int64)
+        self._block = np.empty((1, 0, 0))
+        self._asked = b""
+        """The episodes of the last call, and where each of them stands in the block."""
+        self._position: IntArray | None = None
+
+    def numbers(self, episode: PlaceArray, decision: PlaceArray) -> FloatArray:
+        """Those of the places of both arrays, flat: (arrays, places, ...)."""
+        episode = np.asarray(episode, dtype=np.int64)
+        decision = np.asarray(decision, dtype=np.int64)
+        asked, decisions = episode.tobytes(), decision.tobytes()
+        size = episode.size
+        if size == 0 or decisions != decisions[:8] * size:
+            return self._draw(episode.ravel(), decision.ravel())
+        offset = int(decision.flat[0]) - self._first
+        if asked != self._asked or not 0 <= offset < self._length:
+            offset = self._search(episode.ravel(), offset)
+            self._asked = asked
+        numbers = self._block[:, offset]
+        return numbers if self._position is None else numbers.take(self._position, axis=1)
+
+    def _search(self, episode: PlaceArray, offset: int) -> int:
+        """Let `_position` tell where `episode` stands in the block, if need be a new one.
+
+        Return the decision's number in the block.
+        """
+        if 0 <= offset < self._length:
+            position = np.searchsorted(self._episodes, episode)
+            position = np.minimum(position, len(self._episodes) - 1)
+            if np.array_equal(self._episodes[position], episode):
+                self._position = position
+                return offset
+        most = max(1, _NUMBERS // (self._width * episode.size))
+        length = min(2 * self._length, _DECISIONS, most) if offset == self._length else 1
+        self._episodes, position = np.unique(episode, return_inverse=True)
+        self._position = None if np.array_equal(self._episodes, episode) else position
+        self._first += offset
+        self._length = max(length, 1)
+        decisions = np.arange(self._first, self._first + self._length)
+        block = self._draw(
+            np.tile(self._episodes, self._length), np.repeat(decisions, len(self._episodes))
+        )
+        shape = len(block), self._length, len(self._episodes), *block.shape[2:]
+        self._block = block.reshape(shape)
+        return 0

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from qcompile.arrays import CountArray, FloatArray
-from qcompile.streams.binomial import binomial
 from qcompile.streams.philox import THIRTY_TWO, RoundKeys, WordArray, constant, philox, round_keys
+from qcompile.streams.quantile import binomial_quantiles
+from qcompile.streams.scores import normal_scores
 
 Purpose = Literal["shots", "actions"]
 """What a stream is for. The order is part of the law: a new purpose goes to the end."""
@@ -50,26 +51,29 @@ class Stream:
         bits = philox(state.reshape(2, -1), self._keys)[0]
         return np.asarray((bits >> _ELEVEN) * 2.0**-53).reshape(shape)
 
+    def scores(
+        self, shots: int, episode: ArrayLike, decision: ArrayLike, circuits: int
+    ) -> FloatArray:
+        """What counts of `shots` shots take from the stream, (ARRAYS, B, circuits), as scores.py.
+
+        `episode` and `decision` are (B,) integers.
+        """
+        return normal_scores(shots, _pair(episode, decision), circuits, self._keys)
+
     def binomial(
-        self,
-        shots: int,
-        p: FloatArray,
-        episode: ArrayLike,
-        decision: ArrayLike,
-        circuit: ArrayLike | None = None,
+        self, shots: int, p: FloatArray, episode: ArrayLike, decision: ArrayLike
     ) -> CountArray:
         """The successes among `shots` trials of probability `p`, (B, circuits), a count for each.
 
-        `episode` and `decision` are (B,) integers, `circuit` (circuits,), by default 0, 1, ...
-        A count is distributed exactly binomially (binomial.py) and depends on its own shots, p,
-        episode, decision and circuit alone. Probabilities outside [0, 1] count as 0 or 1.
+        `episode` and `decision` are (B,) integers. A count is distributed exactly binomially,
+        rises with p, and depends on its own shots, p, episode, decision and circuit alone.
+        Probabilities outside [0, 1] count as 0 or 1.
 
         Raises:
             ValueError: a probability is not a number.
         """
         p = np.asarray(p, dtype=np.float64)
-        number = np.arange(p.shape[1]) if circuit is None else circuit
-        return binomial(shots, p, _pair(episode, decision), _pair(number, 0), self._keys)
+        return binomial_quantiles(shots, p, self.scores(shots, episode, decision, p.shape[1]))
 
 
 def _pair(upper: ArrayLike, lower: ArrayLike) -> WordArray:

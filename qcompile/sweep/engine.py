@@ -163,7 +163,8 @@ def _dask(address: str | None, workers: int | None) -> Iterator[None]:
             LocalCluster(
                 n_workers=workers or joblib.cpu_count(),
                 threads_per_worker=1,
-                dashboard_address=None,
+                dashboard_address="127.0.0.1:0",  # else it wants port 8787 for itself
+                scheduler_kwargs={"dashboard": False},
             ) as cluster,
             Client(cluster),
         ):

@@ -30,10 +30,10 @@ from qcompile.noise import unusable, usable
 from qcompile.output import resolved
 from qcompile.passes import compile
 from qcompile.policy import Policy, load_policy
+from qcompile.report import progress as bars
 from qcompile.report.calibration_values import calibration_values
 from qcompile.report.live import result_values
 from qcompile.report.placement import left_out_words
-from qcompile.report.progress import progress_bar
 from qcompile.sweep.arguments import Name, ignore, several
 from qcompile.verbs.calibrations import (
     PARTS,
@@ -293,7 +293,7 @@ def _offline(
 ) -> Calibration:
     title = f"calibrate {executor.device.name}"
     try:
-        with progress_bar(title, 1, enabled=wanted.progress) as show:
+        with bars.progress_bar(title, 1, enabled=wanted.progress) as show:
             return measure_qubits(
                 executor,
                 qubits,

@@ -13,9 +13,9 @@ from qcompile.device import Device
 from qcompile.errors import StudyError
 from qcompile.execution import Backend
 from qcompile.policy import Policy
+from qcompile.report import progress as bars
 from qcompile.report.figure import Figure
 from qcompile.report.intervals import draw_intervals
-from qcompile.report.progress import progress_bar
 from qcompile.report.tables import grid_table, plural
 from qcompile.sweep.arguments import Name, ignore
 from qcompile.sweep.complete import CellFailure
@@ -118,7 +118,7 @@ def evaluate(
         QcompileError: a name, a file or a combination that cannot be played; an output that cannot
             be written; Ctrl-C. Cells that fail by themselves are in `failures` instead.
     """
-    with _folder(out) as folder, progress_bar("evaluate", 1, enabled=progress) as show:
+    with _folder(out) as folder, bars.progress_bar("evaluate", 1, enabled=progress) as show:
         evaluation = grids.evaluate(
             policies,
             backends,
@@ -160,7 +160,7 @@ def evaluate_paper(
     Raises:
         QcompileError: as `evaluate`.
     """
-    with progress_bar("evaluate", 1, enabled=progress) as show:
+    with bars.progress_bar("evaluate", 1, enabled=progress) as show:
         evaluation = grids.evaluate_paper(
             episodes=episodes,
             seed=seed,

@@ -15,7 +15,7 @@ from qcompile.live.journal import Journal
 from qcompile.live.looking import doubts_in_words
 from qcompile.live.perform import begin, go_on, task_of
 from qcompile.live.task import Task
-from qcompile.report.progress import progress_bar
+from qcompile.report import progress as bars
 from qcompile.report.tables import plural
 from qcompile.sweep.arguments import Name, ignore
 
@@ -100,7 +100,7 @@ def follow(
     """Resume a run, showing how far it is; what it found."""
     task = task_of(journal)
     on_note(f"run {journal.id}")
-    with progress_bar(task.name, task.planned_jobs) as show:
+    with bars.progress_bar(task.name, task.planned_jobs) as show:
         result = go_on(journal, max_wait_s=max_wait_s, pay_again=pay_again, out=out, show=show)
     for line in doubts_in_words(journal):
         on_note(line)

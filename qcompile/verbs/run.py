@@ -22,9 +22,9 @@ from qcompile.live.play import RunTask
 from qcompile.mitigation.misfit import misfit_words
 from qcompile.policy import Policy, load_policy
 from qcompile.policy.files import policy_values
+from qcompile.report import progress as bars
 from qcompile.report.figure import Figure
 from qcompile.report.film import SUFFIXES, Film
-from qcompile.report.progress import progress_bar
 from qcompile.report.rewards import draw_rewards
 from qcompile.report.tables import interval_words, plural
 from qcompile.sweep.arguments import Name, ignore
@@ -147,7 +147,7 @@ def run(
     if live is not None:
         return RunResult(_run_live(loaded, backend, settings, episodes, live, on_note))
     opened = load_backend(backend, sampler=sampler)
-    bar = progress_bar(f"{loaded.name} on {opened.device.name}", episodes, enabled=progress)
+    bar = bars.progress_bar(f"{loaded.name} on {opened.device.name}", episodes, enabled=progress)
     with nullcontext() if video is None else Film(Path(video)) as film, bar as show:
         known = settings.resolved(opened.device, opened.calibration)
         show(0, "calibrating" if known.calibrates and calibration is None else "compiling")

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from qcompile.errors import StudyError
+from qcompile.report import progress as bars
 from qcompile.report.figure import Figure
-from qcompile.report.progress import progress_bar
 from qcompile.sweep.arguments import Name, ignore
 from qcompile.sweep.engine import Engine
 from qcompile.sweep.study import run as studies
@@ -91,7 +91,7 @@ def study(
         QcompileError: no such study, figure or row; an output that cannot be written; a training
             that fails; Ctrl-C, after which `out` holds what is finished.
     """
-    with progress_bar(f"study {name}", 1, enabled=progress) as show:
+    with bars.progress_bar(f"study {name}", 1, enabled=progress) as show:
         result = studies.study(
             name,
             figures=figures,

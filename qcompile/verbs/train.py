@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from qcompile.errors import EnvironmentStepError, OptionError, QcompileError, TrainingError
-from qcompile.report.progress import progress_bar
+from qcompile.report import progress as bars
 from qcompile.sweep.arguments import Name, ignore
 from qcompile.verbs.train_outputs import TrainingOutputs
 from qcompile.verbs.train_settings import PRESET, Wanted
@@ -93,7 +93,7 @@ def train(
         on_note(f"The training of {resume} was finished; only its outputs are made.")
     failure: QcompileError | None = None
     with ExitStack() as stack:
-        show = stack.enter_context(progress_bar(wanted.environment, 1.0, enabled=progress))
+        show = stack.enter_context(bars.progress_bar(wanted.environment, 1.0, enabled=progress))
         count = EVALUATION_EPISODES if evaluate_episodes is None else evaluate_episodes
         watch = Watch(trainer, show, outputs.checkpoint, evaluate_every, count)
         if outputs.tensorboard is not None:

@@ -11,9 +11,6 @@ from typing import Any
 
 import pytest
 
-BARS = tuple(f"qcompile.verbs.{verb}" for verb in ("run", "train", "evaluate", "study"))
-"""Where episodes, cells and trainings are counted."""
-
 
 @pytest.fixture(autouse=True)
 def empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
@@ -77,7 +74,9 @@ def ctrl_c(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
         counted = 0
 
         @contextmanager
-        def bar(*_: object, **__: object) -> Iterator[Callable[[float, str], None]]:
+        def bar(
+            title: str, total: float, *, enabled: bool = True
+        ) -> Iterator[Callable[[float, str], None]]:
             def show(done: float, words: str) -> None:
                 nonlocal counted
                 counted += done > 0
@@ -86,8 +85,7 @@ def ctrl_c(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
 
             yield show
 
-        for module in BARS:
-            monkeypatch.setattr(f"{module}.progress_bar", bar)
+        monkeypatch.setattr("qcompile.report.progress.progress_bar", bar)
 
     return after
 

@@ -81,6 +81,9 @@ def test_greedy_cells_are_what_run_plays_greedily(qcompile: Call, policy: Call) 
     name = policy()
     settings = ("--shots", 16, "--mitigation", "none", "--greedy", "--json")
     _, cell = qcompile("evaluate", name, *FEW, *settings).json()["results"]
+    table = qcompile("evaluate", name, *FEW, *settings[:-1]).out
+    assert "tiny in CartPole-v1, 2 episodes, level 2, greedy" in table
+    assert "0 cells played, 2 were there" in table
     run = qcompile("run", name, "--backend", "ibm_lima", "--episodes", 2, *settings)
     assert cell["greedy"] is True
     assert without_time(run.json()).items() <= cell.items()

@@ -24,9 +24,9 @@ def test_a_twin_beside_its_device(qcompile: Call, policy: Call, calibration: str
     backends = ("--backend", f"fake_lima,./{calibration}")
     answer = qcompile("evaluate", name, *backends, *FEW, "--json")
     assert (answer.code, answer.err) == (0, "")
-    shown = ("backend", "device", "kind", "mitigation", "calibration")
+    columns = ("backend", "device", "kind", "mitigation", "calibration")
     objects = answer.json()["results"]
-    assert [tuple(o[key] for key in shown) for o in objects[1:]] == [
+    assert [tuple(o[key] for key in columns) for o in objects[1:]] == [
         ("fake_lima", "fake_lima", "noise-model", "none", None),
         ("fake_lima", "fake_lima", "noise-model", "readout", None),
         ("lima.json", "fake_lima", "measured-response", "none", None),
@@ -54,8 +54,8 @@ def test_misfits_of_a_calibration_are_told(qcompile: Call, policy: Call, calibra
     ideal, twin = qcompile(*words, "--json").json()["results"]
     assert ideal["calibration_misfits"] == []
     assert len(twin["calibration_misfits"]) == 4
-    told = " ".join(qcompile(*words).out.split())
-    assert "lima.json: The response of qubit 0, " in told
+    text = " ".join(qcompile(*words).out.split())
+    assert "lima.json: The response of qubit 0, " in text
 
 
 def test_a_twin_is_played_again_when_it_was_measured_again(

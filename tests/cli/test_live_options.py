@@ -11,6 +11,7 @@ import pytest
 from qcompile.device import load_device
 from qcompile.execution import OfflineExecutor
 from qcompile.mitigation import calibrate
+from qcompile.noise import usable
 
 Call = Callable[..., Any]
 
@@ -27,7 +28,7 @@ def _no_account(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 def commands() -> dict[str, tuple[str, ...]]:
     """Each command that can run live, with what it needs besides."""
     device = load_device("fake_lima")
-    calibrate(OfflineExecutor(device), device.usable, None).save(Path("lima.json"))
+    calibrate(OfflineExecutor(device), usable(device), None).save(Path("lima.json"))
     return {
         "run": ("run", "cartpole", "--backend", "fake_lima", "--max-steps", "1", "--shots", "10"),
         "calibrate": ("calibrate", "--backend", "fake_lima", "--shots", "10"),

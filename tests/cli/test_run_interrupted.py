@@ -45,13 +45,13 @@ def test_an_interrupted_run_is_still_one_json_document(
 INTERRUPTED_AT_ONCE = """
 import os, signal
 from qcompile.cli import main
-from qcompile.rl import evaluate
+from qcompile.deploy.deployment import Deployment
 
-act = evaluate.Deployment.act
-def interrupted(self, observations):
+act = Deployment.act
+def interrupted(self, observations, rows):
     os.kill(os.getpid(), signal.SIGINT)
-    return act(self, observations)
-evaluate.Deployment.act = interrupted
+    return act(self, observations, rows)
+Deployment.act = interrupted
 main()
 """
 

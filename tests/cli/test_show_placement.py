@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from qcompile.device import load_device
+from qcompile.noise import mean_square_error
 
 Call = Callable[..., Any]
 
@@ -66,7 +67,7 @@ def test_json_says_the_same(qcompile: Call, policy: Call) -> None:
     )
     assert [(c["qubit"], c["round"]) for c in found["circuits"]] == [(3, 1), (4, 0), (3, 0), (4, 1)]
     for circuit in found["circuits"]:
-        expected = lagos.mean_square_error(circuit["qubit"])
+        expected = mean_square_error(lagos, circuit["qubit"])
         assert circuit["expected_error"] ** 2 == pytest.approx(expected, rel=1e-12)
 
 

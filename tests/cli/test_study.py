@@ -57,8 +57,8 @@ def test_rows_are_listed(qcompile: Call, left: Call) -> None:
 
 @pytest.mark.usefixtures("untrained")
 def test_rows_are_listed_as_json(qcompile: Call) -> None:
-    found = qcompile("study", "--list", "--json", "--row", "acrobot-svqc", "--seeds", 2).json()
-    assert found == [
+    document = qcompile("study", "--list", "--json", "--row", "acrobot-svqc", "--seeds", 2).json()
+    assert document == [
         {"row": f"acrobot-svqc-{preset}", "environment": "Acrobot-v1", "seeds": 2, "left": 2}
         for preset in ("paper", "tuned", "critic-tuned")
     ]
@@ -82,11 +82,11 @@ def test_a_tiny_study_is_written_up_and_not_trained_again(qcompile: Call, left: 
 
     again = qcompile(*ONE, "--out", "s", "--json")
     assert (again.code, again.err) == (0, "")
-    found = again.json()
-    assert (found["study"], found["trained"]) == ("paper", 0)
-    assert [row["row"] for row in found["rows"]] == ["cartpole-svqc-paper"]
-    assert found["rows"][0]["evaluation_mean"] == [sum(cell["evaluation"]) / 2]
-    assert {Path(name) for name in found["files"]} == {
+    document = again.json()
+    assert (document["study"], document["trained"]) == ("paper", 0)
+    assert [row["row"] for row in document["rows"]] == ["cartpole-svqc-paper"]
+    assert document["rows"][0]["evaluation_mean"] == [sum(cell["evaluation"]) / 2]
+    assert {Path(name) for name in document["files"]} == {
         Path(name) for name in before if "cells" not in name
     }
     assert before == {name: Path(name).read_bytes() for name in left() if Path(name).is_file()}

@@ -49,7 +49,7 @@ def killed(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
 
             yield show
 
-        monkeypatch.setattr("qcompile.verbs.train.progress_bar", bar)
+        monkeypatch.setattr("qcompile.report.progress.progress_bar", bar)
 
     return after
 

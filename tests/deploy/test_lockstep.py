@@ -11,9 +11,11 @@ import pytest
 from qcompile.deploy.environments import make_environments
 from qcompile.deploy.lockstep import Episode, lockstep
 from qcompile.deploy.measurement import Measurement
+from qcompile.deploy.rows import Rows
+from qcompile.deploy.settings import RunSettings
 from qcompile.device import load_device
-from qcompile.errors import CalibrationError, CountsError
-from qcompile.execution import OfflineExecutor, TwinExecutor
+from qcompile.errors import CalibrationError, CountsError, OptionError
+from qcompile.execution import Executor, OfflineExecutor, TwinExecutor
 from qcompile.mitigation import calibrate, response_mitigation
 from qcompile.policy.layouts import parallel
 
@@ -37,19 +39,23 @@ def test_every_step_serves_all_that_live_in_the_order_of_their_seeds() -> None:
     lengths = [len(observations) for observations, _ in expected]
     assert len(set(lengths)) > 2
     given: list[np.ndarray] = []
-    living: list[int] = []
+    numbers: list[Rows] = []
     finished: list[Episode] = []
 
-    def act(observations: np.ndarray) -> np.ndarray:
+    def act(observations: np.ndarray, rows: Rows) -> np.ndarray:
         assert observations.dtype == np.float64
         given.append(observations.copy())
+        numbers.append(rows)
         return np.full(len(observations), len(given) % 2)
 
     environments = make_environments("CartPole-v1", count)
-    lockstep(act, environments, first, on_step=living.append, on_episode=finished.append)
+    lockstep(act, environments, first, on_episode=finished.append)
     for environment in environments:
         environment.close()
-    assert living == [sum(n > step for n in lengths) for step in range(max(lengths))]
+    assert [rows.episode.tolist() for rows in numbers] == [
+        [i for i in range(count) if lengths[i] > step] for step in range(max(lengths))
+    ]
+    assert [set(rows.decision.tolist()) for rows in numbers] == [{k} for k in range(max(lengths))]
     for step, rows in enumerate(given):
         alive = [seen[step] for seen, _ in expected if len(seen) > step]
         np.testing.assert_array_equal(rows, np.stack(alive))
@@ -62,7 +68,7 @@ def test_no_episode_is_longer_than_asked() -> None:
     finished: list[Episode] = []
     environments = make_environments("CartPole-v1", 2)
     lockstep(
-        lambda observations: np.zeros(len(observations), dtype=int),
+        lambda observations, rows: np.zeros(len(observations), dtype=int),
         environments,
         50,
         max_steps=3,
@@ -77,7 +83,7 @@ def test_a_step_is_counted_before_it_is_taken() -> None:
     """What is interrupted in a step has been counted: its circuits were run."""
     events: list[str] = []
 
-    def act(observations: np.ndarray) -> np.ndarray:
+    def act(observations: np.ndarray, rows: Rows) -> np.ndarray:
         events.append("act")
         return np.zeros(len(observations), dtype=int)
 
@@ -85,7 +91,7 @@ def test_a_step_is_counted_before_it_is_taken() -> None:
         act,
         make_environments("Clock-v0", 2),
         0,
-        on_step=lambda living: events.append(f"{living} live"),
+        on_step=lambda rows: events.append(f"{len(rows.episode)} live"),
         on_episode=lambda episode: events.append(f"{episode.seed} ends"),
     )
     assert events == ["act", "2 live"] * 3 + ["0 ends", "1 ends"]
@@ -97,9 +103,15 @@ THETA = np.array([0.3, -1.2, 2.0])
 TRUE = -np.sin(X) * np.cos(THETA) - np.cos(X) ** 2 * np.sin(THETA)
 
 
+def measurement(executor: Executor, **changes: Any) -> Measurement:
+    """Exact and unmitigated but for these settings."""
+    settings = RunSettings(**{"shots": None, "mitigation": "none", **changes})
+    return Measurement(PROGRAM, executor, settings.resolved(executor.device))
+
+
 def measured(device: str = "ideal", **settings: Any) -> np.ndarray:
     executor = OfflineExecutor(load_device(device), settings.pop("seed", None))
-    return Measurement(PROGRAM, executor, **{"shots": None, **settings})(X, THETA)
+    return measurement(executor, **settings)(X, THETA)
 
 
 @pytest.mark.parametrize("level", [0, 1, 2])
@@ -126,7 +138,7 @@ def test_a_measurement_repeats_with_its_seed() -> None:
 
 def test_one_measurement_serves_any_theta() -> None:
     """Compiled once: theta is given with each call."""
-    measure = Measurement(PROGRAM, OfflineExecutor(load_device("ideal")), shots=None)
+    measure = measurement(OfflineExecutor(load_device("ideal")))
     for theta in (np.zeros(3), THETA, -THETA):
         expected = -np.sin(X) * np.cos(theta) - np.cos(X) ** 2 * np.sin(theta)
         np.testing.assert_allclose(measure(X, theta), expected, atol=1e-12)
@@ -140,7 +152,7 @@ def test_readout_mitigation_undoes_what_the_readout_does() -> None:
 @pytest.mark.parametrize("rows", [0, 1, 5, 6])
 @pytest.mark.parametrize("copies", [1, 2, 3, 40])
 def test_copies_measure_the_same_rows(copies: int, rows: int) -> None:
-    measure = Measurement(PROGRAM, OfflineExecutor(load_device("ideal")), shots=None, copies=copies)
+    measure = measurement(OfflineExecutor(load_device("ideal")), copies=copies)
     z = measure(X[:rows], THETA)
     assert z.shape == (rows, 3)
     np.testing.assert_allclose(z, TRUE[:rows], atol=1e-12)
@@ -166,22 +178,20 @@ def test_a_response_or_bent_angles_leave_less_than_the_readout_alone() -> None:
 def test_a_calibration_that_is_given_is_used() -> None:
     device = load_device("fake_lima")
     calibration = calibrate(OfflineExecutor(device, 3), np.arange(5), 1000)
-    measure = Measurement(
-        PROGRAM, OfflineExecutor(device, 1), shots=100, mitigation="response",
-        calibration=calibration,
-    )  # fmt: skip
+    executor, mitigated = OfflineExecutor(device, 1), {"shots": 100, "mitigation": "response"}
+    measure = measurement(executor, calibration=calibration, **mitigated)
     assert measure.calibration_load.jobs == 0
-    raw = Measurement(PROGRAM, OfflineExecutor(device, 1), shots=100)(X, THETA)
+    raw = measurement(OfflineExecutor(device, 1), shots=100)(X, THETA)
     by_hand = response_mitigation(calibration, measure.executable).apply(raw)
     np.testing.assert_array_equal(measure(X, THETA), by_hand)
     twin = TwinExecutor(calibration, 5)
-    assert Measurement(PROGRAM, twin, shots=100, mitigation="response").calibration_load.jobs == 0
+    assert measurement(twin, **mitigated).calibration_load.jobs == 0
     with pytest.raises(CalibrationError, match="is of fake_lima, the backend is fake_lagos"):
         measured("fake_lagos", mitigation="readout", calibration=calibration)
 
 
 def test_a_wrong_measurement_is_refused() -> None:
-    with pytest.raises(CalibrationError, match="contradict each other"):
+    with pytest.raises(OptionError, match="exclude each other"):
         measured(predistort=True, mitigation="response")
     with pytest.raises(CountsError):
         measured(shots=0)

@@ -15,6 +15,7 @@ import pytest
 from qcompile.deploy.play import MAX_EPISODES, Episode, play
 from qcompile.device import load_device
 from qcompile.errors import CalibrationError, CountsError, EnvironmentMismatchError
+from qcompile.noise import usable
 
 Make = Callable[..., Any]
 
@@ -130,7 +131,7 @@ def test_copies_play_the_same_episodes_where_nothing_is_random(
 def test_the_most_important_circuit_has_the_best_qubit(cartpole: Make, deploy: Make) -> None:
     deployment = deploy(cartpole(), "fake_lima")
     best = deployment.policy.importance.argmax()
-    assert deployment.executable.qubits[best] == load_device("fake_lima").usable[0]
+    assert deployment.executable.qubits[best] == usable(load_device("fake_lima"))[0]
 
 
 def test_rewards_of_a_known_environment(stubborn: Make, deploy: Make) -> None:

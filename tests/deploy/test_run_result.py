@@ -12,7 +12,7 @@ import pytest
 
 from qcompile.deploy.environments import make_environments, reward_threshold
 from qcompile.deploy.play import Episode, play
-from qcompile.deploy.result import RunResult
+from qcompile.deploy.result import Run
 from qcompile.policy import Encoder
 from qcompile.policy.layouts import parallel
 
@@ -30,7 +30,7 @@ def test_an_interrupted_step_is_counted_like_its_job(stubborn: Make, deploy: Mak
 
 
 def test_an_interrupted_run_without_episodes_has_no_mean(cartpole: Make, deploy: Make) -> None:
-    summary = RunResult(deploy(cartpole()), 5, interrupted=True).summary()
+    summary = Run(deploy(cartpole()), 5, interrupted=True).summary()
     for key in ("mean_reward", "std_reward", "ci95", "solved"):
         assert summary[key] is None
     assert summary["episodes"] == []
@@ -125,8 +125,8 @@ def test_a_mean_at_the_threshold_is_solved(stubborn: Make, deploy: Make) -> None
     deployment = deploy(stubborn("ClockPaid-v0", 2, 3))
     for reward, solved in ((40.0, True), (39.99, False)):
         episodes = [Episode(seed, reward, 3) for seed in range(100)]
-        assert RunResult(deployment, 40.0, episodes=episodes).summary()["solved"] is solved
-        cut = RunResult(deployment, 40.0, 30, episodes=episodes)  # at 30 steps
+        assert Run(deployment, 40.0, episodes=episodes).summary()["solved"] is solved
+        cut = Run(deploy(deployment.policy, max_steps=30), 40.0, episodes=episodes)
         assert cut.summary()["solved"] is None
 
 

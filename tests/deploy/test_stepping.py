@@ -14,6 +14,7 @@ from gymnasium.spaces import Box, Discrete
 from qcompile.deploy.environments import make_environments
 from qcompile.deploy.lockstep import Episode, lockstep
 from qcompile.deploy.play import play
+from qcompile.deploy.rows import Rows
 from qcompile.deploy.stepping import Stepper
 from qcompile.errors import EnvironmentMismatchError, EnvironmentStepError, TrainingError
 from qcompile.rl.ppo import Trainer
@@ -71,7 +72,7 @@ def usual(step: int) -> Any:
     return GOOD, 1.0, step == 4, False, {}
 
 
-def first(observations: np.ndarray) -> np.ndarray:
+def first(observations: np.ndarray, rows: Rows | None = None) -> np.ndarray:
     return np.zeros(len(observations), dtype=int)
 
 
@@ -102,7 +103,7 @@ def test_actions_have_the_numbers_of_the_environment(
     choose = [0, 1, 1, 0]
     (environment,) = make_environments(name, 1)
     turns = iter(choose)
-    lockstep(lambda seen: np.array([next(turns)]), [environment], 0)
+    lockstep(lambda seen, rows: np.array([next(turns)]), [environment], 0)
     assert environment.unwrapped.sent == [start + action for action in choose]  # type: ignore[attr-defined]
     collector, turns = Collector(name, 1, np.random.SeedSequence(0)), iter(choose)
     rollout = collector.collect(lambda seen: np.array([next(turns)]), None)
@@ -282,7 +283,7 @@ def test_training_and_run_see_the_same_numbers(
     value = np.array([FINE, 0.0]) if np.dtype(declared).kind == "f" else np.array([1, 0], declared)
     name = registered(lambda step: (value, 1.0, step == 3, False, {}), dtype=declared)
     found = []
-    lockstep(lambda o: (found.append(o[0, 0]), first(o))[1], make_environments(name, 1), 0)
+    lockstep(lambda o, rows: (found.append(o[0, 0]), first(o))[1], make_environments(name, 1), 0)
     learned = []
     Collector(name, 1, np.random.SeedSequence(0)).collect(
         lambda o: (learned.append(float(o[0, 0])), first(o))[1], None

@@ -15,6 +15,7 @@ from qcompile.errors import CalibrationError, CountsError, DeviceError
 from qcompile.execution import OfflineExecutor, TwinExecutor, open_executor
 from qcompile.ir import Circuit, Program
 from qcompile.mitigation import calibrate
+from qcompile.noise import usable
 from qcompile.passes import compile
 from qcompile.policy.layouts import parallel
 
@@ -110,11 +111,11 @@ def test_counts_are_binomial_and_repeat_with_their_seed() -> None:
 def test_circuits_are_placed_on_calibrated_qubits_only() -> None:
     """Even if the device had chosen its qubits before, which it remembers."""
     device = load_device("fake_lima")
-    assert len(device.usable) == 5
+    assert len(usable(device)) == 5
     calibration = calibrate(OfflineExecutor(device, 0), np.array([1, 4, 3]), 1000)
     twin = TwinExecutor(calibration)
     assert twin.device.left_out == (0, 2)
-    assert set(twin.device.usable) == {1, 3, 4}
+    assert set(usable(twin.device)) == {1, 3, 4}
     executable = compile(parallel(5, 1)[0], twin.device)
     assert set(executable.qubits) <= {1, 3, 4}
     assert executable.round_count == 2

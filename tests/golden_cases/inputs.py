@@ -114,7 +114,9 @@ def ctrl_c_after(episodes: int) -> Change:
         counted = 0
 
         @contextmanager
-        def bar(*_: object, **__: object) -> Iterator[Callable[[float, str], None]]:
+        def bar(
+            title: str, total: float, *, enabled: bool = True
+        ) -> Iterator[Callable[[float, str], None]]:
             def show(done: float, words: str) -> None:
                 nonlocal counted
                 counted += done > 0
@@ -123,8 +125,7 @@ def ctrl_c_after(episodes: int) -> Change:
 
             yield show
 
-        for verb in ("run", "train", "evaluate", "study"):
-            patch.setattr(f"qcompile.verbs.{verb}.progress_bar", bar)
+        patch.setattr("qcompile.report.progress.progress_bar", bar)
 
     return change
 

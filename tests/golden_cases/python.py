@@ -159,7 +159,7 @@ CASES = tuple(
         "predistorted(executable, readout)",
         "fit_readout(np.zeros((2, 1), int), ones, 10, np.array([0]))",
         "fit_response(np.zeros(2), ones, 10, np.array([0]))",
-        "IBMExecutor.expectation(executor, executable, x, theta)",
+        "IBMExecutor(executor.device, None).expectation(executable, x, theta)",
         "replace(policy, bias=np.zeros(3))",
         "replace(policy, bias=np.array([0.0, np.nan]))",
         "replace(policy, encoder=replace(policy.encoder, scale=np.full(4, 1e30)))",

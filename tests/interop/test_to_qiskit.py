@@ -58,7 +58,7 @@ def test_open_angles_are_what_bind_gives() -> None:
     executable = compile(PROGRAM, perfect(4))
     circuits = executable.to_qiskit()
     names = {p.name for c in circuits for p in c.parameters}
-    assert names == {f"a{i}_{k}" for i, k in executable.open_slots}
+    assert names == {f"a{i}_0" for i in executable.slot_circuits[executable.open_slots]}
     angles = executable.bind(X[None], THETA)[0]
     bound = [
         c.assign_parameters({p: angles[int(p.name[1:].split("_")[0])] for p in c.parameters})

@@ -79,7 +79,7 @@ def measured_z(circuit: QuantumCircuit) -> list[float]:
 @pytest.mark.parametrize("level", [0, 1, 2])
 @pytest.mark.parametrize("backend", ["ideal", "ibm_lima"])
 def test_a_parametric_job_is_the_policy(tmp_path: Path, backend: str, level: int) -> None:
-    """Inputs take encoded features at level 0 and the values of bind_slots, in order, above it."""
+    """Inputs take encoded features at level 0 and bound slots, in order, above it."""
     policy, device = make(), load_device(backend)
     job = export_job(policy, device, tmp_path / "job", level=level, shots=1024)
     assert job == json.loads((tmp_path / "job" / "job.json").read_text())
@@ -92,7 +92,9 @@ def test_a_parametric_job_is_the_policy(tmp_path: Path, backend: str, level: int
 
     x = policy.encode(OBSERVATIONS)
     executable = compile(policy.program, device, level)
-    slots = executable.bind_slots(x, policy.theta)
+    slots = executable.bind(x, policy.theta)
+    columns = zip(executable.slot_circuits, executable.slot_positions, strict=True)
+    column_of = {place: column for column, place in enumerate(columns)}
     found = np.full((len(OBSERVATIONS), len(TEXTS)), np.nan)
     for program in job["programs"]:
         assert set(program) == {"file", "circuits", "qubits", "inputs", "observation"}
@@ -110,8 +112,8 @@ def test_a_parametric_job_is_the_policy(tmp_path: Path, backend: str, level: int
                 at = [(int(circuit_index), int(slot)) for circuit_index, slot in places]
                 assert at == sorted(at)
                 named = {
-                    name: slots[row, circuit_index, slot]
-                    for name, (circuit_index, slot) in zip(program["inputs"], at, strict=True)
+                    name: slots[row, column_of[place]]
+                    for name, place in zip(program["inputs"], at, strict=True)
                 }
             bound = circuit.assign_parameters(named)
             found[row, program["circuits"]] = measured_z(bound)

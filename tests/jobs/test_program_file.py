@@ -181,8 +181,8 @@ def test_slots_have_names_that_the_file_does_not_use() -> None:
     assert "input float[64] a_1_0;" in body(made)
     program = read(made.text).program
     x = np.array([[0.3, 0.4], [1.2, -0.7]])
-    slots = made.executable.bind_slots(x, np.zeros(0))
-    found = Simulator(program).expectation(slots[:, 0, :1], np.zeros(0))[:, 1]
+    slots = made.executable.bind(x, np.zeros(0))
+    found = Simulator(program).expectation(slots, np.zeros(0))[:, 1]
     wanted = Simulator(read(text).program).expectation(x, np.zeros(0))[:, 1]
     np.testing.assert_allclose(found, wanted, atol=1e-12)
 

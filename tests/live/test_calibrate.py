@@ -24,6 +24,7 @@ from qcompile.live.connection import Connection
 from qcompile.live.measure import CalibrateTask
 from qcompile.live.task import Context
 from qcompile.mitigation.measure import LIVE_ANGLES_RAD
+from qcompile.noise import usable
 from qcompile.passes import compile
 
 SHOTS = 2000
@@ -62,7 +63,7 @@ def test_one_job_whose_curves_are_those_of_the_noise(runs: Runs) -> None:
     assert found.backend == "fake_toronto"
     assert found.readout is None
     device = Connection("fake_toronto").device()
-    assert list(found.qubits) == sorted(device.usable)
+    assert list(found.qubits) == sorted(usable(device))
     assert found.response is not None
     truth = true_curves(device, found.qubits)
     errors = np.sqrt(np.diagonal(np.array(found.response.covariance), axis1=1, axis2=2))
@@ -188,7 +189,7 @@ class Counted:
         self.requests.append(request)
         made = request.executable
         assert made.native.inputs == ("x0",)
-        return self._machine.run(made, request.angles[:, 0], np.zeros(0), request.shots)
+        return self._machine.run(made, request.angles[:, :1], np.zeros(0), request.shots)
 
 
 def test_a_journal_of_version_0_1_goes_on_with_its_own_circuits() -> None:
@@ -207,7 +208,7 @@ def test_a_journal_of_version_0_1_goes_on_with_its_own_circuits() -> None:
     )
     found = task.perform(Context(jobs, lambda words: None))["calibration"]  # type: ignore[arg-type]
     (request,) = jobs.requests
-    np.testing.assert_array_equal(request.angles[..., 0], LIVE_ANGLES_RAD[:, None].repeat(2, 1))
+    np.testing.assert_array_equal(request.angles, LIVE_ANGLES_RAD[:, None].repeat(2, 1))
     assert found["unfitted"] == []
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import time
 from pathlib import Path
 from typing import Any
 
@@ -117,6 +118,7 @@ def test_the_limit_holds_in_what_is_told_where_most_answers_are_lost(
     runs.service.faults.chance(Fault.ACCEPTED_504, 0.6, on=SUBMIT)
     answer = runs.run(max_qpu_seconds=30, max_steps=5)
     for _ in range(4):
+        time.sleep(runs.service.faults.listing_lag_seconds)
         charged_s = runs.service.ledger().charged_seconds
         row = told(runs)
         assert charged_s - 1e-9 <= row["qpu_seconds"] <= 30

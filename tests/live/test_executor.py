@@ -15,6 +15,7 @@ from qcompile.errors import CircuitError, CountsError, DeviceError
 from qcompile.execution import OfflineExecutor
 from qcompile.ir import Circuit, Program
 from qcompile.live.executor import IBMExecutor
+from qcompile.noise import usable
 from qcompile.passes import Executable, compile
 
 SHOTS = 4000
@@ -57,10 +58,10 @@ def test_counts_follow_the_noise_of_every_qubit(
 
 def test_every_qubit_of_the_largest_machine(executor_on: Make, service: StandIn) -> None:
     executor = executor_on("fake_sherbrooke")
-    usable = len(executor.device.usable)
-    executable, theta = turns(usable, executor)
-    assert (executable.round_count, len(set(executable.qubits))) == (1, usable)
-    assert usable > 100
+    count = len(usable(executor.device))
+    executable, theta = turns(count, executor)
+    assert (executable.round_count, len(set(executable.qubits))) == (1, count)
+    assert count > 100
     ones = executor.run(executable, X, theta, SHOTS)
     assert not surprises(ones, SHOTS, p_one(executable, X, theta)).any()
     assert [job.circuits for job in service.ledger().jobs] == [len(X)]

@@ -20,7 +20,7 @@ from qcompile.live.connection import Connection
 from qcompile.live.executor import IBMExecutor
 from qcompile.live.jobs import Jobs
 from qcompile.live.journal import Journal
-from qcompile.live.perform import versions
+from qcompile.live.perform import _versions
 from qcompile.live.runs import find_journal
 from qcompile.passes import compile
 
@@ -128,7 +128,7 @@ def test_versions_that_differ_are_named(runs: Runs) -> None:
     runs.run()
     with find_journal(Path("runs"), "last") as journal:
         was, settings = dict(journal.versions), dict(journal.settings)
-    assert was == versions()
+    assert was == _versions()
     assert set(was) == {
         *("machine", "qcompile", "numpy", "gymnasium", "qiskit", "qiskit-ibm-runtime")
     }

@@ -7,6 +7,7 @@ import pytest
 
 from qcompile.calibration import ResponseFit
 from qcompile.mitigation.polar import PolarCurves, polar_curves
+from qcompile.native import RX, SX
 
 CURVES = np.array([[0.05, 0.9, 0.1], [-0.02, -0.8, 0.3], [0.1, 0.7, -0.4], [0.0, -0.6, -0.2]])
 """b, c, s; of the second and the fourth 0 and 1 are swapped for sign 1."""
@@ -19,7 +20,7 @@ def polar(curves: np.ndarray, sign: float, covariance: np.ndarray) -> PolarCurve
         chi_square=(0.0,) * len(curves),
         degrees_of_freedom=3,
     )
-    return polar_curves(fit, sign)
+    return polar_curves(fit, RX if sign > 0 else SX)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

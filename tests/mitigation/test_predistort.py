@@ -1,4 +1,4 @@
-"""Bent angles: the device's own curve then shows the ideal <Z>."""
+"""Predistorted angles: the device's own curve then shows the ideal <Z>."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ def test_the_measured_expectation_is_the_ideal_one(
         program = Program.of(map(Circuit.parse, ["ry(x0)", "ry(2*x1)", "rx(x2)"]), inputs=3)
         theta = NOTHING
     executable = compile(program, calibration.device)
-    bent, twin = predistorted(executable, calibration), TwinExecutor(calibration)
+    changed, twin = predistorted(executable, calibration), TwinExecutor(calibration)
     x = np.random.default_rng(0).uniform(-4, 4, (500, 3))
-    ideal = np.cos(executable.bind(x, theta) - executable.angle_offset_rad)
+    ideal = np.cos(executable.bind(x, theta) - executable.device.native.angle_offset_rad)
     b, c, s = np.array(curves)[executable.qubits].T
     nearest = np.clip(ideal, b - np.hypot(c, s), b + np.hypot(c, s))
-    bent = replace(bent, device=twin.device)
-    found = twin.expectation(bent, x, theta)
+    changed = replace(changed, device=twin.device)
+    found = twin.expectation(changed, x, theta)
     np.testing.assert_allclose(found, nearest, rtol=0, atol=1e-9)
     assert (nearest != ideal).any()
     straight = twin.expectation(compile(program, twin.device), x, theta)
@@ -53,38 +53,38 @@ def test_a_perfect_curve_leaves_the_angles(made: Callable[..., Calibration]) -> 
     calibration = made(curves=[[0.0, -1.0, 0.0]])
     executable = compile(Program.of([Circuit.parse("ry(x0)")], inputs=1), calibration.device)
     x = np.linspace(-3.1, 3.1, 63)[:, None]
-    bent = predistorted(executable, calibration)
-    np.testing.assert_allclose(bent.bind(x, NOTHING), executable.bind(x, NOTHING), atol=1e-6)
-    cos, sin = bent.bind_turns(x, NOTHING)
-    np.testing.assert_array_equal(cos[..., 0], np.cos(bent.bind(x, NOTHING)))
-    np.testing.assert_array_equal(sin[..., 0], np.sin(bent.bind(x, NOTHING)))
+    changed = predistorted(executable, calibration)
+    np.testing.assert_allclose(changed.bind(x, NOTHING), executable.bind(x, NOTHING), atol=1e-6)
+    cos, sin = changed.bind_turns(x, NOTHING)
+    np.testing.assert_array_equal(cos, np.cos(changed.bind(x, NOTHING)))
+    np.testing.assert_array_equal(sin, np.sin(changed.bind(x, NOTHING)))
 
 
-def test_circuits_without_a_rotation_stay_and_constants_are_bent(
+def test_circuits_without_a_rotation_stay_and_constants_are_predistorted(
     made: Callable[..., Calibration],
 ) -> None:
     calibration = made(curves=CURVES)
     program = Program.of(map(Circuit.parse, ["x", "ry(0.7)", "ry(x0)"]), inputs=1)
     executable = compile(program, calibration.device)
-    bent = predistorted(executable, calibration)
+    changed = predistorted(executable, calibration)
     x = np.array([[0.4]])
-    straight, turned = executable.bind(x, NOTHING)[0], bent.bind(x, NOTHING)[0]
+    straight, turned = executable.bind(x, NOTHING)[0], changed.bind(x, NOTHING)[0]
     assert turned[0] == straight[0] == 0.0
     assert abs(turned[1] - straight[1]) > 1e-3
-    # A sampler gets the bent constant as a value of its own.
-    assert executable.open_slots == ((2, 0),)
-    assert bent.open_slots == ((1, 0), (2, 0))
-    assert len(bent.template().inputs) == 2
+    # A sampler gets the predistorted constant as a value of its own.
+    assert executable.open_slots.tolist() == [2]
+    assert changed.open_slots.tolist() == [1, 2]
+    assert len(changed.template().inputs) == 2
 
 
-def test_what_cannot_be_bent_is_refused(made: Callable[..., Calibration]) -> None:
+def test_what_cannot_be_predistorted_is_refused(made: Callable[..., Calibration]) -> None:
     calibration = made(curves=CURVES)
     program, _ = parallel(3, 1)
     with pytest.raises(CalibrationError, match="need level 2"):
         predistorted(compile(program, calibration.device, 1), calibration)
-    bent = predistorted(compile(program, calibration.device), calibration)
-    with pytest.raises(CalibrationError, match="bent already"):
-        predistorted(bent, calibration)
+    changed = predistorted(compile(program, calibration.device), calibration)
+    with pytest.raises(CalibrationError, match="predistorted already"):
+        predistorted(changed, calibration)
     other = made(readout=([0.1] * 3, [0.1] * 3))
     executable = compile(program, other.device)
     with pytest.raises(CalibrationError, match="no response curves"):

@@ -147,7 +147,7 @@ def test_a_response_is_undone_with_its_tilt(
     mitigation = response_mitigation(calibration, executable)
     tilt = np.arctan2(sign * s, 0.85)
     w = np.linspace(max(2 * tilt, 0), np.pi + min(2 * tilt, 0), 300)[:, None]
-    a = w + executable.angle_offset_rad
+    a = w + executable.device.native.angle_offset_rad
     shown = 0.04 + sign * 0.85 * np.cos(a) + s * np.sin(a)
     np.testing.assert_allclose(mitigation.apply(shown), np.cos(w), atol=1e-9)
     beyond = mitigation.apply(np.array([[-0.99], [0.99]]))[:, 0]
@@ -220,7 +220,7 @@ def test_a_response_that_is_swapped_is_undone(
     tilt = np.arctan(-s / 0.85 * sign)
     assert mitigation.tilt[0] == pytest.approx(tilt)
     w = np.linspace(max(2 * tilt, 0), np.pi + min(2 * tilt, 0), 300)[:, None]
-    a = w + executable.angle_offset_rad
+    a = w + executable.device.native.angle_offset_rad
     shown = 0.04 - sign * 0.85 * np.cos(a) + s * np.sin(a)
     np.testing.assert_allclose(mitigation.apply(shown), np.cos(w), atol=1e-9)
     assert (mitigation.standard_error(shown, 1000) > 0).all()

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from noisy import noisy_circuits
 
 from qcompile.device import IDEAL, Device, GateCalibration, Qubit, load_device
 from qcompile.execution import OfflineExecutor
 from qcompile.ir import Circuit, Program
-from qcompile.noise import NoisyCircuits
 from qcompile.passes import Executable, compile
 
 CALIBRATED = Qubit(
@@ -82,8 +82,7 @@ def test_repeated_circuits_are_the_closed_form(
     x, thetas = points()
     executor = OfflineExecutor(executable.device, 1)
     for theta in thetas:
-        slots = executable.bind_slots(x, theta)
-        assert slots.shape[:2] == executable.bind(x, theta).shape[:2] == (len(x), len(inputs))
+        assert executable.bind(x, theta).shape == (len(x), len(executable.slot_circuits))
         expected = closed_form(x[:, inputs], theta[inputs])
         found = executor.expectation(executable, x, theta)
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
@@ -96,9 +95,9 @@ def test_repeated_circuits_are_the_closed_form(
 def test_turns_are_those_of_the_bound_angles(program: str, device: str, level: int) -> None:
     """Near 0 and pi the polar angle has half its digits, and so has its sine."""
     executable = make(program, device, level)
-    noisy, (x, thetas), compared = NoisyCircuits(executable), points(), 0
+    noisy, (x, thetas), compared = noisy_circuits(executable), points(), 0
     for theta in thetas:
-        angles = executable.bind_slots(x, theta)
+        angles = executable.bind(x, theta)
         cos, sin = executable.bind_turns(x, theta)
         assert cos.shape == sin.shape == angles.shape
         np.testing.assert_allclose(cos, np.cos(angles), rtol=0, atol=1e-12)
@@ -114,8 +113,6 @@ def test_turns_are_those_of_the_bound_angles(program: str, device: str, level: i
 @pytest.mark.parametrize("program", PROGRAMS)
 def test_the_short_way_is_taken_only_where_it_is_right(program: str) -> None:
     """The tests above would pass if it never were taken."""
-    for device, native in (("ideal", -1), ("rx", 1)):
-        sign = make(program, device, 2)._polar_sign
-        assert sign == (native if program in WANTS_SPEED else None), device
-        assert make(program, device, 1)._polar_sign is None
-        assert make(program, device, 0)._polar_sign is None
+    for device in ("ideal", "rx"):
+        polar = [make(program, device, level).has_polar_angles for level in (0, 1, 2)]
+        assert polar == [False, False, program in WANTS_SPEED], device

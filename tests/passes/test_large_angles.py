@@ -5,11 +5,11 @@ from __future__ import annotations
 import mpmath
 import numpy as np
 import pytest
+from noisy import noisy_circuits
 
 from qcompile.device import IDEAL, Device, Qubit
 from qcompile.errors import CircuitError
 from qcompile.ir import Circuit, Program
-from qcompile.noise import NoisyCircuits
 from qcompile.passes import LEVELS, compile
 from qcompile.simulate import Simulator
 
@@ -77,8 +77,8 @@ def test_numbers_of_inputs_and_parameters(level: int, point: tuple[float, ...]) 
     program = Program.of(map(Circuit.parse, SYMBOLIC), 2, 1)
     x, theta = np.array([point[:2], [0.3, 0.4]]), np.array(point[2:])
     executable = compile(program, IDEAL, level)
-    bound = NoisyCircuits(executable).expectation(executable.bind_slots(x, theta))
-    turned = NoisyCircuits(executable).p_one(*executable.bind_turns(x, theta))
+    bound = noisy_circuits(executable).expectation(executable.bind(x, theta))
+    turned = noisy_circuits(executable).p_one(*executable.bind_turns(x, theta))
     ideal = Simulator(program).expectation(x, theta)
     for row, features in enumerate(x):
         values = dict(zip(("x0", "x1", "theta0"), [*features, *theta], strict=True))

@@ -7,13 +7,14 @@ from itertools import permutations
 
 import numpy as np
 import pytest
+from noisy import noisy_circuits
 from scipy.optimize import linear_sum_assignment
 
 from qcompile.device import IDEAL, Device, GateCalibration, Qubit, load_device
 from qcompile.errors import CircuitError
 from qcompile.execution import OfflineExecutor, expectation_from_ones
 from qcompile.ir import Circuit, Program
-from qcompile.noise import NoisyCircuits
+from qcompile.noise import mean_square_error, unusable, usable
 from qcompile.passes import Executable, compile
 from qcompile.passes.place import place
 from qcompile.policy import load_policy
@@ -63,7 +64,7 @@ def instant(error: float) -> GateCalibration:
 )
 def test_the_error_of_a_qubit_by_hand(qubit: Qubit, basis: str, by_hand: float) -> None:
     made = device(qubit, basis=tuple(basis.split()))
-    assert made.mean_square_error(0) == pytest.approx(by_hand, rel=1e-12)
+    assert mean_square_error(made, 0) == pytest.approx(by_hand, rel=1e-12)
 
 
 RX = device(
@@ -82,7 +83,7 @@ def test_the_error_of_a_qubit_is_that_of_the_noise_model(made: Device) -> None:
         """The measured <Z> of one circuit on every qubit, (B, qubits)."""
         program = Program.of([Circuit.parse(text)] * len(qubits), 1)
         executable = replace(compile(program, made), qubits=qubits, rounds=0 * qubits)
-        return NoisyCircuits(executable).expectation(executable.bind_slots(x, NO_THETA))
+        return noisy_circuits(executable).expectation(executable.bind(x, NO_THETA))
 
     measured = shown("ry(x0)", np.arccos(z)[:, None])
     zero, one = shown("", np.zeros((1, 1)))[0], shown("x", np.zeros((1, 1)))[0]
@@ -90,7 +91,7 @@ def test_the_error_of_a_qubit_is_that_of_the_noise_model(made: Device) -> None:
     bias = (measured - zero) / slope + 1 - z[:, None]
     variance = (1 - measured**2) / SHOTS / slope**2
     expected = weights / 2 @ (variance + bias**2)
-    found = [made.mean_square_error(q) for q in qubits]
+    found = [mean_square_error(made, q) for q in qubits]
     np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
@@ -98,35 +99,35 @@ def test_pulses_that_leave_too_little_are_not_used() -> None:
     """0.88^2 = 0.7744 is less than 0.8, 0.9^2 is more: gate errors 0.06 and 0.05."""
     poor, fair = (read(0, 0, sx=instant(e), x=instant(e)) for e in (0.06, 0.05))
     made = device(poor, fair)
-    assert made.usable == (1,)
-    assert made.unusable == {0: "keeps 0.77 of <Z>"}
+    assert usable(made) == (1,)
+    assert unusable(made) == {0: "keeps 0.77 of <Z>"}
 
 
 def test_swapped_qubits_are_used_where_there_are_no_others() -> None:
     swapped, weak = read(0.97, 0.96), read(0.4, 0.4)
     made = device(swapped, weak, swapped)
-    assert made.usable == (0, 2)
-    assert made.unusable == {1: "keeps 0.20 of <Z>"}
-    assert device(swapped, read(0.02, 0.03)).unusable == {0: "keeps -0.93 of <Z>"}
+    assert usable(made) == (0, 2)
+    assert unusable(made) == {1: "keeps 0.20 of <Z>"}
+    assert unusable(device(swapped, read(0.02, 0.03))) == {0: "keeps -0.93 of <Z>"}
 
 
 def test_what_the_file_leaves_out_comes_first() -> None:
     made = LAGOS.model_copy(update={"left_out": (3, 0)})
-    assert made.usable == (4,)
-    assert made.unusable[0] == made.unusable[3] == "is in left_out"
-    assert made.unusable[2] == "keeps 0.07 of <Z>"
+    assert usable(made) == (4,)
+    assert unusable(made)[0] == unusable(made)[3] == "is in left_out"
+    assert unusable(made)[2] == "keeps 0.07 of <Z>"
     rest = LAGOS.model_copy(update={"left_out": (3, 4, 1)})
-    assert rest.usable == (0,), "the best of those that are left"
+    assert usable(rest) == (0,), "the best of those that are left"
 
 
 def cost(importance: np.ndarray, qubits: np.ndarray, made: Device) -> float:
-    return sum(w * made.mean_square_error(int(q)) for w, q in zip(importance, qubits, strict=True))
+    return sum(w * mean_square_error(made, int(q)) for w, q in zip(importance, qubits, strict=True))
 
 
 def least_cost(importance: np.ndarray, made: Device) -> float:
     """By the solver for assignment problems, over every place of the least number of rounds."""
-    rounds = -(-len(importance) // len(made.usable))
-    places = [made.mean_square_error(q) for q in made.usable] * rounds
+    rounds = -(-len(importance) // len(usable(made)))
+    places = [mean_square_error(made, q) for q in usable(made)] * rounds
     costs = np.outer(importance, places)
     return float(costs[linear_sum_assignment(costs)].sum())
 
@@ -153,9 +154,9 @@ def test_sorting_solves_the_assignment_problem(circuits: int, name: str) -> None
     made = load_device(name)
     importance = np.random.default_rng(circuits).exponential(size=circuits)
     qubits, rounds = place(circuits, made, importance)
-    assert rounds.max() + 1 == -(-circuits // len(made.usable))
-    assert np.bincount(rounds).max() <= len(made.usable)
-    assert set(qubits.tolist()) <= set(made.usable)
+    assert rounds.max() + 1 == -(-circuits // len(usable(made)))
+    assert np.bincount(rounds).max() <= len(usable(made))
+    assert set(qubits.tolist()) <= set(usable(made))
     assert len({*zip(qubits.tolist(), rounds.tolist(), strict=True)}) == circuits
     least = least_cost(importance, made)
     assert cost(importance, qubits, made) == pytest.approx(least, rel=1e-12)
@@ -164,10 +165,10 @@ def test_sorting_solves_the_assignment_problem(circuits: int, name: str) -> None
 def test_the_worst_places_stay_empty() -> None:
     """26 circuits need two rounds on 25 qubits; 13 qubits are enough for these, the best ones."""
     qubits, rounds = place(26, TORONTO)
-    assert sorted(qubits.tolist()) == sorted([*TORONTO.usable[:13]] * 2)
+    assert sorted(qubits.tolist()) == sorted([*usable(TORONTO)[:13]] * 2)
     assert np.bincount(rounds).tolist() == [13, 13]
     qubits, _ = place(24, LIMA)
-    assert np.bincount(qubits)[[*LIMA.usable]].tolist() == [5, 5, 5, 5, 4]
+    assert np.bincount(qubits)[[*usable(LIMA)]].tolist() == [5, 5, 5, 5, 4]
 
 
 def test_ties_go_by_index() -> None:
@@ -202,14 +203,14 @@ def test_as_many_copies_as_said_fit(circuits: int) -> None:
 @pytest.mark.parametrize(("circuits", "made"), [(24, LAGOS), (24, IDEAL), (0, LIMA), (3, LAGOS)])
 def test_one_copy_is_the_least(circuits: int, made: Device) -> None:
     program = Program(()) if not circuits else parallel(circuits, 1)[0]
-    assert compile(program, made).copies_that_fit == (len(made.usable) if not circuits else 1)
+    assert compile(program, made).copies_that_fit == (len(usable(made)) if not circuits else 1)
 
 
 def test_copies_are_treated_alike() -> None:
     """The copies of a circuit take turns at the better qubit."""
     importance = np.array([3.0, 1.0, 2.0])
     qubits, _ = place(3, TORONTO, importance, copies=2)
-    best = TORONTO.usable
+    best = usable(TORONTO)
     assert qubits.reshape(2, 3)[:, [0, 2, 1]].tolist() == [
         [best[0], best[3], best[4]],
         [best[1], best[2], best[5]],
@@ -235,7 +236,7 @@ def test_copies_give_what_one_program_gives(copies: int, level: int) -> None:
 @pytest.mark.parametrize("level", [0, 2])
 def test_each_copy_shows_the_noise_of_its_own_qubits(level: int) -> None:
     executable = compile(PROGRAM, TORONTO, level, copies=3)
-    folded = NoisyCircuits(executable).expectation(executable.bind_slots(X.reshape(2, 12), THETA))
+    folded = noisy_circuits(executable).expectation(executable.bind(X.reshape(2, 12), THETA))
     assert len(set(executable.qubits.tolist())) == 12
     for copy, columns in enumerate(np.arange(12).reshape(3, 4)):
         alone = replace(
@@ -243,8 +244,8 @@ def test_each_copy_shows_the_noise_of_its_own_qubits(level: int) -> None:
             qubits=executable.qubits[columns],
             rounds=executable.rounds[columns],
         )
-        angles = alone.bind_slots(X[copy::3], THETA)
-        expected = NoisyCircuits(alone).expectation(angles)
+        angles = alone.bind(X[copy::3], THETA)
+        expected = noisy_circuits(alone).expectation(angles)
         np.testing.assert_allclose(folded[:, columns], expected, rtol=0, atol=1e-13)
 
 
@@ -293,8 +294,8 @@ def test_what_matters_to_the_policy_is_measured_better(name: str, backend: str) 
     x = policy.encode(observations)
     placed = compile(policy.trained_program, made, 2, policy.importance)
     index = np.arange(len(placed.native))
-    in_order = np.array(made.usable)[index % len(made.usable)]
-    naive = replace(placed, qubits=in_order, rounds=index // len(made.usable))
+    in_order = np.array(usable(made))[index % len(usable(made))]
+    naive = replace(placed, qubits=in_order, rounds=index // len(usable(made)))
     ours, theirs = (
         (errors(e, x, mitigated=False) ** 2).mean(axis=0) @ policy.importance
         for e in (placed, naive)

@@ -151,6 +151,60 @@ def test_the_same_generator_draws_the_same_actions() -> None:
     assert (first != other).any()
 
 
+def with_probabilities(*probabilities: float) -> Policy:
+    """A policy that acts so, whatever it measures."""
+    bias = np.array([math.log(p) if p else -1e4 for p in probabilities])
+    return replace(make(), bias=bias, weights=np.zeros((len(bias), REUSE * CIRCUITS)))
+
+
+def test_a_number_decides_by_the_cumulative_probabilities() -> None:
+    """Sums by hand: 0.1, 0.3, 0.6 and 1."""
+    policy = with_probabilities(0.1, 0.2, 0.3, 0.4)
+    u = np.array([0.0, 0.0999, 0.1001, 0.2999, 0.3001, 0.5999, 0.6001, 0.9999])
+    assert policy.decide(np.zeros((8, CIRCUITS)), u).tolist() == [0, 0, 1, 1, 2, 2, 3, 3]
+
+
+def test_every_row_is_decided_by_its_own_measurement() -> None:
+    policy, rng = make(), np.random.default_rng(8)
+    z, u = rng.uniform(-1, 1, (300, CIRCUITS)), rng.random(300)
+    expected = []
+    for row, number in zip(policy.probabilities(z).tolist(), u.tolist(), strict=True):
+        total, action = row[0], 0
+        while total <= number:
+            action += 1
+            total += row[action]
+        expected.append(action)
+    assert len(set(expected)) == ACTIONS
+    assert policy.decide(z, u).tolist() == expected
+
+
+def test_an_impossible_action_is_not_taken() -> None:
+    policy = with_probabilities(0.0, 0.5, 0.0, 0.5)
+    u = np.array([0.0, 0.25, 0.75, np.nextafter(1, 0)])
+    assert policy.decide(np.zeros((4, CIRCUITS)), u).tolist() == [1, 1, 3, 3]
+
+
+def test_the_last_action_is_taken_where_the_sum_stays_below() -> None:
+    """0.1, added ten times, is the largest number below 1."""
+    last = np.nextafter(1, 0)
+    assert np.full(10, 0.1).cumsum()[-1] <= last
+    policy = with_probabilities(*[0.1] * 10)
+    assert policy.decide(np.zeros((1, CIRCUITS)), np.array([last])).tolist() == [9]
+
+
+def test_a_sample_is_a_decision_by_uniform_numbers() -> None:
+    policy, z = make(), np.random.default_rng(9).uniform(-1, 1, (70, CIRCUITS))
+    u = np.random.default_rng(10).random(70)
+    expected = policy.decide(z, u)
+    np.testing.assert_array_equal(policy.sample(z, np.random.default_rng(10)), expected)
+
+
+@pytest.mark.parametrize("shape", [(2,), (3, 1), ()])
+def test_there_is_a_number_for_each_row(shape: tuple[int, ...]) -> None:
+    with pytest.raises(PolicyError, match=r"u has shape .*\n  It needs \(3,\)"):
+        make().decide(np.zeros((3, CIRCUITS)), np.zeros(shape))
+
+
 def test_greedy_takes_the_most_probable_action() -> None:
     policy, z = make(), np.random.default_rng(7).uniform(-1, 1, (40, CIRCUITS))
     expected = [row.index(max(row)) for row in policy.probabilities(z).tolist()]
@@ -199,6 +253,7 @@ def test_output_reuse_does_not_count() -> None:
         ("bias", np.zeros(3), "weights has shape"),
         ("reuse", 1, "weights has shape"),
         ("theta", np.array([0, np.nan, 0]), "theta holds a number that is not finite"),
+        ("hold", 4, "hold 4: .*\n  This version decides in every step"),
         ("bias", np.array([0, np.inf, 0, 0]), "bias holds a number that is not finite"),
         ("encoder", Encoder("sin", np.arange(3), np.ones(3)), "Unknown encoder function 'sin'"),
         ("encoder", Encoder("arctan", np.arange(2), np.ones(3)), r"encoder.feature has shape \(2,"),

@@ -12,6 +12,7 @@ import pytest
 from qcompile.device import IDEAL
 from qcompile.errors import CircuitError
 from qcompile.ir import FIXED_GATES, ROTATION_GATES, Angle, Circuit, Definition, Gate, Program
+from qcompile.native import RX, SX
 from qcompile.passes import compile as compile_program
 from qcompile.passes import lower
 from qcompile.qasm import Layout, Register, read, write
@@ -82,7 +83,7 @@ COMPILED = [
     pytest.param(seed, level, native, id=f"seed {seed} level {level} {native}")
     for seed in range(3)
     for level in (0, 1, 2)
-    for native in ("rz sx x", "rz rx")
+    for native in (SX, RX)
 ]
 
 

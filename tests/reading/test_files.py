@@ -95,7 +95,12 @@ def _files(tree: ast.Module) -> set[str]:
             name = node.func.id
         elif isinstance(node.func, ast.Attribute):
             name, owner = node.func.attr, ast.unparse(node.func.value)
-        if name == "open" and owner in ("self", "backend", "self._backend"):
+        if name == "open" and owner in (
+            "self",
+            "backend",
+            "self._backend",
+            "load_backend(backend)",
+        ):
             continue
         if name == "load" and owner not in ("np", "numpy", "json", "torch", "pickle", "tomllib"):
             continue

@@ -60,6 +60,7 @@ def test_few_episodes_have_no_interval(capsys: pytest.CaptureFixture[str], episo
         "shots": 16,
         "mitigation": "none",
         "level": 2,
+        "greedy": False,
         "mean_reward": 10.0,
         "std_reward": 1.0,
         "ci95": [9.0, 11.5],

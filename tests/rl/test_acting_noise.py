@@ -58,7 +58,9 @@ def test_residuals_without_shots_are_what_the_device_does() -> None:
     seen = observed(50)
     with torch.no_grad():
         noise.act(seen)
-    deployed = Deployment(actor.policy("p", "e", {}), load_device("ibm_lima"))
+    deployed = Deployment(
+        actor.policy("p", "e", {}), load_device("ibm_lima"), shots=None, mitigation="none"
+    )
     expected = deployed.expectation(seen.double().numpy()) - closed_form(actor, seen)
     assert np.abs(expected).max() > 0.01
     np.testing.assert_allclose(noise.taken().numpy(), expected, atol=2e-6)

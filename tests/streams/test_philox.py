@@ -1,12 +1,10 @@
-"""Philox against its published vectors, and the coefficients against scipy."""
+"""Philox against its published vectors."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.special import gammaln
 
-from qcompile.streams.coefficients import log_coefficients, log_factorial
 from qcompile.streams.philox import philox, round_keys
 
 KNOWN = (
@@ -29,16 +27,3 @@ def test_the_published_vectors(counter: str, key: str, words: str, size: int) ->
     first, second = (int(word, 16) for word in key.split())
     bits = philox(state, round_keys((first, second)))[:, -1]
     assert "".join(f"{number:016x}" for number in bits.tolist()) == words.replace(" ", "")
-
-
-def test_log_factorials_are_those_of_the_gamma_function() -> None:
-    k = np.concatenate([np.arange(3000.0), np.array([1e4, 65536, 1e6, 1e7])])
-    np.testing.assert_allclose(log_factorial(k), gammaln(k + 1), rtol=1e-14, atol=1e-14)
-
-
-@pytest.mark.parametrize("shots", [65_536, 65_537], ids=["from a table", "from the series"])
-def test_log_coefficients_count_choices(shots: int) -> None:
-    k = np.array([0.0, 1.0, 2.0, shots - 1.0, shots])
-    choices = np.log([1.0, shots, shots * (shots - 1) / 2, shots, 1.0])
-    known = log_coefficients(shots, k) + gammaln(shots + 1)
-    np.testing.assert_allclose(known, choices, rtol=0, atol=2e-9)

@@ -36,14 +36,15 @@ def test_uniforms_are_53_bits_of_philox(seed: int, place: tuple[int, int, int]) 
     assert drawn.tolist() == [(bits >> 11) / 2**53]
 
 
-@pytest.mark.parametrize(("shots", "p"), [(1, 0.3), (16, 0.4), (64, 0.5), (1024, 0.003)])
-def test_few_counts_invert_53_bits_of_philox(shots: int, p: float) -> None:
-    for episode, decision, circuit in PLACES:
-        bits, _ = words(5, 0, (episode, decision, circuit, 0))
-        drawn = Stream(5, "shots").binomial(
-            shots, np.array([[p]]), [episode], [decision], [circuit]
-        )
-        assert drawn == stats.binom.ppf((bits >> 11) / 2**53, shots, p)
+@pytest.mark.parametrize(
+    ("shots", "p"), [(1, 0.3), (16, 0.4), (64, 0.5), (1024, 0.003), (1024, 0.6), (100_000, 0.1)]
+)
+def test_counts_are_quantiles_of_52_bits_of_philox(shots: int, p: float) -> None:
+    for episode, decision, _ in PLACES:
+        pairs = [words(5, 0, (episode, decision, pair, 0)) for pair in range(3)]
+        uniform = [(2 * (bits >> 12) + 1) / 2**53 for pair in pairs for bits in pair][:5]
+        drawn = Stream(5, "shots").binomial(shots, np.full((1, 5), p), [episode], [decision])
+        assert drawn.tolist() == [stats.binom.ppf(uniform, shots, p).tolist()]
 
 
 def draw(shots: int, p: np.ndarray, episode: np.ndarray, decision: np.ndarray) -> np.ndarray:
@@ -73,14 +74,10 @@ def test_a_count_repeats_alone(shots: int) -> None:
     counts = draw(shots, p, episode, decision)
     stream = Stream(3, "shots")
     for row in range(12):
-        for circuit in range(25):
-            alone = stream.binomial(
-                shots, p[row, circuit].reshape(1, 1), [row], [100 + row], [circuit]
-            )
-            assert alone == counts[row, circuit]
-    others = np.array([24, 3, 7])
-    some = stream.binomial(shots, p[:, others], episode, decision, others)
-    np.testing.assert_array_equal(some, counts[:, others])
+        for circuits in range(1, 26):
+            some = p[row : row + 1, :circuits]
+            alone = stream.binomial(shots, some, [row], [100 + row])
+            assert alone.tolist() == [counts[row, :circuits].tolist()]
 
 
 def test_uniforms_repeat_in_any_batch_and_order() -> None:

@@ -44,7 +44,7 @@ def folder(tmp_path: Path) -> Folder[Square, Answer]:
 
 
 @pytest.fixture
-def asked(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
+def engine_calls(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
     """What the engine is asked for; it runs the cells here, one after the other."""
     calls: list[dict[str, Any]] = []
 
@@ -61,7 +61,7 @@ def squared(cell: Square) -> Answer | CellFailure:
     return Answer(value=cell.number**2)
 
 
-def told(folder: Folder[Square, Answer], run: Any = squared) -> tuple[Any, list[Any]]:
+def swept(folder: Folder[Square, Answer], run: Any = squared) -> tuple[Any, list[Any]]:
     """What came of it, and the progress that was told."""
     progress: list[Any] = []
     completed = complete(
@@ -77,13 +77,13 @@ def told(folder: Folder[Square, Answer], run: Any = squared) -> tuple[Any, list[
 
 
 def test_what_is_missing_is_run_and_written(
-    folder: Folder[Square, Answer], asked: list[dict[str, Any]]
+    folder: Folder[Square, Answer], engine_calls: list[dict[str, Any]]
 ) -> None:
     folder.write(CELLS[1], Answer(value=9))
     assert folder.file(CELLS[1]) == folder.path / "cells" / "square-3.json"
     assert folder.file(CELLS[1]).read_text() == '{"value": 9}\n'
     assert folder.missing(CELLS) == [CELLS[0], CELLS[2]]
-    completed, progress = told(folder)
+    completed, progress = swept(folder)
     assert {name: answer.value for name, answer in completed.results.items()} == {
         "square-2": 4,
         "square-3": 9,
@@ -91,12 +91,12 @@ def test_what_is_missing_is_run_and_written(
     }
     assert (completed.run, completed.there, completed.failures) == (2, 1, [])
     assert progress == [(1, 3, "1 of 3 sums are there"), (2, 3, "= 4"), (3, 3, "= 16")]
-    (call,) = asked
+    (call,) = engine_calls
     assert call["cells"] == [CELLS[0], CELLS[2]]
     assert (call["engine"], call["address"], call["workers"]) == ("dask", "tcp://here", 7)
     assert call["noun"] == "sum"
     assert folder.finished(CELLS) == completed.results
-    assert told(folder)[0].run == 0
+    assert swept(folder)[0].run == 0
 
 
 @pytest.mark.parametrize("contents", ["", "[]", '{"value": 5}', '{"value": "x"}', "\0"])
@@ -108,12 +108,12 @@ def test_a_file_of_something_else_is_no_result(
     assert folder.read(CELLS[0]) is None
 
 
-@pytest.mark.usefixtures("asked")
+@pytest.mark.usefixtures("engine_calls")
 def test_a_failure_is_not_written_and_leaves_the_others_alone(
     folder: Folder[Square, Answer],
 ) -> None:
     failure = CellFailure("square-3", "It cannot be squared.")
-    completed, progress = told(folder, lambda c: failure if c == CELLS[1] else squared(c))
+    completed, progress = swept(folder, lambda c: failure if c == CELLS[1] else squared(c))
     assert completed.failures == [failure]
     assert [json.loads(path.read_text())["value"] for path in sorted(folder.cells.iterdir())] == [
         4,
@@ -122,7 +122,7 @@ def test_a_failure_is_not_written_and_leaves_the_others_alone(
     assert progress == [(0, 3, ""), (1, 3, "= 4"), (2, 3, "square-3 failed"), (3, 3, "= 16")]
 
 
-@pytest.mark.usefixtures("asked")
+@pytest.mark.usefixtures("engine_calls")
 def test_ctrl_c_keeps_what_is_finished(folder: Folder[Square, Answer]) -> None:
     def interrupted(cell: Square) -> Answer | CellFailure:
         if cell == CELLS[2]:
@@ -130,7 +130,7 @@ def test_ctrl_c_keeps_what_is_finished(folder: Folder[Square, Answer]) -> None:
         return squared(cell)
 
     with pytest.raises(StudyError) as raised:
-        told(folder, interrupted)
+        swept(folder, interrupted)
     assert str(raised.value) == (
         "Interrupted: 2 of 3 sums are finished.\n"
         f"  What is finished is in {folder.path}; the same command resumes from there."

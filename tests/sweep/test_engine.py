@@ -8,6 +8,7 @@ import signal
 import socket
 import time
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack, suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -83,14 +84,22 @@ def test_there_are_no_more_workers_than_cells(
 
 
 def test_a_local_dask_cluster(small: list[Cell]) -> None:
+    """The port that Dask likes best is taken, as by another cluster on this machine."""
     pytest.importorskip("distributed")
-    check_run(small, engine="dask", workers=2)
+    with ExitStack() as stack:
+        with suppress(OSError):  # somebody else has it
+            stack.enter_context(socket.create_server(("127.0.0.1", 8787)))
+        check_run(small, engine="dask", workers=2)
 
 
 def test_a_running_dask_scheduler(small: list[Cell]) -> None:
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=2, processes=False, protocol="tcp", dashboard_address=None
+        n_workers=1,
+        threads_per_worker=2,
+        processes=False,
+        protocol="tcp",
+        dashboard_address="127.0.0.1:0",
     ) as cluster:
         check_run(small, engine="dask", address=cluster.scheduler_address)
         assert len(cluster.workers) == 1, "the cluster is not ours to end"
@@ -101,7 +110,7 @@ def test_a_dask_scheduler_without_workers(small: list[Cell]) -> None:
     distributed = pytest.importorskip("distributed")
     with (
         distributed.LocalCluster(
-            n_workers=0, processes=False, protocol="tcp", dashboard_address=None
+            n_workers=0, processes=False, protocol="tcp", dashboard_address="127.0.0.1:0"
         ) as cluster,
         pytest.raises(StudyError, match=r"has no workers\.\n  Start some: dask worker"),
     ):

@@ -50,7 +50,7 @@ def _figure(objects: Sequence[Mapping[str, Any]]) -> bytes:
     """The mean rewards of one policy."""
     first = objects[0]
     episodes = plural(len(first["episodes"]), "episode")
-    title = f"{first['policy']} in {first['environment']}, {episodes}"
+    title = f"{first['policy']} in {first['environment']}, {episodes}{', greedy' * first['greedy']}"
     return draw_intervals(title, panels(objects))
 
 

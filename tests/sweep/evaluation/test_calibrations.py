@@ -75,11 +75,11 @@ def test_an_exact_calibration_brings_the_ideal_back(cell: MakeCell, backend: Any
 
 def test_a_calibrated_cell_is_a_run(cell: MakeCell) -> None:
     file = CalibrationFile("cal/lima.json", measured(shots=64))
-    made = cell(mitigation="readout", calibration=file)
-    result = run_cell(made)
+    mitigated = cell(mitigation="readout", calibration=file)
+    result = run_cell(mitigated)
     assert isinstance(result, CellResult)
     options: Any = {"shots": 16, "mitigation": "readout", "seed": 5}
-    deployment = Deployment(made.policy, "ibm_lima", calibration=file.calibration, **options)
+    deployment = Deployment(mitigated.policy, "ibm_lima", calibration=file.calibration, **options)
     run = play(deployment, 3).summary("cal/lima.json")
     assert result.summary | {"wall_seconds": 0} == run | {"wall_seconds": 0}
     assert result.summary["executions"] == 16 * result.summary["env_steps"]
@@ -94,17 +94,17 @@ def test_a_sampled_cell_names_the_versions_it_depends_on(cell: MakeCell) -> None
 
 def test_a_result_is_that_of_its_calibration_alone(cell: MakeCell, tmp_path: Path) -> None:
     first, second = (CalibrationFile("a.json", measured(shots=n)) for n in (64, 65))
-    made = cell(mitigation="readout", calibration=first)
-    result = run_cell(made)
+    mitigated = cell(mitigation="readout", calibration=first)
+    result = run_cell(mitigated)
     assert isinstance(result, CellResult)
     folder = folder_of(tmp_path)
-    folder.write(made, result)
-    assert folder.read(made) is not None
+    folder.write(mitigated, result)
+    assert folder.read(mitigated) is not None
     renamed = CalibrationFile("b.json", first.calibration)
     assert folder.read(cell(mitigation="readout", calibration=renamed)) is not None
     other = cell(mitigation="readout", calibration=second)
     folder.file(other).write_text(json.dumps(result.model_dump() | {"name": other.name}))
-    assert other.name not in (made.name, cell(mitigation="readout").name)
+    assert other.name not in (mitigated.name, cell(mitigation="readout").name)
     assert folder.read(other) is None
     assert folder.read(cell(mitigation="readout")) is None
 
@@ -192,9 +192,9 @@ def test_a_given_calibration_that_lacks_something(
     cell: MakeCell, changes: dict[str, Any], missing: str
 ) -> None:
     file = CalibrationFile("a.json", measured(**changes))
-    made = cell(mitigation="readout", calibration=file)
+    mitigated = cell(mitigation="readout", calibration=file)
     with pytest.raises(CalibrationError) as refused:
-        check_calibrations([cell(), made])
+        check_calibrations([cell(), mitigated])
     first, second, *_ = str(refused.value).splitlines()
     assert first == "a.json cannot mitigate tiny on ibm_lima (readout):"
     assert second == f"  {missing}"

@@ -37,10 +37,15 @@ def numbers(result: CellResult) -> dict[str, Any]:
 
 @pytest.mark.parametrize("mitigation", ["none", "readout"])
 def test_a_cell_is_a_run(cell: MakeCell, mitigation: str) -> None:
-    made = cell(mitigation=mitigation, level=1)
-    result = played(made)
+    plain_cell = cell(mitigation=mitigation, level=1)
+    result = played(plain_cell)
     deployment = Deployment(
-        made.policy, made.backend.device, shots=16, level=1, mitigation=mitigation, seed=5
+        plain_cell.policy,
+        plain_cell.backend.device,
+        shots=16,
+        level=1,
+        mitigation=mitigation,
+        seed=5,
     )
     run = play(deployment, 3).summary()
     assert numbers(result) == {k: v for k, v in run.items() if k != "wall_seconds"}
@@ -74,24 +79,24 @@ def test_what_fails_is_named(cell: MakeCell, monkeypatch: pytest.MonkeyPatch) ->
 
 
 @pytest.fixture
-def kept(cell: MakeCell, tmp_path: Path) -> tuple[Cell, Path]:
+def stored(cell: MakeCell, tmp_path: Path) -> tuple[Cell, Path]:
     """A cell, and the file its result is in."""
-    made = cell()
-    folder_of(tmp_path).write(made, played(made))
+    plain_cell = cell()
+    folder_of(tmp_path).write(plain_cell, played(plain_cell))
     (file,) = (tmp_path / "cells").iterdir()
-    return made, file
+    return plain_cell, file
 
 
-def test_a_result_is_read_back(kept: tuple[Cell, Path]) -> None:
-    cell, file = kept
+def test_a_result_is_read_back(stored: tuple[Cell, Path]) -> None:
+    cell, file = stored
     assert file.name == "tiny-ibm_lima-16-none-level2-episodes3-seed5.json"
     result = folder_of(file.parents[1]).read(cell)
     assert result is not None
     assert numbers(result) == numbers(played(cell))
 
 
-def test_a_result_is_that_of_its_cell_alone(kept: tuple[Cell, Path], policy: Policy) -> None:
-    cell, file = kept
+def test_a_result_is_that_of_its_cell_alone(stored: tuple[Cell, Path], policy: Policy) -> None:
+    cell, file = stored
     other = DeviceBackend(cell.backend.device.model_copy(update={"source": "elsewhere"}))
     folder = folder_of(file.parents[1])
     assert folder.read(replace(cell, policy=replace(policy, theta=policy.theta + 1))) is None
@@ -161,9 +166,9 @@ def other_threshold(text: str) -> str:
     ids=lambda item: item[0],
 )
 def test_a_damaged_file_is_no_result(
-    kept: tuple[Cell, Path], damage: tuple[str, Callable[[str], str]]
+    stored: tuple[Cell, Path], damage: tuple[str, Callable[[str], str]]
 ) -> None:
-    cell, file = kept
+    cell, file = stored
     damaged = damage[1](file.read_text())
     assert damaged != file.read_text()
     file.write_text(damaged)
@@ -172,9 +177,9 @@ def test_a_damaged_file_is_no_result(
 
 @pytest.mark.parametrize("interval", [None, [0.0, 1.0], [9.0, 8.0]])
 def test_an_interval_of_an_earlier_version_is_worked_out_anew(
-    kept: tuple[Cell, Path], interval: Any
+    stored: tuple[Cell, Path], interval: Any
 ) -> None:
-    cell, file = kept
+    cell, file = stored
     result = folder_of(file.parents[1]).read(cell)
     assert result is not None
     rewards = [*result.rewards.values()]

@@ -119,22 +119,22 @@ def test_each_policy_has_its_own_ideal(policy: Policy) -> None:
     rewards = dict(
         zip([cell.name for cell in cells], ([10, 20], [9, 18], [4, 4], [5, 6]), strict=True)
     )
-    found = {cell.name: by_hand(cell, rewards[cell.name]) for cell in cells}
-    objects = results(cells, found)
+    played = {cell.name: by_hand(cell, rewards[cell.name]) for cell in cells}
+    objects = results(cells, played)
     assert [values["reference"] for values in objects] == [True, False, True, False]
     assert [values["paired_difference"] for values in objects] == [0.0, -1.5, 0.0, 1.5]
     assert [values["ideal_mean_reward"] for values in objects] == [15.0, 15.0, 4.0, 4.0]
     assert [values["ratio_to_ideal"] for values in objects] == [1.0, 0.9, 1.0, 5.5 / 4]
     assert {values["threshold"] for values in objects} == {195.0}
-    del found[cells[0].name]
-    objects = results(cells, found)
+    del played[cells[0].name]
+    objects = results(cells, played)
     assert [values["paired_difference"] for values in objects] == [None, 0.0, 1.5]
 
 
 def test_a_row_for_each_cell(policy: Policy) -> None:
     cells = grid([policy], [load_backend("ibm_lima")], [8], ["none"], episodes=2)
-    found = {cell.name: by_hand(cell, [1.0, 2.0]) for cell in cells}
-    lines = list(csv.DictReader(StringIO(results_csv(results(cells, found)))))
+    played = {cell.name: by_hand(cell, [1.0, 2.0]) for cell in cells}
+    lines = list(csv.DictReader(StringIO(results_csv(results(cells, played)))))
     assert [(line["backend"], line["shots"], line["reference"]) for line in lines] == [
         ("ideal", "exact", "True"),
         ("ibm_lima", "8", "False"),
@@ -161,14 +161,14 @@ def test_results_do_not_depend_on_the_workers(policy: Policy, workers: int) -> N
     files = [CalibrationFile("lima.json", measured)]
     cells = grid([policy], backends, [8], ["readout"], calibrations=files, episodes=2)
     assert len(cells) == 5
-    found: dict[str, Any] = {}
+    played: dict[str, Any] = {}
 
     def keep(cell: Cell, result: Any) -> None:
-        found[cell.name] = result.summary | {"wall_seconds": 0}
+        played[cell.name] = result.summary | {"wall_seconds": 0}
 
     run_all(cells, run_cell, keep, workers=workers, on_loss=pytest.fail)
     expected = [run_cell(cell) for cell in cells]
-    assert found == {r.name: r.summary | {"wall_seconds": 0} for r in expected}  # type: ignore[union-attr]
+    assert played == {r.name: r.summary | {"wall_seconds": 0} for r in expected}  # type: ignore[union-attr]
 
 
 # Pictures and pages.
@@ -184,8 +184,8 @@ def test_a_picture_for_each_policy(policy: Policy, tmp_path: Path) -> None:
         [0, 2],
         episodes=2,
     )
-    found = {cell.name: by_hand(cell, [10.0, 20.0]) for cell in cells}
-    objects = results(cells, found)
+    played = {cell.name: by_hand(cell, [10.0, 20.0]) for cell in cells}
+    objects = results(cells, played)
     first, second = write_figures(objects, tmp_path)
     assert first.name == "tiny.png"
     assert second.name.startswith("a-b-")
@@ -199,8 +199,8 @@ def test_a_picture_for_each_policy(policy: Policy, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("count", [1, 12])
 def test_any_number_of_intervals_is_drawn(count: int) -> None:
-    shown = [Interval("x", f"group {i}", f"{i} shots", i, i - 1, i + 1) for i in range(count)]
-    drawn = draw_intervals("title", [Panel("", shown, (1.0, 0.5, 1.5), -100.0)])
+    intervals = [Interval("x", f"group {i}", f"{i} shots", i, i - 1, i + 1) for i in range(count)]
+    drawn = draw_intervals("title", [Panel("", intervals, (1.0, 0.5, 1.5), -100.0)])
     with Image.open(BytesIO(drawn)) as picture:
         assert "Software" not in picture.info
 
@@ -214,8 +214,8 @@ def test_the_paper_is_written_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
         ("Acrobot-v1", 1024),
         ("LunarLander-v3", 8192),
     }
-    found = {cell.name: by_hand(cell, [90.0, 110.0 - len(cell.mitigation)]) for cell in cells}
-    figure, page = write_devices(cells, found, Path("f"), Path("devices.md"))
+    played = {cell.name: by_hand(cell, [90.0, 110.0 - len(cell.mitigation)]) for cell in cells}
+    figure, page = write_devices(cells, played, Path("f"), Path("devices.md"))
     text = page.read_text()
     assert figure.exists()
     assert "(f/devices.png)" in text
@@ -230,9 +230,9 @@ def test_the_paper_is_written_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert "so many\n  of them leave 77.6% of other episodes possible" in text  # 1 - sqrt(0.05)
     for task in TASKS:
         assert f"{task.on_devices.mean - task.ideal.mean:+.1f} |" in text
-    found.popitem()
+    played.popitem()
     with pytest.raises(StudyError, match=r"^1 of 17 cells are missing\."):
-        write_devices(cells, found, Path("f"), Path("devices.md"))
+        write_devices(cells, played, Path("f"), Path("devices.md"))
 
 
 def test_the_committed_page_is_what_its_cells_give(
@@ -241,10 +241,10 @@ def test_the_committed_page_is_what_its_cells_give(
     """Where this fails, the page says with which command it is written."""
     monkeypatch.chdir(tmp_path)
     cells = paper_cells(100, 0)
-    found = folder_of(DOCS / "devices").finished(cells)
-    assert len(found) == len(cells), "played with other policies, devices or settings"
-    write_results(results(cells, found), Path("docs/devices"))
-    write_devices(cells, found, Path("docs/devices"), Path("docs/devices.md"))
+    played = folder_of(DOCS / "devices").finished(cells)
+    assert len(played) == len(cells), "played with other policies, devices or settings"
+    write_results(results(cells, played), Path("docs/devices"))
+    write_devices(cells, played, Path("docs/devices"), Path("docs/devices.md"))
     for name in ("devices.md", "devices/results.json", "devices/results.csv"):
         assert Path("docs", name).read_text() == (DOCS / name).read_text()
     objects = json.loads((DOCS / "devices" / "results.json").read_text())["results"]

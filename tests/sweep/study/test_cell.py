@@ -117,7 +117,7 @@ def test_an_interrupted_training_is_no_result(
 
 
 @pytest.fixture
-def kept(short_row: ShortRow, tmp_path: Path) -> tuple[Cell, CellResult]:
+def stored(short_row: ShortRow, tmp_path: Path) -> tuple[Cell, CellResult]:
     """A cell, and its result in a file in tmp_path / "cells"."""
     cell = Cell(short_row(), 3)
     result = run_cell(cell, 2)
@@ -125,8 +125,8 @@ def kept(short_row: ShortRow, tmp_path: Path) -> tuple[Cell, CellResult]:
     return cell, result
 
 
-def test_a_result_is_read_back(kept: tuple[Cell, CellResult], tmp_path: Path) -> None:
-    cell, result = kept
+def test_a_result_is_read_back(stored: tuple[Cell, CellResult], tmp_path: Path) -> None:
+    cell, result = stored
     assert [path.name for path in (tmp_path / "cells").iterdir()] == [
         "cartpole-svqc-paper-seed3.json"
     ]
@@ -138,9 +138,9 @@ def test_a_result_is_read_back(kept: tuple[Cell, CellResult], tmp_path: Path) ->
 
 
 def test_a_result_is_that_of_its_cell_alone(
-    kept: tuple[Cell, CellResult], tmp_path: Path, short_row: ShortRow
+    stored: tuple[Cell, CellResult], tmp_path: Path, short_row: ShortRow
 ) -> None:
-    cell, _ = kept
+    cell, _ = stored
     folder = folder_of(tmp_path)
     assert folder_of(tmp_path, 3).read(cell) is None, "other number of evaluation episodes"
     assert folder_of(tmp_path / "cells").read(cell) is None, "no such file"
@@ -166,9 +166,9 @@ def test_a_result_is_that_of_its_cell_alone(
     ids=lambda item: item[0],
 )
 def test_a_damaged_file_is_no_result(
-    kept: tuple[Cell, CellResult], tmp_path: Path, damage: tuple[str, Callable[[str], str]]
+    stored: tuple[Cell, CellResult], tmp_path: Path, damage: tuple[str, Callable[[str], str]]
 ) -> None:
-    cell, _ = kept
+    cell, _ = stored
     file = tmp_path / "cells" / f"{cell.name}.json"
     changed = damage[1](file.read_text())
     assert changed != file.read_text()
@@ -176,7 +176,7 @@ def test_a_damaged_file_is_no_result(
     assert folder_of(tmp_path).read(cell) is None
 
 
-def test_a_result_that_cannot_be_written(kept: tuple[Cell, CellResult], tmp_path: Path) -> None:
+def test_a_result_that_cannot_be_written(stored: tuple[Cell, CellResult], tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(OutputError, match="file is no folder"):
-        folder_of(tmp_path / "file").write(*kept)
+        folder_of(tmp_path / "file").write(*stored)

@@ -234,23 +234,23 @@ def several(summary: Make) -> list[RowSummary]:
 
 def tables(text: str) -> dict[str, list[list[str]]]:
     """By the heading above: the cells of the lines below the head."""
-    found: dict[str, list[list[str]]] = {}
+    sections: dict[str, list[list[str]]] = {}
     for line in text.splitlines():
         if line.startswith("## "):
-            lines = found.setdefault(line[3:], [])
+            lines = sections.setdefault(line[3:], [])
         elif line.startswith("| "):
             lines.append([cell.strip() for cell in line[1:-1].split("|")])
-    return found
+    return sections
 
 
 def test_the_page_has_a_line_for_each_row(several: list[RowSummary]) -> None:
-    found = tables(page(several, "study", {"torch": "1.2"}))
-    assert list(found) == [
+    sections = tables(page(several, "study", {"torch": "1.2"}))
+    assert list(sections) == [
         *(figures()[name].title for name in ("cartpole", "reuse", "lunarlander")),
         "Repeat it",
     ]
-    cartpole, reuse, lunarlander, _ = found.values()
-    assert {len(line) for lines in found.values() for line in lines} == {10}
+    cartpole, reuse, lunarlander, _ = sections.values()
+    assert {len(line) for lines in sections.values() for line in lines} == {10}
     assert [line[:2] for line in cartpole[2:]] == [["SVQC", "`paper`"], ["SVQC", "`tuned`"]]
     assert [line[0] for line in reuse[2:]] == ["SVQC", "SVQC, reuse 4"]
     assert [line[0] for line in lunarlander[2:]] == ["SVQC", "FCN, large"]

@@ -69,9 +69,9 @@ def test_a_shortened_row_has_at_most_so_many_episodes() -> None:
 
 
 def test_cells_are_rows_times_seeds_the_slowest_first() -> None:
-    made = cells(rows())
-    assert len(made) == sum(row.seeds for row in rows()) == len({cell.name for cell in made})
-    order = list(dict.fromkeys(cell.row.environment[:7] for cell in made))
+    every = cells(rows())
+    assert len(every) == sum(row.seeds for row in rows()) == len({cell.name for cell in every})
+    order = list(dict.fromkeys(cell.row.environment[:7] for cell in every))
     assert order == ["LunarLa", "Acrobot", "CartPol"]
     two = cells(rows_of(("cartpole-v0",)), 2)
     assert [cell.name for cell in two] == [f"cartpole-v0-svqc-paper-seed{i}" for i in (0, 1)]
