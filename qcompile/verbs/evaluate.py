@@ -77,7 +77,9 @@ class EvaluationResult(Result):
             for panel in panels([cell for cell in self.cells if cell["policy"] == name], name)
         ]
         episodes = plural(len(self.cells[0]["episodes"]), "episode")
-        return Figure(draw_intervals(f"{episodes} each", drawn, same_scale=False))
+        environments = {cell["environment"] for cell in self.cells if cell["policy"] in chosen}
+        title = f"{' and '.join(sorted(environments))}, {episodes}"
+        return Figure(draw_intervals(title, drawn, same_scale=len(environments) == 1))
 
     @property
     def table(self) -> tuple[list[str], list[list[str]]]:

@@ -92,7 +92,7 @@ class Training(Result):
         mean, spread = (np.array([of(part) for part in last]) for of in (np.mean, np.std))
         values = self.to_dict()
         curve = Curve(
-            values["model"],
+            f"{values['model']}, mean and standard deviation",
             values["model"],
             False,
             np.arange(1, len(rewards) + 1),
