@@ -1,0 +1,336 @@
+"""Measure the readout and the response of a device's qubits: what `qcompile calibrate` does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from qcompile.arrays import FloatArray, IntArray
+from qcompile.calibration import Calibration, load_calibration, load_counts
+from qcompile.device import Device
+from qcompile.errors import CalibrationError, OptionError
+from qcompile.execution import Backend, Executor, open_executor
+from qcompile.limits import CALIBRATION_HOURS
+from qcompile.live.measure import CalibrateTask
+from qcompile.mitigation import calibrate as measure_qubits
+from qcompile.mitigation import fit_counts, measure_drift
+from qcompile.mitigation.measure import (
+    LIVE_ANGLES_RAD,
+    RESPONSE_ANGLES_RAD,
+    Part,
+    check_qubits,
+)
+from qcompile.mitigation.orders import angle_orders
+from qcompile.noise import unusable, usable
+from qcompile.output import resolved
+from qcompile.passes import compile
+from qcompile.policy import Policy, load_policy
+from qcompile.report import progress as bars
+from qcompile.report.calibration_values import calibration_values
+from qcompile.report.live import result_values
+from qcompile.report.placement import left_out_words
+from qcompile.sweep.arguments import Name, ignore, several
+from qcompile.verbs.calibrations import (
+    PARTS,
+    CalibrationOutputs,
+    CalibrationResult,
+    DriftCheck,
+    comparable,
+)
+from qcompile.verbs.live import Live, spend
+
+
+def calibrate(
+    backend: Name | Device | Calibration | Backend | Executor | Any,
+    qubits: Sequence[int] | IntArray | None = None,
+    shots: int | None = 8192,
+    *,
+    policy: Name | Policy | None = None,
+    parts: Part | Sequence[Part] | None = None,
+    seed: int | None = None,
+    live: Live | None = None,
+    progress: bool = True,
+    on_note: Callable[[str], None] = ignore,
+) -> Calibration:
+    """Measure the readout and the response of a device's qubits, and fit them.
+
+    The backend is a name, a file or an object. `qubits` are by default those that can be used, or
+    those on which the circuits of `policy` are placed. Each circuit is run for `shots`; None fits
+    exact probabilities. `parts` are "readout", "response" or both, the default. The same `seed`
+    draws the same shots.
+
+    With `live` IBM's machine of that name is measured, which costs money: see `Live`; the default
+    is then the response alone. `on_note` is told what a person should read. Counts that cannot be
+    fitted are kept: the calibration's `unfitted` says why.
+
+    Raises:
+        OptionError: options contradict each other.
+        QcompileError: a name, a file, or a qubit that cannot be measured; Ctrl-C.
+    """
+    wanted = Measurement(backend, qubits, shots, policy, parts, seed, live, progress, on_note)
+    result = _measured(wanted)
+    for words in result.calibration.unfitted:
+        on_note(words)
+    return result.calibration
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """What to measure: the arguments of `calibrate`."""
+
+    backend: Any
+    qubits: Sequence[int] | IntArray | None = None
+    shots: int | None = 8192
+    policy: Name | Policy | None = None
+    parts: Part | Sequence[Part] | None = None
+    seed: int | None = None
+    live: Live | None = None
+    progress: bool = True
+    on_note: Callable[[str], None] = ignore
+
+    def check_words(self) -> None:
+        """Nothing, if the arguments fit each other.
+
+        Raises:
+            OptionError: they contradict each other.
+        """
+        if self.qubits is not None and self.policy is not None:
+            raise OptionError("qubits and policy exclude each other: both name the qubits.")
+        for part in self.asked:
+            if part not in PARTS:
+                raise OptionError(f"{part!r} is neither readout nor response.")
+        if self.live is None:
+            return
+        for option, given in (("seed", self.seed is not None), ("shots exact", self.shots is None)):
+            if given:
+                raise OptionError(f"{option} and live exclude each other.")
+        if not isinstance(self.backend, str):
+            raise OptionError("A live calibration needs the name of a machine of IBM's.")
+
+    @property
+    def asked(self) -> tuple[Part, ...]:
+        """The parts that are asked for, in their order; none for the default."""
+        parts = [] if self.parts is None else several(self.parts)
+        return tuple(sorted(set(parts), reverse=False, key=[*PARTS, *parts].index))
+
+    def qubits_on(self, device: Device, old: Calibration | None = None) -> IntArray:
+        """The qubits to measure: asked for, of the policy, of `old`, or those that can be used.
+
+        Raises:
+            CalibrationError: there is none, the device lacks one, or it has no errors.
+        """
+        if self.qubits is not None:
+            return check_qubits(device, self.qubits)
+        if device.is_ideal and old is None:
+            raise CalibrationError(
+                f"{device.name} needs no calibration: it has no errors.",
+                "To measure some of its perfect qubits all the same, name them with --qubits.",
+            )
+        if self.policy is not None:
+            named = self.policy
+            policy = named if isinstance(named, Policy) else load_policy(named)
+            placed = compile(policy.trained_program, device, 2, policy.importance)
+            return check_qubits(device, placed.qubits)
+        if old is not None:
+            return np.array(old.qubits)
+        if reasons := unusable(device):
+            self.on_note(left_out_words(reasons))
+        return check_qubits(device, sorted(usable(device)))
+
+
+def calibrate_into(
+    wanted: Measurement, out: Name | None = None, *, force: bool = False, plot: Name | None = None
+) -> CalibrationResult:
+    """Measure as `calibrate` does, into a file and a picture.
+
+    The file is by default BACKEND-calibration.json; one that is there is overwritten with `force`
+    alone. `plot` is a .png file, which is overwritten.
+
+    Raises:
+        OutputError: a file is there already, or cannot be written.
+        QcompileError: as `calibrate`; not everything could be fitted: the counts are in the file.
+    """
+    return _measured(wanted, CalibrationOutputs(_path(out), force, _path(plot)))
+
+
+def check_calibration(
+    old: Name | Calibration,
+    wanted: Measurement,
+    *,
+    max_age_hours: float | None = None,
+    out: Name | None = None,
+    force: bool = False,
+    plot: Name | None = None,
+) -> DriftCheck:
+    """Measure afresh, and compare with an older calibration: its qubits and parts by default.
+
+    It holds where no qubit drifted and it is not older than `max_age_hours` (24). The fresh
+    calibration is written to `out`, if that is named.
+
+    Raises:
+        CalibrationError: the two cannot be compared.
+        QcompileError: as `calibrate_into`.
+    """
+    if wanted.shots is None:
+        raise OptionError("A check compares counts: shots exact has none.")
+    if force and out is None:
+        raise OptionError("force overwrites a file: a check writes none unless out names one.")
+    outputs = CalibrationOutputs(_path(out), force, _path(plot))
+    file = None if isinstance(old, Calibration) else Path(old)
+    outputs.check_words(check=file)
+    wanted.check_words()
+    known = old if isinstance(old, Calibration) else load_calibration(Path(old))
+    result = _measured(wanted, outputs, known)
+    drift = measure_drift(known, result.calibration)
+    check = {
+        "file": f"the calibration of {known.backend}" if file is None else str(file),
+        "age_hours": known.age_hours(datetime.now(UTC)),
+        "drifted": drift.drifted,
+        "degrees": drift.degrees_of_freedom,
+        "chi_square": drift.chi_square.tolist(),
+        "p_value": drift.p_value.tolist(),
+    }
+    return DriftCheck(
+        result.calibration,
+        result.to_dict() | {"check": check},
+        result.file,
+        max_age_hours=CALIBRATION_HOURS if max_age_hours is None else max_age_hours,
+        backend=wanted.backend if isinstance(wanted.backend, str) else known.backend,
+    )
+
+
+def refit(
+    counted: Name,
+    qubits: Sequence[int] | IntArray | None = None,
+    *,
+    out: Name | None = None,
+    force: bool = False,
+    plot: Name | None = None,
+) -> CalibrationResult:
+    """Fit the counts of a calibration's file anew, of all its qubits or of these alone.
+
+    Nothing is measured, and nothing is spent. Files are written as by `calibrate_into`.
+
+    Raises:
+        CalibrationError: there are no counts, or not everything can be fitted.
+        OutputError: a file is there already, or cannot be written.
+    """
+    file = Path(counted)
+    outputs = CalibrationOutputs(_path(out), force, _path(plot))
+    outputs.check_words(**{"from": file})
+    counts = load_counts(file)
+    outputs = outputs.into(counts.backend)
+    outputs.check_files()
+    calibration = fit_counts(counts, None if qubits is None else list(qubits))
+    return _written(calibration, outputs)
+
+
+def _measured(
+    wanted: Measurement,
+    outputs: CalibrationOutputs | None = None,
+    old: Calibration | None = None,
+) -> CalibrationResult:
+    """What is wanted, measured and written to the outputs, with the circuits of `old`, if any."""
+    if old is None:
+        wanted.check_words()
+        if outputs is not None:
+            outputs.check_words()
+    live = wanted.live
+    connection = executor = None
+    if live is not None:
+        connection = live.connection(wanted.backend)
+        device = connection.device()
+    else:
+        executor = open_executor(wanted.backend, wanted.seed)
+        device = executor.device
+    qubits = wanted.qubits_on(device, old)
+    angles_rad = angle_orders(RESPONSE_ANGLES_RAD if live is None else LIVE_ANGLES_RAD, qubits)
+    parts = wanted.asked
+    if old is not None:
+        parts = comparable(old, device, qubits.tolist(), parts)
+        if old.response_counts is not None:
+            angles_rad = old.response_counts.angles[:, old.rows(qubits)]
+    elif outputs is not None:
+        outputs = outputs.into(device.name)
+    if outputs is not None:
+        outputs.check_files()
+    if executor is not None:
+        calibration = _offline(wanted, executor, qubits, parts or PARTS, angles_rad)
+        return _written(calibration, outputs)
+    assert live is not None
+    assert connection is not None
+    assert wanted.shots is not None
+    out = None if outputs is None else outputs.out
+    task = CalibrateTask(
+        backend=wanted.backend,
+        device=device,
+        qubits=tuple(qubits.tolist()),
+        shots=wanted.shots,
+        parts=parts or ("response",),
+        angles_rad=tuple(map(tuple, angles_rad.tolist())),
+        out=None if out is None else str(resolved(out)),
+        force=outputs is not None and outputs.force,
+        **live.where,
+    )
+    found = spend(task, task.load, live, connection, wanted.on_note)
+    if out is not None and str(resolved(out)) != found["file"]:  # a file came in between
+        out = Path(found["file"])
+    calibration = Calibration.model_validate(found["calibration"])
+    return _finished(calibration, result_values("calibrate", found), out, outputs)
+
+
+def _offline(
+    wanted: Measurement,
+    executor: Executor,
+    qubits: IntArray,
+    parts: Sequence[Part],
+    angles_rad: FloatArray,
+) -> Calibration:
+    title = f"calibrate {executor.device.name}"
+    try:
+        with bars.progress_bar(title, 1, enabled=wanted.progress) as show:
+            return measure_qubits(
+                executor,
+                qubits,
+                wanted.shots,
+                parts=parts,
+                angles_rad=angles_rad,
+                on_circuit=lambda done, of: show(done / of, f"circuit {done} of {of}"),
+            )
+    except KeyboardInterrupt:
+        raise CalibrationError("Interrupted: nothing was written.") from None
+
+
+def _written(calibration: Calibration, outputs: CalibrationOutputs | None) -> CalibrationResult:
+    """The calibration in its file, if it has one."""
+    out = None if outputs is None else outputs.out
+    if out is not None:
+        calibration.save(out)
+    values = calibration_values(calibration) | {"file": None if out is None else str(out)}
+    return _finished(calibration, values, out, outputs)
+
+
+def _finished(
+    calibration: Calibration,
+    values: dict[str, Any],
+    file: Path | None,
+    outputs: CalibrationOutputs | None,
+) -> CalibrationResult:
+    """The result, once its picture is drawn; with outputs everything must be fitted."""
+    if outputs is not None:
+        if calibration.unfitted:
+            where = "Nothing was kept" if file is None else f"The counts are in {file}"
+            raise CalibrationError(
+                f"Not everything could be fitted. {where}.", *calibration.unfitted
+            )
+        outputs.draw(calibration, file)
+    return CalibrationResult(calibration, values, file)
+
+
+def _path(name: Name | None) -> Path | None:
+    return None if name is None else Path(name)
