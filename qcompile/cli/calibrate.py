@@ -90,7 +90,8 @@ def command(
     IBM's machine of that name is measured, the response alone unless --parts says more. --from FILE
     fits counts again that are there.
     """
-    from qcompile.verbs.calibrate import Measurement, calibrate_into, check_calibration, refit
+    from qcompile.verbs.calibrate import calibrate_into, check_calibration, refit
+    from qcompile.verbs.measurement import Measurement
 
     if from_file is not None:
         _refuse_measuring(ctx)
@@ -101,12 +102,14 @@ def command(
         raise click.UsageError("--backend names what to measure; --from FILE fits kept counts.")
     if max_age_hours is not None and check is None:
         raise click.UsageError("--max-age-hours is for --check: nothing else looks at the age.")
-    wanted = Measurement(backend, qubits, shots, policy, parts, seed, live=live, on_note=echo_note)
+    measurement = Measurement(
+        backend, qubits, shots, policy, parts, seed, live=live, on_note=echo_note
+    )
     if check is None:
-        _show(calibrate_into(wanted, out, force=force, plot=plot), plot, as_json)
+        _show(calibrate_into(measurement, out, force=force, plot=plot), plot, as_json)
         return
     checked = check_calibration(
-        check, wanted, max_age_hours=max_age_hours, out=out, force=force, plot=plot
+        check, measurement, max_age_hours=max_age_hours, out=out, force=force, plot=plot
     )
     _show(checked, plot, as_json)
     checked.check_holds()

@@ -83,12 +83,12 @@ def command(
         "out": out,
     }
     if listing:
-        found = study_rows(name, **choice)
+        members = study_rows(name, **choice)
         if as_json:
-            echo_json(found)
+            echo_json(members)
         else:
             columns = ["row", "environment", "seeds", "left"]
-            print_table(columns, [[*row.values()] for row in found])
+            print_table(columns, [[*row.values()] for row in members])
         return
     result = study(
         name,

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from qcompile.arrays import FloatArray, IntArray
 from qcompile.calibration import Calibration, load_calibration, load_counts
@@ -23,26 +20,22 @@ from qcompile.mitigation.measure import (
     LIVE_ANGLES_RAD,
     RESPONSE_ANGLES_RAD,
     Part,
-    check_qubits,
 )
 from qcompile.mitigation.orders import angle_orders
-from qcompile.noise import unusable, usable
 from qcompile.output import resolved
-from qcompile.passes import compile
-from qcompile.policy import Policy, load_policy
+from qcompile.policy import Policy
 from qcompile.report import progress as bars
 from qcompile.report.calibration_values import calibration_values
 from qcompile.report.live import result_values
-from qcompile.report.placement import left_out_words
-from qcompile.sweep.arguments import Name, ignore, several
+from qcompile.sweep.arguments import Name, ignore
 from qcompile.verbs.calibrations import (
-    PARTS,
     CalibrationOutputs,
     CalibrationResult,
     DriftCheck,
     comparable,
 )
 from qcompile.verbs.live import Live, spend
+from qcompile.verbs.measurement import PARTS, Measurement
 
 
 def calibrate(
@@ -65,86 +58,26 @@ def calibrate(
     draws the same shots.
 
     With `live` IBM's machine of that name is measured, which costs money: see `Live`; the default
-    is then the response alone. `on_note` is told what a person should read. Counts that cannot be
-    fitted are kept: the calibration's `unfitted` says why.
+    is then the response alone, and the run's journal keeps it. `on_note` is told what a person
+    should read. Counts that cannot be fitted are kept: the calibration's `unfitted` says why.
 
     Raises:
         OptionError: options contradict each other.
         QcompileError: a name, a file, or a qubit that cannot be measured; Ctrl-C.
     """
-    wanted = Measurement(backend, qubits, shots, policy, parts, seed, live, progress, on_note)
-    result = _measured(wanted)
+    measurement = Measurement(backend, qubits, shots, policy, parts, seed, live, progress, on_note)
+    result = _measure(measurement)
     for words in result.calibration.unfitted:
         on_note(words)
     return result.calibration
 
 
-@dataclass(frozen=True)
-class Measurement:
-    """What to measure: the arguments of `calibrate`."""
-
-    backend: Any
-    qubits: Sequence[int] | IntArray | None = None
-    shots: int | None = 8192
-    policy: Name | Policy | None = None
-    parts: Part | Sequence[Part] | None = None
-    seed: int | None = None
-    live: Live | None = None
-    progress: bool = True
-    on_note: Callable[[str], None] = ignore
-
-    def check_words(self) -> None:
-        """Nothing, if the arguments fit each other.
-
-        Raises:
-            OptionError: they contradict each other.
-        """
-        if self.qubits is not None and self.policy is not None:
-            raise OptionError("qubits and policy exclude each other: both name the qubits.")
-        for part in self.asked:
-            if part not in PARTS:
-                raise OptionError(f"{part!r} is neither readout nor response.")
-        if self.live is None:
-            return
-        for option, given in (("seed", self.seed is not None), ("shots exact", self.shots is None)):
-            if given:
-                raise OptionError(f"{option} and live exclude each other.")
-        if not isinstance(self.backend, str):
-            raise OptionError("A live calibration needs the name of a machine of IBM's.")
-
-    @property
-    def asked(self) -> tuple[Part, ...]:
-        """The parts that are asked for, in their order; none for the default."""
-        parts = [] if self.parts is None else several(self.parts)
-        return tuple(sorted(set(parts), reverse=False, key=[*PARTS, *parts].index))
-
-    def qubits_on(self, device: Device, old: Calibration | None = None) -> IntArray:
-        """The qubits to measure: asked for, of the policy, of `old`, or those that can be used.
-
-        Raises:
-            CalibrationError: there is none, the device lacks one, or it has no errors.
-        """
-        if self.qubits is not None:
-            return check_qubits(device, self.qubits)
-        if device.is_ideal and old is None:
-            raise CalibrationError(
-                f"{device.name} needs no calibration: it has no errors.",
-                "To measure some of its perfect qubits all the same, name them with --qubits.",
-            )
-        if self.policy is not None:
-            named = self.policy
-            policy = named if isinstance(named, Policy) else load_policy(named)
-            placed = compile(policy.trained_program, device, 2, policy.importance)
-            return check_qubits(device, placed.qubits)
-        if old is not None:
-            return np.array(old.qubits)
-        if reasons := unusable(device):
-            self.on_note(left_out_words(reasons))
-        return check_qubits(device, sorted(usable(device)))
-
-
 def calibrate_into(
-    wanted: Measurement, out: Name | None = None, *, force: bool = False, plot: Name | None = None
+    measurement: Measurement,
+    out: Name | None = None,
+    *,
+    force: bool = False,
+    plot: Name | None = None,
 ) -> CalibrationResult:
     """Measure as `calibrate` does, into a file and a picture.
 
@@ -155,12 +88,12 @@ def calibrate_into(
         OutputError: a file is there already, or cannot be written.
         QcompileError: as `calibrate`; not everything could be fitted: the counts are in the file.
     """
-    return _measured(wanted, CalibrationOutputs(_path(out), force, _path(plot)))
+    return _measure(measurement, CalibrationOutputs(_path(out), force, _path(plot)))
 
 
 def check_calibration(
     old: Name | Calibration,
-    wanted: Measurement,
+    measurement: Measurement,
     *,
     max_age_hours: float | None = None,
     out: Name | None = None,
@@ -176,16 +109,16 @@ def check_calibration(
         CalibrationError: the two cannot be compared.
         QcompileError: as `calibrate_into`.
     """
-    if wanted.shots is None:
+    if measurement.shots is None:
         raise OptionError("A check compares counts: shots exact has none.")
     if force and out is None:
         raise OptionError("force overwrites a file: a check writes none unless out names one.")
     outputs = CalibrationOutputs(_path(out), force, _path(plot))
     file = None if isinstance(old, Calibration) else Path(old)
     outputs.check_words(check=file)
-    wanted.check_words()
+    measurement.check_words()
     known = old if isinstance(old, Calibration) else load_calibration(Path(old))
-    result = _measured(wanted, outputs, known)
+    result = _measure(measurement, outputs, known)
     drift = measure_drift(known, result.calibration)
     check = {
         "file": f"the calibration of {known.backend}" if file is None else str(file),
@@ -200,7 +133,7 @@ def check_calibration(
         result.to_dict() | {"check": check},
         result.file,
         max_age_hours=CALIBRATION_HOURS if max_age_hours is None else max_age_hours,
-        backend=wanted.backend if isinstance(wanted.backend, str) else known.backend,
+        backend=measurement.backend if isinstance(measurement.backend, str) else known.backend,
     )
 
 
@@ -227,30 +160,30 @@ def refit(
     outputs = outputs.into(counts.backend)
     outputs.check_files()
     calibration = fit_counts(counts, None if qubits is None else list(qubits))
-    return _written(calibration, outputs)
+    return _save(calibration, outputs)
 
 
-def _measured(
-    wanted: Measurement,
+def _measure(
+    measurement: Measurement,
     outputs: CalibrationOutputs | None = None,
     old: Calibration | None = None,
 ) -> CalibrationResult:
-    """What is wanted, measured and written to the outputs, with the circuits of `old`, if any."""
+    """The calibration, measured and written to the outputs, with the circuits of `old`, if any."""
     if old is None:
-        wanted.check_words()
+        measurement.check_words()
         if outputs is not None:
             outputs.check_words()
-    live = wanted.live
+    live = measurement.live
     connection = executor = None
     if live is not None:
-        connection = live.connection(wanted.backend)
+        connection = live.connection(measurement.backend)
         device = connection.device()
     else:
-        executor = open_executor(wanted.backend, wanted.seed)
+        executor = open_executor(measurement.backend, measurement.seed)
         device = executor.device
-    qubits = wanted.qubits_on(device, old)
+    qubits = measurement.qubits_on(device, old)
     angles_rad = angle_orders(RESPONSE_ANGLES_RAD if live is None else LIVE_ANGLES_RAD, qubits)
-    parts = wanted.asked
+    parts = measurement.asked
     if old is not None:
         parts = comparable(old, device, qubits.tolist(), parts)
         if old.response_counts is not None:
@@ -260,32 +193,32 @@ def _measured(
     if outputs is not None:
         outputs.check_files()
     if executor is not None:
-        calibration = _offline(wanted, executor, qubits, parts or PARTS, angles_rad)
-        return _written(calibration, outputs)
+        calibration = _offline(measurement, executor, qubits, parts or PARTS, angles_rad)
+        return _save(calibration, outputs)
     assert live is not None
     assert connection is not None
-    assert wanted.shots is not None
+    assert measurement.shots is not None
     out = None if outputs is None else outputs.out
     task = CalibrateTask(
-        backend=wanted.backend,
+        backend=measurement.backend,
         device=device,
         qubits=tuple(qubits.tolist()),
-        shots=wanted.shots,
+        shots=measurement.shots,
         parts=parts or ("response",),
         angles_rad=tuple(map(tuple, angles_rad.tolist())),
         out=None if out is None else str(resolved(out)),
         force=outputs is not None and outputs.force,
         **live.where,
     )
-    found = spend(task, task.load, live, connection, wanted.on_note)
-    if out is not None and str(resolved(out)) != found["file"]:  # a file came in between
-        out = Path(found["file"])
-    calibration = Calibration.model_validate(found["calibration"])
-    return _finished(calibration, result_values("calibrate", found), out, outputs)
+    answer = spend(task, task.load, live, connection, measurement.on_note)
+    if out is not None and str(resolved(out)) != answer["file"]:  # a file came in between
+        out = Path(answer["file"])
+    calibration = Calibration.model_validate(answer["calibration"])
+    return _finish(calibration, result_values("calibrate", answer), out, outputs)
 
 
 def _offline(
-    wanted: Measurement,
+    measurement: Measurement,
     executor: Executor,
     qubits: IntArray,
     parts: Sequence[Part],
@@ -293,11 +226,11 @@ def _offline(
 ) -> Calibration:
     title = f"calibrate {executor.device.name}"
     try:
-        with bars.progress_bar(title, 1, enabled=wanted.progress) as show:
+        with bars.progress_bar(title, 1, enabled=measurement.progress) as show:
             return measure_qubits(
                 executor,
                 qubits,
-                wanted.shots,
+                measurement.shots,
                 parts=parts,
                 angles_rad=angles_rad,
                 on_circuit=lambda done, of: show(done / of, f"circuit {done} of {of}"),
@@ -306,16 +239,16 @@ def _offline(
         raise CalibrationError("Interrupted: nothing was written.") from None
 
 
-def _written(calibration: Calibration, outputs: CalibrationOutputs | None) -> CalibrationResult:
+def _save(calibration: Calibration, outputs: CalibrationOutputs | None) -> CalibrationResult:
     """The calibration in its file, if it has one."""
     out = None if outputs is None else outputs.out
     if out is not None:
         calibration.save(out)
     values = calibration_values(calibration) | {"file": None if out is None else str(out)}
-    return _finished(calibration, values, out, outputs)
+    return _finish(calibration, values, out, outputs)
 
 
-def _finished(
+def _finish(
     calibration: Calibration,
     values: dict[str, Any],
     file: Path | None,

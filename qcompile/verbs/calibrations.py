@@ -18,10 +18,8 @@ from qcompile.output import check_writable
 from qcompile.report.calibration_values import calibration_table
 from qcompile.report.figure import Figure
 from qcompile.verbs.files import check_distinct
+from qcompile.verbs.measurement import PARTS
 from qcompile.verbs.results import Result
-
-PARTS: tuple[Part, ...] = ("readout", "response")
-"""What of a device can be measured."""
 
 
 @dataclass(frozen=True)

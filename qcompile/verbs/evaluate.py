@@ -70,16 +70,16 @@ class EvaluationResult(Result):
             raise StudyError(
                 f"No policy of the grid is called {policy!r}.", f"It has: {', '.join(names)}."
             )
-        chosen = names if policy is None else [policy]
-        drawn = [
+        shown = names if policy is None else [policy]
+        drawing = [
             panel
-            for name in chosen
+            for name in shown
             for panel in panels([cell for cell in self.cells if cell["policy"] == name], name)
         ]
         episodes = plural(len(self.cells[0]["episodes"]), "episode")
-        environments = {cell["environment"] for cell in self.cells if cell["policy"] in chosen}
+        environments = {cell["environment"] for cell in self.cells if cell["policy"] in shown}
         title = f"{' and '.join(sorted(environments))}, {episodes}"
-        return Figure(draw_intervals(title, drawn, same_scale=len(environments) == 1))
+        return Figure(draw_intervals(title, drawing, same_scale=len(environments) == 1))
 
     @property
     def table(self) -> tuple[list[str], list[list[str]]]:

@@ -36,13 +36,14 @@ class StudyResult(Result):
         Raises:
             StudyError: the folder holds no training of such a figure.
         """
-        drawn = draw_figures(self._summaries)
-        name = next(iter(drawn)) if figure is None else figure
-        if name not in drawn:
+        pictures = draw_figures(self._summaries)
+        name = next(iter(pictures)) if figure is None else figure
+        if name not in pictures:
             raise StudyError(
-                f"There are no trainings of a figure {name!r}.", f"There are: {', '.join(drawn)}."
+                f"There are no trainings of a figure {name!r}.",
+                f"There are: {', '.join(pictures)}.",
             )
-        return Figure(drawn[name])
+        return Figure(pictures[name])
 
     @property
     def table(self) -> tuple[list[str], list[list[str]]]:

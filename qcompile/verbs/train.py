@@ -11,7 +11,7 @@ from qcompile.errors import EnvironmentStepError, OptionError, QcompileError, Tr
 from qcompile.report import progress as bars
 from qcompile.sweep.arguments import Name, ignore
 from qcompile.verbs.train_outputs import TrainingOutputs
-from qcompile.verbs.train_settings import PRESET, Wanted
+from qcompile.verbs.train_settings import PRESET, TrainingRequest
 from qcompile.verbs.training import Training
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ def train(
         QcompileError: an environment, settings or files that cannot be used; an environment fails
             before anything was learned.
     """
-    wanted = Wanted(
+    request = TrainingRequest(
         environment=_environment_id(environment),
         model=model,
         preset=preset,
@@ -80,10 +80,10 @@ def train(
     )
     if evaluate_episodes is not None and evaluate_every is None:
         raise OptionError("evaluate-episodes needs evaluate-every: how often they are played.")
-    resumed = _path(resume)
-    trainer = wanted.trainer() if resumed is None else wanted.resumed(resumed, on_note)
+    state = _path(resume)
+    trainer = request.trainer() if state is None else request.resumed(state, on_note)
     outputs = TrainingOutputs(
-        _path(out), _path(checkpoint) or resumed, _path(log), resumed, _path(tensorboard)
+        _path(out), _path(checkpoint) or state, _path(log), state, _path(tensorboard)
     )
     outputs.check(trainer)
     from qcompile.rl.training_log import EpisodeLog, Scalars
@@ -93,7 +93,7 @@ def train(
         on_note(f"The training of {resume} was finished; only its outputs are made.")
     failure: QcompileError | None = None
     with ExitStack() as stack:
-        show = stack.enter_context(bars.progress_bar(wanted.environment, 1.0, enabled=progress))
+        show = stack.enter_context(bars.progress_bar(request.environment, 1.0, enabled=progress))
         count = EVALUATION_EPISODES if evaluate_episodes is None else evaluate_episodes
         watch = Watch(trainer, show, outputs.checkpoint, evaluate_every, count)
         if outputs.tensorboard is not None:
@@ -115,7 +115,7 @@ def train(
         policy=policy,
         watch=watch,
         outputs=outputs,
-        preset=None if resumed else preset or PRESET,
+        preset=None if state else preset or PRESET,
         interrupted=result.interrupted,
         failure=failure,
     )

@@ -26,7 +26,7 @@ _PRESET_OF = ("model", "layout")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Wanted:
+class TrainingRequest:
     """The arguments of `train` that say what is trained; None where nothing is named."""
 
     environment: str
@@ -59,7 +59,7 @@ class Wanted:
         settings = settings_for(
             self.preset or PRESET, self.environment, self.model or MODEL, self.layout or LAYOUT
         )
-        changed = self._checked()
+        changed = self._named_settings()
         if self.episodes is not None or self.steps is not None:
             changed = {"episodes": self.episodes, "steps": self.steps} | changed
         if self.backend is not None:
@@ -74,7 +74,7 @@ class Wanted:
                 changed[name] = value
         return settings.changed(**changed)
 
-    def _checked(self) -> dict[str, Any]:
+    def _named_settings(self) -> dict[str, Any]:
         """The settings that are named one by one, which `Settings.changed` looks into."""
         from qcompile.rl.settings import SETTING_NAMES
 
@@ -99,20 +99,20 @@ class Wanted:
         """
         from qcompile.rl.checkpoint import load_checkpoint
 
-        known = ("environment", "model", "seed")
-        changing = [name for name, value in vars(self).items() if value and name not in known]
-        if changing:
+        names = ("environment", "model", "seed")
+        options = [name for name, value in vars(self).items() if value and name not in names]
+        if options:
             raise OptionError(
-                f"{' and '.join(changing)} cannot be given with resume: "
+                f"{' and '.join(options)} cannot be given with resume: "
                 "the checkpoint has the settings."
             )
         trainer, differ = load_checkpoint(checkpoint)
         saved = (trainer.environment, trainer.settings.model, trainer.seed)
-        for name, value in zip(known, saved, strict=True):
-            wanted = getattr(self, name)
-            if wanted is not None and wanted != value:
+        for name, value in zip(names, saved, strict=True):
+            asked = getattr(self, name)
+            if asked is not None and asked != value:
                 raise TrainingError(
-                    f"Checkpoint {checkpoint} has the {name} {value!r}, found {wanted!r}.",
+                    f"Checkpoint {checkpoint} has the {name} {value!r}, found {asked!r}.",
                     f"Name {value}, or resume another checkpoint.",
                 )
         if differ:

@@ -24,8 +24,8 @@ class Training(Result):
     """A training that ended: `to_dict` is the document of `qcompile train --json`.
 
     `policy` is what can be played and deployed, None for a model that is not made of one-qubit
-    circuits: `save_policy` writes it to a file, `save` writes the document. `interrupted` says that
-    Ctrl-C, or `failure`, ended it.
+    circuits: `save_policy` writes it to a file, `save` writes the document. `model` is the trained
+    torch module. `interrupted` says that Ctrl-C, or `failure`, ended it.
     """
 
     def __init__(
@@ -123,16 +123,16 @@ class Training(Result):
         words += [f"{name} 20: {mean:.1f}" for name, mean in averages.items() if mean is not None]
         if values["evaluations"]:
             words.append(f"evaluation: {values['evaluations'][-1]['mean_reward']:.1f}")
-        told = f"{', '.join(words)}; {values['parameters']} parameters"
+        line = f"{', '.join(words)}; {values['parameters']} parameters"
         if values["out"] is None:
-            return told
-        told += f" in {values['out']}"
+            return line
+        line += f" in {values['out']}"
         if self.policy is None:
-            told += (
+            line += (
                 f"\n{values['out']} is a checkpoint: `qcompile train --resume` reads it, but this "
                 "model is not made of one-qubit circuits and does not run on a device."
             )
-        return told
+        return line
 
     def check_complete(self) -> None:
         """Nothing, if the training came to its end.

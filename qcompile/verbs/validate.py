@@ -102,20 +102,20 @@ def validate(
     else:
         known, file = load_calibration(calibration), str(Path(calibration))
     loaded = policy if isinstance(policy, Policy) else load_policy(policy)
-    wanted = POWER if power is None else power
-    rows, shots, least = choose_check(
+    least_power = POWER if power is None else power
+    rows, shots, reached = choose_check(
         known,
         loaded,
         wide_observations(loaded, known, seed),
         rows=observations,
         shots=shots,
-        power=wanted,
+        power=least_power,
         effect=effect,
     )
-    if is_free and least < wanted:
+    if is_free and reached < least_power:
         on_note(
-            f"A p01 raised by {effect:g} is found {100 * least:.0f} % of the time at least: {file} "
-            "has too few shots for more. Calibrate with more of them."
+            f"A p01 raised by {effect:g} is found {100 * reached:.0f} % of the time at least: "
+            f"{file} has too few shots for more. Calibrate with more of them."
         )
     if live is not None:
         return Validation(_live(known, file, loaded, rows, shots, effect, live, on_note))

@@ -14,7 +14,8 @@ from qcompile.calibration import Calibration
 from qcompile.device import load_device
 from qcompile.errors import CalibrationError, OptionError
 from qcompile.execution import OfflineExecutor, load_backend
-from qcompile.verbs.calibrate import Measurement, calibrate_into, check_calibration, refit
+from qcompile.verbs.calibrate import calibrate_into, check_calibration, refit
+from qcompile.verbs.measurement import Measurement
 
 LIMA = load_device("fake_lima")
 

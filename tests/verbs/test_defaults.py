@@ -13,8 +13,9 @@ import pytest
 
 import qcompile
 from qcompile.deploy.settings import RunSettings
-from qcompile.verbs.calibrate import Measurement, calibrate_into, check_calibration
+from qcompile.verbs.calibrate import calibrate_into, check_calibration
 from qcompile.verbs.evaluate import evaluate_paper
+from qcompile.verbs.measurement import Measurement
 
 LEAST = {
     "train": ["CartPole-v1", "--out", "p.pt"],
