@@ -6,6 +6,9 @@ read in part from the qubit beside them.
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
+
 import numpy as np
 from measure import Row, alone, seconds, show, spread
 from scipy.stats import kstest
@@ -15,43 +18,16 @@ from qcompile.calibration import Calibration
 from qcompile.deploy.twin_check import check_twin, wide_observations
 from qcompile.deploy.twin_power import EFFECT, choose_check
 from qcompile.device import IDEAL, Device
-from qcompile.execution import ExactPrepared, Executor
 from qcompile.mitigation import calibrate, measure_drift, misfits
 from qcompile.mitigation.measure import LIVE_ANGLES_RAD
 from qcompile.noise import usable
-from qcompile.passes import Executable
 
-NOTHING = np.zeros(0)
+sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+
+from noisy import Neighbours
+
 CLEAN = ("fake_lima", "fake_toronto", "fake_lagos")
 FITTED, TESTED = 300, 200
-
-
-class Neighbours(Executor):
-    """The noise of a device, where a share of each bit is the bit of the qubit q ^ 1 beside it."""
-
-    kind = "noise-model"
-
-    def __init__(self, device: Device, share: float, seed: int):
-        self.device, self.share, self.rng = device, share, np.random.default_rng(seed)
-
-    def prepare(self, executable: Executable) -> ExactPrepared:
-        return Beside(executable, self.share, self.rng)
-
-
-class Beside(ExactPrepared):
-    """The circuits of an executable, and which circuit is beside each."""
-
-    def __init__(self, executable: Executable, share: float, rng: np.random.Generator):
-        super().__init__(executable, rng)
-        self._alone = qcompile.OfflineExecutor(executable.device).prepare(executable)
-        places = list(zip(executable.qubits.tolist(), executable.rounds.tolist(), strict=True))
-        at = {place: index for index, place in enumerate(places)}
-        self._beside = np.array([at.get((q ^ 1, r), at[q, r]) for q, r in places])
-        self._share = share
-
-    def p_one(self, x: np.ndarray, theta: np.ndarray) -> np.ndarray:
-        p_one = self._alone.p_one(x, theta)
-        return (1 - self._share) * p_one + self._share * p_one[:, self._beside]
 
 
 def live(executor, qubits, shots: int = 8192) -> Calibration:  # type: ignore[no-untyped-def]

@@ -196,9 +196,9 @@ def journals() -> list[bytes]:
             charge = made.charges.of_job(f"job{number}")
             assert charge is not None
             made.charges.settle(charge, 2.5)
-            made.note_actions(number, np.ones((2, 4)), np.ones(2, dtype=int))
-            made.note_rewards(number, [1.0, 1.0])
-        made._db.execute("PRAGMA journal_mode = DELETE")  # all in one file
+            made.steps.note_actions(number, np.ones((2, 4)), np.ones(2, dtype=int))
+            made.steps.note_rewards(number, [1.0, 1.0])
+        made._db.connection.execute("PRAGMA journal_mode = DELETE")  # all in one file
         return [(made.folder / FILE).read_bytes()]
 
 

@@ -58,10 +58,19 @@ def names(shelf: Shelf, suffixes: Sequence[str]) -> list[str]:
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """A line of advice: the known names nearest to `name`, or the first dozen of them.
+    """A line of advice: the known names nearest to `name`, or the first dozen of them."""
+    words = list(dict.fromkeys(known))
+    if close := close_names(name, words):
+        return f"Did you mean {' or '.join(close)}?"
+    if not words:
+        return "None is known."
+    return f"Known: {', '.join([*words[:12], *(['...'] if len(words) > 12 else [])])}."
 
-    A name is near where a slip of the pen may have made `name` of it: letter case aside, two
-    thirds of their letters are the same, and in the same order. Only the nearest are named.
+
+def close_names(name: str, known: Iterable[str]) -> list[str]:
+    """The known names of which a slip of the pen may have made `name`, the nearest alone.
+
+    Letter case aside, two thirds of their letters are the same, and in the same order.
     """
     spelled: dict[str, list[str]] = {}
     for word in dict.fromkeys(known):
@@ -70,9 +79,4 @@ def nearest(name: str, known: Iterable[str]) -> str:
     close = difflib.get_close_matches(given, spelled, n=3, cutoff=2 / 3)
     likeness = [difflib.SequenceMatcher(None, low, given).ratio() for low in close]
     close = [low for low, ratio in zip(close, likeness, strict=True) if ratio > likeness[0] - 0.08]
-    if close:
-        return f"Did you mean {' or '.join(word for low in close for word in spelled[low])}?"
-    words = [word for same in spelled.values() for word in same]
-    if not words:
-        return "None is known."
-    return f"Known: {', '.join([*words[:12], *(['...'] if len(words) > 12 else [])])}."
+    return [word for low in close for word in spelled[low]]

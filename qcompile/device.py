@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from qcompile.catalogue import find, names, nearest
 from qcompile.errors import DeviceError
@@ -13,41 +13,41 @@ from qcompile.foreign import is_qiskit_backend
 from qcompile.native import SX, NativeGates
 from qcompile.notebook import count, html_table
 from qcompile.reading import ContentsError, check_json, read_file
-from qcompile.validation import Line, Many, explain
+from qcompile.validation import Line, Many, Record, explain
 
 IDEAL_NAME = "ideal"
 _FORMAT = "qcompile-device-1"
-_CALIBRATION = b'"qcompile-calibration-'
+CALIBRATION_MARK = b'"qcompile-calibration-'
+"""The file of a calibration has this in it, a device's own has not."""
 
 Probability = Annotated[float, Field(ge=0, le=1)]
+Kind = Literal["ideal", "noise-model", "measured-response", "hardware"]
+"""What results were measured on, and so what they are worth."""
+
 GateName = Annotated[str, Field(pattern=r"^\w+$", max_length=40)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+CoherenceTime = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
-class _Record(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class GateCalibration(_Record):
+class GateCalibration(Record):
     """One gate on one qubit: its average gate error (1 - fidelity) and its length."""
 
     error: Probability
     length_ns: Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
-class Qubit(_Record):
+class Qubit(Record):
     """One physical qubit. p10 = P(1 | 0) and p01 = P(0 | 1) are its readout errors.
 
     A gate without an entry in `gates` is free of noise, as the virtual rz is. An id without one has
     that of sx: on IBM's machines both take as long and have one error.
     """
 
-    t1_us: Positive
-    t2_us: Positive
+    t1_us: CoherenceTime
+    t2_us: CoherenceTime
     p10: Probability
     p01: Probability
     readout_ns: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = None
-    gates: dict[GateName, GateCalibration] = {}
+    gates: dict[GateName, GateCalibration] = Field(default_factory=dict)
     doubtful: Many[Line] = ()
 
     @property
@@ -56,7 +56,7 @@ class Qubit(_Record):
         return 1.0 - self.p01 - self.p10
 
 
-class Device(_Record):
+class Device(Record):
     """A machine that runs circuits: its gates and its qubits.
 
     `qubits` is empty for `ideal`, which has as many perfect qubits as a program needs; those in
@@ -131,7 +131,8 @@ def _claims(name: str) -> bool:
         text = b"" if path is None else read_file(path)
     except (OSError, ContentsError):
         return False
-    return _FORMAT.encode() in text and _CALIBRATION not in text  # calibrations hold their device
+    # A calibration holds its device.
+    return _FORMAT.encode() in text and CALIBRATION_MARK not in text
 
 
 def load_device(name: str | Path) -> Device:
@@ -165,7 +166,7 @@ def load_device(name: str | Path) -> Device:
 def _read(path: Path) -> Device:
     try:
         contents = read_file(path)
-        if _CALIBRATION in contents:
+        if CALIBRATION_MARK in contents:
             raise DeviceError(
                 f"{path} is a calibration, no device file.",
                 "It is a --backend of `run`, `evaluate`, `calibrate`, `show`, `export`, `compile`.",

@@ -1,4 +1,4 @@
-"""Files and folders that appear whole or not at all."""
+"""Files and folders that appear whole or not at all: files even where the machine crashes."""
 
 from __future__ import annotations
 
@@ -44,8 +44,11 @@ def write_file(path: Path, contents: bytes) -> None:
         try:
             with os.fdopen(handle, "wb") as file:
                 file.write(contents)
+                file.flush()
+                os.fsync(file.fileno())
             os.chmod(temporary, _mode(target))
             os.replace(temporary, target)
+            sync(target.parent)
         except BaseException:
             Path(temporary).unlink(missing_ok=True)
             raise
@@ -53,6 +56,20 @@ def write_file(path: Path, contents: bytes) -> None:
         raise  # the reader has had enough
     except OSError as error:
         raise _cannot_write(path, error) from error
+
+
+def sync(folder: Path) -> None:
+    """Have the names in a folder on the disk, where the system has a way to ask for that."""
+    if not hasattr(os, "O_DIRECTORY"):
+        return
+    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(handle)
+    except OSError as error:
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP):  # some network file systems
+            raise
+    finally:
+        os.close(handle)
 
 
 def resolved(path: Path) -> Path:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from qcompile.errors import CircuitError
-from qcompile.ir import NEGLIGIBLE_RAD, Angle, Circuit, Definition, Program
+from qcompile.ir import NEGLIGIBLE_RAD, Angle, Circuit, LateAngle, Program
 from qcompile.ir.table import AngleTable, Array, are_large
 
 _HALF_PI = np.pi / 2
@@ -26,22 +26,22 @@ class Simulator:
     (parameters,), both arrays of `xp`; results have shape (B, circuits).
 
     Raises:
-        CircuitError: the program has definitions, and `xp` is not numpy.
+        CircuitError: the program has late angles, and `xp` is not numpy.
     """
 
     def __init__(self, program: Program, xp: ModuleType = np, dtype: Any = np.float64):
-        if program.definitions and xp is not np:
+        if program.late_angles and xp is not np:
             raise CircuitError(
                 "A fused program is evaluated in numpy alone.",
                 "Give torch the program it came from.",
             )
         self._xp, self._size = xp, len(program)
-        self._definitions = (
-            Definitions(program.definitions, program.inputs, program.parameters)
-            if program.definitions
+        self._late_angles = (
+            LateAngles(program.late_angles, program.inputs, program.parameters)
+            if program.late_angles
             else None
         )
-        inputs = (*program.inputs, *(d.name for d in program.definitions))
+        inputs = (*program.inputs, *(late.name for late in program.late_angles))
         columns = [alternating(circuit) for circuit in program.circuits]
         self._steps: list[_Step] = []
         forms: dict[tuple[object, ...], int] = {}
@@ -56,9 +56,9 @@ class Simulator:
         self._last_z = next((step for step in reversed(self._seen) if step.axis == "z"), None)
 
     def _inputs(self, x: Array, theta: Array) -> Array:
-        if self._definitions is None:
+        if self._late_angles is None:
             return x
-        return np.concatenate([x, self._definitions(x, theta)], axis=-1)
+        return np.concatenate([x, self._late_angles(x, theta)], axis=-1)
 
     def _are_large(self, x: Array, theta: Array) -> bool:
         return self._xp is np and are_large(x, theta, self._largest)
@@ -127,28 +127,28 @@ def euler_angles(alpha: Array, beta: Array) -> tuple[Array, Array, Array]:
     return (total - difference) / 2, polar, (total + difference) / 2
 
 
-class Definitions:
-    """The values of a program's definitions: (B, inputs), (parameters,) to (B, definitions)."""
+class LateAngles:
+    """The values of a program's late angles: (B, inputs), (parameters,) to (B, late angles)."""
 
     def __init__(
         self,
-        definitions: Sequence[Definition],
+        late_angles: Sequence[LateAngle],
         inputs: Sequence[str],
         parameters: Sequence[str],
     ):
-        blocks = tuple(dict.fromkeys(d.block for d in definitions))
+        blocks = tuple(dict.fromkeys(late.block for late in late_angles))
         program = Program(blocks, tuple(inputs), tuple(parameters))
         self._simulator = Simulator(program)
-        self._only_polar = all(d.part == "polar" for d in definitions)
+        self._only_polar = all(late.part == "polar" for late in late_angles)
         columns = {block: i for i, block in enumerate(blocks)}
-        index = np.array([columns[d.block] for d in definitions])
-        parts = np.array([("first", "polar", "last").index(d.part) for d in definitions])
+        index = np.array([columns[late.block] for late in late_angles])
+        parts = np.array([("first", "polar", "last").index(late.part) for late in late_angles])
         self._one_each = np.array_equal(index, np.arange(len(blocks)))
         self._index, self._parts = index, parts
 
     @property
     def are_polar(self) -> bool:
-        """Whether definition i is the polar angle of block i, and blocks are not shared."""
+        """Whether late angle i is the polar angle of block i, and blocks are not shared."""
         return self._only_polar and self._one_each
 
     def polar_cosines(self, x: Array, theta: Array) -> Array:

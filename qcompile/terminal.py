@@ -30,6 +30,16 @@ def one_line(text: str, most: int = 300) -> str:
     return line if len(line) <= most else f"{line[: most - 3]}..."
 
 
+def first_line(text: str, most: int = 200) -> str:
+    """The first line of what a package says, of at most `most` characters; "" where it has none."""
+    return one_line(text.strip().partition("\n")[0], most)
+
+
+def visible(text: str) -> str:
+    """The text with a question mark for each character that is not printed; line feeds stay."""
+    return "".join(c if c.isprintable() or c == "\n" else "?" for c in text)
+
+
 class PlainStream:
     """A text stream that writes `plain` text; all else is the stream's own.
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from reprlib import Repr
 from typing import Annotated, TypeVar
 
-from pydantic import FailFast, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, FailFast, Field, ValidationError
 
 from qcompile.limits import MAX_QUBITS
 
@@ -23,6 +23,13 @@ class FirstFault(FailFast):
 
 Many = Annotated[tuple[T, ...], FirstFault(), Field(max_length=MAX_QUBITS)]
 """As many as a device has qubits; of the entries that are wrong the first is told."""
+
+
+class Record(BaseModel):
+    """What a file of ours holds: it does not change, and unknown keys are refused."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
 
 _MOST_LETTERS = 320
 """Of all faults together: what is longer is not read."""

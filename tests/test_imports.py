@@ -47,7 +47,7 @@ DOORS = {
         "qcompile.interop.openqasm.program_of",
     },
     "passes/executable.py": {"qcompile.interop.qiskit.circuits_of"},
-    "calibration.py": {
+    "calibration/calibration.py": {
         "qcompile.report.calibration.draw_calibration",
         "qcompile.report.calibration_values.calibration_html",
         "qcompile.report.figure.Figure",

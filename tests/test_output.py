@@ -144,3 +144,23 @@ def test_links_that_lead_to_each_other_raise_nothing_else(tmp_path: Path) -> Non
     except OutputError:
         return
     assert (tmp_path / "a").read_bytes() == b"x"
+
+
+def test_a_power_cut_leaves_a_file_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is inside is on the disk before it has its name, and the name before it is used."""
+    real, synced = os.fsync, []
+
+    def fsync(handle: int) -> None:
+        opened = os.fstat(handle)
+        path = next(
+            p for p in (tmp_path, *tmp_path.rglob("*")) if os.path.samestat(opened, p.stat())
+        )
+        text = "" if path.is_dir() else path.read_text()
+        synced.append((path.name.lstrip(".").partition(".")[0], text, names(tmp_path)))
+        real(handle)
+
+    monkeypatch.setattr(os, "fsync", fsync)
+    write_file(tmp_path / "file", b"new")
+    (inside, text, before), (folder, _, after) = synced
+    assert (inside, text, folder) == ("file", "new", tmp_path.name)
+    assert ("file" in before, "file" in after) == (False, True)

@@ -12,7 +12,7 @@ from qcompile.errors import CircuitError
 from qcompile.ir import FIXED_GATES, ROTATION_GATES, Circuit, Program
 from qcompile.native import RX, SX, NativeGates
 from qcompile.passes import lower
-from qcompile.simulate import Definitions, Simulator
+from qcompile.simulate import LateAngles, Simulator
 
 ANGLES = ("0.4", "pi", "-pi/2", "x0", "x1-theta0", "0.5*x0+2*theta1-pi/2", "theta1+1", "x0+x1")
 GATES = [*FIXED_GATES, *(f"{name}({angle})" for name in ROTATION_GATES for angle in ANGLES)]
@@ -62,7 +62,7 @@ def test_the_closed_form_of_the_paper() -> None:
 
 @pytest.mark.parametrize("level", [1, 2])
 @pytest.mark.parametrize("native", [SX, RX])
-def test_programs_with_definitions(level: int, native: NativeGates) -> None:
+def test_programs_with_late_angles(level: int, native: NativeGates) -> None:
     program = random_program(40, seed=2)
     z = Simulator(lower(program, level, native)).expectation(X, THETA)
     np.testing.assert_allclose(z, reference(program), rtol=0, atol=1e-12)
@@ -154,25 +154,25 @@ def test_no_observation_is_an_empty_answer() -> None:
     assert Simulator(random_program(5, seed=8)).expectation(X[:0], THETA).shape == (0, 5)
 
 
-def test_definitions_are_the_euler_angles_of_their_blocks() -> None:
+def test_late_angles_are_the_euler_angles_of_their_blocks() -> None:
     texts = ["h ry(x0) rz(x0) ry(theta0)", "sx rz(x1) sx s"]
     source = Program.of(map(Circuit.parse, texts), inputs=2, parameters=2)
     lowered = lower(source, 1, SX)
-    values = Definitions(lowered.definitions, lowered.inputs, lowered.parameters)(X, THETA)
-    blocks = tuple(dict.fromkeys(d.block for d in lowered.definitions))
+    values = LateAngles(lowered.late_angles, lowered.inputs, lowered.parameters)(X, THETA)
+    blocks = tuple(dict.fromkeys(late.block for late in lowered.late_angles))
     euler = np.stack(Simulator(Program(blocks, source.inputs, source.parameters)).euler(X, THETA))
-    for column, definition in enumerate(lowered.definitions):
-        part = ("first", "polar", "last").index(definition.part)
-        expected = euler[part, :, blocks.index(definition.block)]
+    for column, late in enumerate(lowered.late_angles):
+        part = ("first", "polar", "last").index(late.part)
+        expected = euler[part, :, blocks.index(late.block)]
         np.testing.assert_array_equal(values[:, column], expected)
 
 
 def test_a_fused_program_is_for_numpy() -> None:
     source = Program.of([Circuit.parse("h ry(x0) rz(x0) ry(theta0)")], inputs=2, parameters=2)
     fused = lower(source, 1, SX)
-    assert fused.definitions
+    assert fused.late_angles
     with pytest.raises(CircuitError, match="evaluated in numpy alone"):
         Simulator(fused, torch, torch.float64)
     plain = lower(source, 0, SX)
-    assert not plain.definitions
+    assert not plain.late_angles
     Simulator(plain, torch, torch.float64)

@@ -17,10 +17,10 @@ from gymnasium.spaces import Box, Discrete
 from qcompile.catalogue import nearest
 from qcompile.errors import EnvironmentMismatchError
 from qcompile.policy import Policy
+from qcompile.terminal import first_line
 
 Environment = gymnasium.Env[Any, Any]
 
-_LONGEST_WORDS = 200
 _USUAL = ("CartPole-v1", "Acrobot-v1", "LunarLander-v3", "MountainCar-v0")
 
 
@@ -45,13 +45,14 @@ def make_environments(
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            made = [
+            environments = [
                 gymnasium.make(name, disable_env_checker=True, **settings)
                 for _ in range(count)  # that checker looks at one step; deploy/stepping.py at all
             ]
     except (ImportError, gymnasium.error.DependencyNotInstalled) as error:
         raise EnvironmentMismatchError(
-            f"Environment {name!r} needs a package that is not installed.", *_first_line(error)
+            f"Environment {name!r} needs a package that is not installed.",
+            *_first_line(error),
         ) from error
     except Exception as error:  # an environment is made by code of any kind
         if name in gymnasium.registry:
@@ -65,11 +66,11 @@ def make_environments(
             *(() if isinstance(error, missing) else _first_line(error)),
             nearest(name, [*_USUAL, *gymnasium.registry]),
         ) from error
-    for environment in made[:1]:
+    for environment in environments[:1]:
         features_and_actions(environment)
     if film:
         _check_frames(name, settings)
-    return made
+    return environments
 
 
 def close_environments(environments: Iterable[Environment]) -> None:
@@ -104,8 +105,8 @@ def _check_frames(name: str, settings: Mapping[str, Any]) -> None:
         if is_picture and 0 < rate < np.inf:
             return
         kind = f"of type {dtype}" if dtype is not None else f"a {type(frame).__name__}"
-        found = "None" if frame is None else f"{kind} and shape {shape}"
-        why = [f"A frame is {found}, {rate:g} a second."]
+        rendered = "None" if frame is None else f"{kind} and shape {shape}"
+        why = [f"A frame is {rendered}, {rate:g} a second."]
     raise EnvironmentMismatchError(
         f"Environment {name!r} cannot be filmed: it renders no pictures.",
         *why,
@@ -114,7 +115,7 @@ def _check_frames(name: str, settings: Mapping[str, Any]) -> None:
 
 
 def _first_line(error: Exception) -> list[str]:
-    return [line[:_LONGEST_WORDS] for line in str(error).splitlines()[:1]]
+    return [line] if (line := first_line(str(error))) else []
 
 
 def features_and_actions(environment: Environment) -> tuple[int, int]:

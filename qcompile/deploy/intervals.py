@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.special import stdtrit
 
-_BLOCK = 1_000_000
+from qcompile.arrays import FloatArray
+
+_MOST_DRAWN = 1_000_000
+"""Rewards that are drawn at a time."""
 _PERCENT = (2.5, 97.5)
 _MOST_PARTS = 20
 
 
-def bootstrap_ci95(
-    rewards: NDArray[np.float64], seed: int, resamples: int = 10_000
-) -> list[float] | None:
+def bootstrap_ci95(rewards: FloatArray, seed: int, resamples: int = 10_000) -> list[float] | None:
     """The 95 % interval [low, high] of the mean of rewards (n,); None below two of them.
 
     Each end is the farther one of two: that of Student's t, and that of the studentised bootstrap,
@@ -28,16 +27,26 @@ def bootstrap_ci95(
         return None
     if np.ptp(rewards) == 0:
         return [float(rewards[0])] * 2
+    from scipy.stats import bootstrap, t
+
     mean, variance = rewards.mean(), rewards.var(ddof=1)
     error, least = np.sqrt(variance / count), variance / min(count, _MOST_PARTS)
-    rng = np.random.default_rng(seed)
-    pulls = []
-    for block in np.array_split(np.empty(resamples), -(-resamples * count // _BLOCK)):
-        drawn = rng.choice(rewards, (len(block), count))
-        spread = np.maximum(drawn.var(axis=1, ddof=1), least)
-        pulls.append((drawn.mean(axis=1) - mean) / np.sqrt(spread / count))
-    lowest, highest = np.percentile(np.concatenate(pulls), _PERCENT)
-    student = stdtrit(count - 1, 0.975)
+
+    def pull(drawn: FloatArray, axis: int) -> FloatArray:
+        """How far the mean of each resample is off, in its standard errors."""
+        spread = np.maximum(drawn.var(axis=axis, ddof=1), least)
+        return np.asarray((drawn.mean(axis=axis) - mean) / np.sqrt(spread / count))
+
+    pulls = bootstrap(
+        (rewards,),
+        pull,
+        n_resamples=resamples,
+        batch=max(_MOST_DRAWN // count, 1),
+        method="percentile",
+        rng=np.random.default_rng(seed),
+    ).bootstrap_distribution
+    lowest, highest = np.percentile(pulls, _PERCENT)
+    student = t.ppf(0.975, count - 1)
     return [
         float(mean - max(highest, student) * error),
         float(mean - min(lowest, -student) * error),

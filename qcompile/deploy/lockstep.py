@@ -63,20 +63,20 @@ def lockstep(
         actions = act(observations, rows).tolist()
         on_step(rows)
         length += 1
-        seen = np.empty_like(observations)
+        following = np.empty_like(observations)
         over: list[int] = []
         rewards: list[float] = []
         for i, (stepper, action) in enumerate(zip(living, actions, strict=True)):
-            seen[i], reward, terminated, truncated = stepper.step(action)
+            following[i], reward, terminated, truncated = stepper.step(action)
             rewards.append(reward)
             if stepper is filmed and on_frame is not None:
                 on_frame(stepper.environment.render(), fps)  # type: ignore[arg-type]
             if terminated or truncated or length == max_steps:
                 over.append(i)
                 on_episode(Episode(stepper.seed, stepper.reward, length))
-        check_finite(living, seen)
+        check_finite(living, following)
         if over:
             living = [stepper for i, stepper in enumerate(living) if i not in over]
-            seen, numbers = np.delete(seen, over, axis=0), np.delete(numbers, over)
-        observations = seen
+            following, numbers = np.delete(following, over, axis=0), np.delete(numbers, over)
+        observations = following
         on_rewards(rewards)

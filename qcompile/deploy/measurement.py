@@ -55,13 +55,13 @@ class Measurement:
         self.misfits: list[Misfit] = []
         self._mitigation: Mitigation | None = None
         if settings.mitigation == "readout":
-            calibration = self._calibrated("readout")
+            calibration = self._calibration_of("readout")
             self._mitigation = readout_mitigation(calibration, self.executable)
         elif settings.mitigation == "response":
-            calibration = self._calibrated("response")
+            calibration = self._calibration_of("response")
             self._mitigation = response_mitigation(calibration, self.executable)
         elif settings.predistort:
-            calibration = self._calibrated("response")
+            calibration = self._calibration_of("response")
             self.executable = predistorted(self.executable, calibration)
         if executor.calibration is not None:
             self._note_misfits(executor.calibration, "response")
@@ -72,11 +72,11 @@ class Measurement:
         fits = misfits(calibration, [part], self.executable.qubits.tolist())
         self.misfits += [fit for fit in fits if fit not in self.misfits]
 
-    def _calibrated(self, part: Part) -> Calibration:
+    def _calibration_of(self, part: Part) -> Calibration:
         """The calibration given, that of the backend, or one that is measured now."""
         calibration = self.settings.calibration or self.executor.calibration
         if calibration is None:
-            calibration = self._measured(part)
+            calibration = self._measure_calibration(part)
         name = self.executor.device.name
         if calibration.backend != name:
             raise CalibrationError(
@@ -86,7 +86,7 @@ class Measurement:
         self._note_misfits(calibration, part)
         return calibration
 
-    def _measured(self, part: Part) -> Calibration:
+    def _measure_calibration(self, part: Part) -> Calibration:
         shots = None if self.settings.shots is None else CALIBRATION_SHOTS
         calibration = calibrate(self.executor, self.executable.qubits, shots, parts=[part])
         if calibration.unfitted:

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from qcompile.deploy.environments import Environment, environment_name
 from qcompile.errors import EnvironmentStepError
+from qcompile.terminal import first_line
 
 _NUMBERS = "biuf"
 """The kinds of numpy types that are real numbers."""
-_LONGEST_WORDS = 200
 _LARGEST_REWARD = 1e150
 """The squares of larger ones overflow, so that they have no deviation."""
 
@@ -82,9 +82,13 @@ class Stepper:
             raise self._failed(error) from error
         if type(answer) is not tuple or len(answer) != 5:
             raise self._wrong_step(answer)
-        seen, reward, terminated, truncated, _ = answer
-        if type(seen) is not np.ndarray or seen.shape != self._shape or seen.dtype != self.dtype:
-            seen = self._vector(seen)
+        observation, reward, terminated, truncated, _ = answer
+        if (
+            type(observation) is not np.ndarray
+            or observation.shape != self._shape
+            or observation.dtype != self.dtype
+        ):
+            observation = self._vector(observation)
         if type(reward) is not float:  # numpy's own double is a float too, and the usual one
             reward = float(reward) if isinstance(reward, float) else self._number(reward)
         self.reward += reward
@@ -96,7 +100,7 @@ class Stepper:
             )
         if type(terminated) is not bool or type(truncated) is not bool:
             terminated, truncated = self._flag(terminated), self._flag(truncated)
-        return seen, reward, terminated, truncated
+        return observation, reward, terminated, truncated
 
     def error(self, what: str, *hints: str) -> EnvironmentStepError:
         """An error that names the environment, the episode and the step."""
@@ -105,7 +109,6 @@ class Stepper:
         return EnvironmentStepError(f"{name}, episode of seed {self.seed}, {where}: {what}", *hints)
 
     def _failed(self, error: Exception) -> EnvironmentStepError:
-        words = str(error).strip().splitlines()
         # a wrapper took the answer apart
         if isinstance(error, ValueError | TypeError) and "unpack" in str(error):
             return self._wrong_step(None)
@@ -113,24 +116,26 @@ class Stepper:
             return self.error(
                 "reset takes no seed.", "It must be reset(*, seed=None, options=None)."
             )
-        said = words[0][:_LONGEST_WORDS] if words else type(error).__name__
+        said = first_line(str(error)) or type(error).__name__
         return self.error(f"the environment failed: {said}")
 
     def _wrong_step(self, answer: Any) -> EnvironmentStepError:
-        found = "another number of values" if answer is None else _described(answer)
+        answered = "another number of values" if answer is None else _described(answer)
         return self.error(
-            f"step gave {found}.",
+            f"step gave {answered}.",
             "It must give (observation, reward, terminated, truncated, info); four values are the "
             "API of gym before 0.26.",
         )
 
-    def _vector(self, seen: Any) -> NDArray[Any]:
+    def _vector(self, observation: Any) -> NDArray[Any]:
         try:
-            array = np.asarray(seen)
+            array = np.asarray(observation)
         except Exception as error:  # a ragged list, or whatever an object raises
-            raise self.error(f"the observation is {_described(seen)}.", self._needed()) from error
+            raise self.error(
+                f"the observation is {_described(observation)}.", self._needed()
+            ) from error
         if array.shape != self._shape or array.dtype.kind not in _NUMBERS:
-            raise self.error(f"the observation is {_described(seen)}.", self._needed())
+            raise self.error(f"the observation is {_described(observation)}.", self._needed())
         with np.errstate(over="ignore"):  # what becomes infinite is told by check_finite
             return array.astype(self.dtype)
 

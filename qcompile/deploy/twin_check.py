@@ -16,7 +16,7 @@ from qcompile.deploy.deployment import Deployment
 from qcompile.deploy.lockstep import Act
 from qcompile.deploy.play import Record, play
 from qcompile.deploy.rows import Rows
-from qcompile.deploy.twin_power import EFFECT, TwinShown, twin_program
+from qcompile.deploy.twin_power import EFFECT, TwinPrediction, twin_program
 from qcompile.errors import CalibrationError
 from qcompile.execution import Executor, TwinExecutor, expectation_from_ones
 from qcompile.mitigation import Misfit, misfits
@@ -26,7 +26,7 @@ from qcompile.policy import Policy
 _NO_THETA = np.zeros(0)
 _EPISODES = 4
 _STEPS = 500
-_MOST_SEEN = 200
+_MOST_PLAYED = 200
 _STRETCHES = (1, 3, 10, 30)
 
 
@@ -88,41 +88,45 @@ def check_twin(
     Raises:
         CalibrationError: the executor is one of another device, or a circuit lies on no curve.
     """
-    own = executor.device
-    if (own.name, len(own.qubits)) != (calibration.backend, len(calibration.device.qubits)):
-        raise CalibrationError(
-            f"The calibration is of {calibration.backend}, the backend is {own.name}.",
-            "Compare a twin with its own device.",
-        )
-    shown = TwinShown.of(calibration, policy, observations)
-    _, executable = twin_program(calibration, policy)
-    ones = executor.run(
-        replace(executable, device=own), policy.encode(observations), _NO_THETA, shots
-    )
-    z = expectation_from_ones(ones, shots)
-    variance = shown.variance(shots)
-    chi_square, degrees = [], []
-    for number, shared in enumerate(shown.covariance):
-        on = shown.own == number
-        residual = (z - shown.expected)[:, on].ravel()
-        design = shown.design[:, on].reshape(-1, 3)
-        covariance = design @ shared @ design.T + np.diag(variance[:, on].ravel())
-        chi_square.append(residual @ np.linalg.solve(covariance, residual))
-        degrees.append(residual.size)
     from scipy.stats import chi2
 
-    found = np.array(chi_square)
+    device = executor.device
+    if (device.name, len(device.qubits)) != (calibration.backend, len(calibration.device.qubits)):
+        raise CalibrationError(
+            f"The calibration is of {calibration.backend}, the backend is {device.name}.",
+            "Compare a twin with its own device.",
+        )
+    prediction = TwinPrediction.of(calibration, policy, observations)
+    _, executable = twin_program(calibration, policy)
+    executable = replace(executable, device=device)
+    ones = executor.run(executable, policy.encode(observations), _NO_THETA, shots)
+    residuals = expectation_from_ones(ones, shots) - prediction.expected
+    chi_square = _chi_square(prediction, residuals, prediction.variance(shots))
+    degrees = len(observations) * np.bincount(prediction.qubit_of)
     return TwinCheck(
-        qubits=shown.qubits,
-        chi_square=found,
-        degrees=np.array(degrees),
-        p_value=chi2.sf(found, degrees),
-        largest=float(np.abs(z - shown.expected).max()),
+        qubits=prediction.qubits,
+        chi_square=chi_square,
+        degrees=degrees,
+        p_value=chi2.sf(chi_square, degrees),
+        largest=float(np.abs(residuals).max()),
         observations=len(observations),
         effect=effect,
-        power=shown.powers(shots, effect)[-1],
-        misfits=misfits(calibration, ["response"], shown.qubits.tolist()),
+        power=prediction.powers(shots, effect)[-1],
+        misfits=misfits(calibration, ["response"], prediction.qubits.tolist()),
     )
+
+
+def _chi_square(
+    prediction: TwinPrediction, residuals: FloatArray, variance: FloatArray
+) -> FloatArray:
+    """r' C^-1 r of each qubit, (qubits,), for residuals and shot noise (rows, circuits)."""
+    chi_square = []
+    for qubit, of_curve in enumerate(prediction.covariance):
+        on = prediction.qubit_of == qubit
+        residual, design = residuals[:, on].ravel(), prediction.design[:, on].reshape(-1, 3)
+        covariance = design @ of_curve @ design.T + np.diag(variance[:, on].ravel())
+        chi_square.append(residual @ np.linalg.solve(covariance, residual))
+    return np.array(chi_square)
 
 
 def wide_observations(policy: Policy, calibration: Calibration, seed: int) -> FloatArray:
@@ -133,15 +137,16 @@ def wide_observations(policy: Policy, calibration: Calibration, seed: int) -> Fl
     """
     twin = TwinExecutor(calibration, seed)
     deployment = Deployment(policy, twin, shots=1024, predistort=True, seed=seed, max_steps=_STEPS)
-    kept = _Kept()
-    play(deployment, _EPISODES, record=kept)
-    seen = np.concatenate(kept.observations)
+    record = _Observations()
+    play(deployment, _EPISODES, record=record)
+    played = np.concatenate(record.observations)
     rng = np.random.default_rng(seed)
-    seen = seen[rng.choice(len(seen), min(_MOST_SEEN, len(seen)), replace=False)]
-    return np.concatenate([seen, *(times * rng.permuted(seen, axis=0) for times in _STRETCHES)])
+    played = played[rng.choice(len(played), min(_MOST_PLAYED, len(played)), replace=False)]
+    mixtures = [factor * rng.permuted(played, axis=0) for factor in _STRETCHES]
+    return np.concatenate([played, *mixtures])
 
 
-class _Kept(Record):
+class _Observations(Record):
     """Keeps the observations of a run."""
 
     def __init__(self) -> None:

@@ -2,8 +2,8 @@
 
 A p01 = P(0 | 1) that is raised by an effect moves the `<Z>` of its qubit by effect (1 - u), where
 u = cos(w - tilt) is the `<Z>` before the readout: a move of (b, c, s) of its curve. The chi-square
-of `check_twin` is then noncentral, by v' (A^-1 + C)^-1 v: v is that move, A the information of the
-shots and C the covariance of the calibrated curve.
+of `check_twin` is then noncentral, by v' (A^-1 + C)^-1 v = v' A (1 + C A)^-1 v, where v is that
+move, A the information of the shots and C the covariance of the calibrated curve.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from qcompile.calibration import Calibration
 from qcompile.errors import CalibrationError
 from qcompile.execution import TwinExecutor
 from qcompile.limits import MAX_SHOTS
+from qcompile.mitigation import CALIBRATION_SHOTS
 from qcompile.mitigation.drift import DRIFT_LEVEL
 from qcompile.mitigation.polar import polar_curves
 from qcompile.passes import Executable, compile
@@ -47,24 +48,26 @@ def twin_program(calibration: Calibration, policy: Policy) -> tuple[TwinExecutor
 
 
 @dataclass(frozen=True, eq=False)
-class TwinShown:
-    """What a twin shows of a policy's circuits for some observations.
+class TwinPrediction:
+    """What a twin predicts of a policy's circuits for some observations, a row for each.
 
-    `expected` are its `<Z>` and `design` the (1, cos a, sin a) of the angles, (rows, circuits) and
-    (rows, circuits, 3); `qubits` are those of the circuits, each once, `own` (circuits,) the number
-    of each circuit's, `covariance` (qubits, 3, 3) and `moves` (qubits, 3) the covariance of the
-    curves and the moves of (b, c, s) when p01 is raised by 1.
+    `expected` (rows, circuits) are the `<Z>`, `design` (rows, circuits, 3) the (1, cos a, sin a) of
+    their angles. `qubits` are those of the circuits, each once; that of circuit i is
+    qubits[qubit_of[i]]. `covariance` (qubits, 3, 3) is that of the curves, `moves` (qubits, 3) how
+    (b, c, s) moves where p01 is raised by 1.
     """
 
     expected: FloatArray
     design: FloatArray
     qubits: IntArray
-    own: IntArray
+    qubit_of: IntArray
     covariance: FloatArray
     moves: FloatArray
 
     @classmethod
-    def of(cls, calibration: Calibration, policy: Policy, observations: FloatArray) -> TwinShown:
+    def of(
+        cls, calibration: Calibration, policy: Policy, observations: FloatArray
+    ) -> TwinPrediction:
         """That of the policy's circuits for observations (rows, features).
 
         Raises:
@@ -76,7 +79,7 @@ class TwinShown:
         assert fit is not None  # the twin has curves
         x = policy.encode(observations)
         angles = executable.bind(x, _NO_THETA)
-        qubits, own = np.unique(executable.qubits, return_inverse=True)
+        qubits, qubit_of = np.unique(executable.qubits, return_inverse=True)
         rows = calibration.rows(qubits)
         contrast = polar_curves(fit, executable.device.native).contrast[rows]
         moves = -np.array(fit.curves)[rows] / contrast[:, None]
@@ -85,7 +88,7 @@ class TwinShown:
             expected=twin.expectation(executable, x, _NO_THETA),
             design=np.stack([np.ones_like(angles), np.cos(angles), np.sin(angles)], axis=-1),
             qubits=qubits,
-            own=own,
+            qubit_of=qubit_of,
             covariance=np.array(fit.covariance)[rows],
             moves=moves,
         )
@@ -98,39 +101,38 @@ class TwinShown:
         """How often a check of the first row, the first two, ... finds `effect`, (rows, qubits)."""
         from scipy.stats import chi2, ncx2
 
-        weighed = self.design / self.variance(shots)[..., None]
-        by_circuit = np.einsum("rci,rcj->rcij", weighed, self.design)
-        information = self._of_qubits(by_circuit).cumsum(axis=0)
-        seen = information @ np.linalg.inv(np.eye(3) + self.covariance @ information)
-        moved = effect**2 * np.einsum("qi,rqij,qj->rq", self.moves, seen, self.moves)
-        count = np.arange(1, len(self.expected) + 1)[:, None]
-        degrees = count * np.bincount(self.own)
-        least = chi2.isf(DRIFT_LEVEL / len(self.qubits), degrees)
-        return np.asarray(ncx2.sf(least, degrees, np.maximum(moved, 0.0)))
+        weighted = self.design / self.variance(shots)[..., None]
+        of_circuits = np.einsum("rci,rcj->rcij", weighted, self.design)
+        information = self._sum_by_qubit(of_circuits).cumsum(axis=0)
+        precision = information @ np.linalg.inv(np.eye(3) + self.covariance @ information)
+        noncentrality = effect**2 * np.einsum("qi,rqij,qj->rq", self.moves, precision, self.moves)
+        rows = np.arange(1, len(self.expected) + 1)[:, None]
+        degrees = rows * np.bincount(self.qubit_of)
+        critical = chi2.isf(DRIFT_LEVEL / len(self.qubits), degrees)
+        return np.asarray(ncx2.sf(critical, degrees, np.maximum(noncentrality, 0.0)))
 
-    def visible(self) -> FloatArray:
+    def visibility(self) -> FloatArray:
         """How well each row shows a p01 that is raised, (rows, qubits): chi-square of one shot."""
-        moved = np.einsum("rci,ci->rc", self.design, self.moves[self.own])
-        return self._of_qubits(moved**2 / np.maximum(1.0 - self.expected**2, 1e-3))
+        moves = np.einsum("rci,ci->rc", self.design, self.moves[self.qubit_of])
+        return self._sum_by_qubit(moves**2 / np.maximum(1.0 - self.expected**2, 1e-3))
 
-    def _of_qubits(self, circuits: FloatArray) -> FloatArray:
+    def _sum_by_qubit(self, of_circuits: FloatArray) -> FloatArray:
         """(rows, circuits, ...) summed over the circuits of each qubit."""
-        return np.stack(
-            [circuits[:, self.own == q].sum(axis=1) for q in range(len(self.qubits))], axis=1
-        )
+        qubits = range(len(self.qubits))
+        return np.stack([of_circuits[:, self.qubit_of == q].sum(axis=1) for q in qubits], axis=1)
 
 
-def choose_rows(visible: FloatArray, rows: int) -> IntArray:
-    """The numbers of the rows of `visible` (n, qubits) that show all qubits best, greedily.
+def choose_rows(visibility: FloatArray, rows: int) -> IntArray:
+    """The numbers of the rows of `visibility` (n, qubits) that show all qubits best, greedily.
 
     No row comes twice before all came once.
     """
     chosen: list[int] = []
-    total, free = np.zeros(visible.shape[1]), np.ones(len(visible), dtype=bool)
+    total, free = np.zeros(visibility.shape[1]), np.ones(len(visibility), dtype=bool)
     for _ in range(rows):
-        gain = np.log(total + visible + 1e-3).sum(axis=1)
+        gain = np.log(total + visibility + 1e-3).sum(axis=1)
         chosen.append(int(np.where(free, gain, -np.inf).argmax()))
-        total = total + visible[chosen[-1]]
+        total = total + visibility[chosen[-1]]
         free[chosen[-1]] = False
         if not free.any():
             free[:] = True
@@ -140,43 +142,44 @@ def choose_rows(visible: FloatArray, rows: int) -> IntArray:
 def choose_check(
     calibration: Calibration,
     policy: Policy,
-    seen: FloatArray,
+    candidates: FloatArray,
     *,
     rows: int | None = None,
     shots: int | None = None,
     power: float = POWER,
     effect: float = EFFECT,
 ) -> tuple[FloatArray, int, float]:
-    """Observations (rows, features) out of `seen`, and shots, that find `effect` with `power`.
+    """Observations (rows, features) out of `candidates`, and shots, that find `effect`.
 
-    The third is the power they have, on the qubit where it is least.
-
-    Of all that do, those of the fewest executions; rows or shots that are given stay. Where
-    _MOST_EXECUTIONS or the calibration's own errors do not allow for that power, it is nearly the
-    most that can be had.
+    They do so with `power` on every qubit, with the fewest executions; rows or shots that are given
+    stay. Where _MOST_EXECUTIONS or the calibration's own errors do not allow for that power, it is
+    nearly the most that can be had. The third is the power they have, on the qubit where it is
+    least.
 
     Raises:
         CalibrationError: the calibration has no curves, or a circuit lies on none.
     """
-    visible = TwinShown.of(calibration, policy, seen).visible()
-    order = choose_rows(visible, rows or min(_MOST_ROWS, len(seen)))
-    chosen = TwinShown.of(calibration, policy, seen[order])
-    trials = np.array([shots]) if shots is not None else _trials(calibration)
-    found = np.array([chosen.powers(int(trial), effect).min(axis=1) for trial in trials])
-    first = (min(_LEAST_ROWS, len(order)) if rows is None else rows) - 1
-    counts, found = np.arange(first, len(order)) + 1, found[:, first:]
-    executions = trials[:, None] * counts
-    found = np.where(executions <= max(_MOST_EXECUTIONS, executions.min()), found, -1.0)
-    most = float(found.max())
-    enough = found >= (power if most >= power else _WITHIN_REACH * most)
-    trial, row = np.unravel_index(np.where(enough, executions, np.inf).argmin(), found.shape)
-    return seen[order[: counts[row]]], int(trials[trial]), float(found[trial, row])
+    visibility = TwinPrediction.of(calibration, policy, candidates).visibility()
+    order = choose_rows(visibility, rows or min(_MOST_ROWS, len(candidates)))
+    prediction = TwinPrediction.of(calibration, policy, candidates[order])
+    fewest = min(_LEAST_ROWS, len(order)) if rows is None else rows
+    row_counts = np.arange(fewest, len(order) + 1)
+    shot_counts = np.array([shots]) if shots is not None else _shot_counts(calibration)
+    executions = shot_counts[:, None] * row_counts
+    powers = np.array([prediction.powers(int(n), effect).min(axis=1) for n in shot_counts])
+    affordable = executions <= max(_MOST_EXECUTIONS, executions.min())
+    powers = np.where(affordable, powers[:, row_counts - 1], -1.0)
+    most = float(powers.max())
+    enough = powers >= (power if most >= power else _WITHIN_REACH * most)
+    cheapest = np.where(enough, executions, np.inf).argmin()
+    i, j = np.unravel_index(cheapest, powers.shape)
+    return candidates[order[: row_counts[j]]], int(shot_counts[i]), float(powers[i, j])
 
 
-def _trials(calibration: Calibration) -> IntArray:
+def _shot_counts(calibration: Calibration) -> IntArray:
     """Numbers of shots to choose from, each a tenth more than the last."""
     counts = calibration.response_counts
-    measured = 8192 if counts is None or counts.shots is None else counts.shots
+    measured = CALIBRATION_SHOTS if counts is None or counts.shots is None else counts.shots
     most = max(min(_MOST_SHOTS * measured, MAX_SHOTS), _LEAST_SHOTS)
     return np.unique(np.ceil(np.geomspace(_LEAST_SHOTS, most, 60) / 16).astype(int) * 16)
 

@@ -1,10 +1,10 @@
 """Executors: from an executable and a batch of inputs to counts."""
 
+from qcompile.device import Kind
 from qcompile.execution.backend import Backend, DeviceBackend
 from qcompile.execution.cost import Workload, portions, qpu_seconds
 from qcompile.execution.executor import (
     Executor,
-    Kind,
     expectation_from_ones,
 )
 from qcompile.execution.offline import OfflineExecutor

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Literal
 
 import numpy as np
 
 from qcompile.arrays import CountArray, FloatArray
 from qcompile.calibration import Calibration
-from qcompile.device import Device
+from qcompile.device import Device, Kind
 from qcompile.errors import CountsError, DeviceError
 from qcompile.execution.prepared import Prepared, check_shots, exact
 from qcompile.passes import Executable
-
-Kind = Literal["ideal", "noise-model", "measured-response", "hardware"]
 
 
 class Executor(ABC):

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from qcompile.arrays import FloatArray
-from qcompile.device import Device
-from qcompile.execution.executor import Executor, Kind, check_device
+from qcompile.device import Device, Kind
+from qcompile.execution.executor import Executor, check_device
 from qcompile.execution.prepared import ExactPrepared
 from qcompile.noise import NoisyCircuits
 from qcompile.passes import Executable

@@ -13,13 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qcompile.arrays import CountArray, FloatArray
-from qcompile.device import Device
+from qcompile.device import Device, Kind
 from qcompile.errors import DeviceError, MissingExtraError
-from qcompile.execution.executor import Executor, Kind, check_device
+from qcompile.execution.executor import Executor, check_device
 from qcompile.execution.packed import REGISTER, PackedExecutable, PackedRound, count_ones
 from qcompile.execution.prepared import Binomial, Prepared, check_shots
 from qcompile.passes import Executable
 from qcompile.snapshot import device_from_backend, properties_of
+from qcompile.terminal import first_line
 
 _SIMULATORS = (
     "qiskit_aer.",
@@ -93,7 +94,7 @@ class PrimitiveExecutor(Executor):
             words = getattr(error, "message", None) or str(error)
             raise DeviceError(
                 f"The sampler of {self.device.name} did not run the job.",
-                *str(words).strip().splitlines()[:1],
+                *filter(None, [first_line(str(words))]),
                 f"The job had {len(rounds)} circuits, {len(angles)} observations, {shots} shots.",
             ) from error
         for of_round in bits:

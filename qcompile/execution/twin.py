@@ -8,9 +8,9 @@ import numpy as np
 
 from qcompile.arrays import FloatArray
 from qcompile.calibration import Calibration
-from qcompile.device import Device
+from qcompile.device import Device, Kind
 from qcompile.errors import CalibrationError
-from qcompile.execution.executor import Executor, Kind, check_device
+from qcompile.execution.executor import Executor, check_device
 from qcompile.execution.prepared import ExactPrepared
 from qcompile.ir import Circuit
 from qcompile.native import NativeGates

@@ -48,9 +48,7 @@ class TracedAngle:
             return NotImplemented
         if not self.angle.is_constant and not value.is_constant:
             raise not_affine(f"({self.angle})*({value})")
-        if self.angle.is_constant:
-            return TracedAngle(value * self.angle.constant)
-        return TracedAngle(self.angle * value.constant)
+        return TracedAngle(self.angle * value)
 
     __rmul__ = __mul__
 
@@ -60,11 +58,7 @@ class TracedAngle:
             return NotImplemented
         if not value.is_constant:
             raise not_affine(f"({self.angle})/({value})")
-        scaled = {symbol: c / value.constant for symbol, c in self.angle.terms}
-        angle = Angle.of(self.angle.constant / value.constant)
-        for symbol, coefficient in scaled.items():
-            angle += Angle.symbol(symbol) * coefficient
-        return TracedAngle(angle)
+        return TracedAngle(self.angle / value)
 
     def __rtruediv__(self, other: Any) -> Any:
         raise not_affine(f"{other}/({self.angle})")

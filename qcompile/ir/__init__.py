@@ -1,7 +1,7 @@
 """The intermediate representation: immutable circuits of one qubit with affine angles."""
 
 from qcompile.ir.angle import NEGLIGIBLE_RAD, Angle
-from qcompile.ir.circuit import Circuit, Definition, Program
+from qcompile.ir.circuit import Circuit, LateAngle, Program
 from qcompile.ir.gate import FIXED_GATES, ROTATION_GATES, Gate, Rotation
 
 __all__ = [
@@ -10,8 +10,8 @@ __all__ = [
     "ROTATION_GATES",
     "Angle",
     "Circuit",
-    "Definition",
     "Gate",
+    "LateAngle",
     "Program",
     "Rotation",
 ]

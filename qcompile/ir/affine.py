@@ -1,9 +1,10 @@
-"""Texts of affine angles, such as "0.5*x1+theta2-pi/2", as numbers."""
+"""Affine expressions, such as "0.5*x1+theta2-pi/2": their texts and their arithmetic."""
 
 from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterable
 
 Affine = tuple[float, dict[str, float]]
 """A constant, and the coefficient of each symbol."""
@@ -15,14 +16,14 @@ _TOKEN = re.compile(
 
 
 class NotAffineError(ValueError):
-    """The text is not an affine expression."""
+    """An expression is not affine in its symbols."""
 
 
 def affine(text: str) -> Affine:
     """The affine expression that `text` is; names stand for symbols, but for pi.
 
     Raises:
-        NotAffineError: it is none.
+        NotAffineError: it is not an affine expression.
         ZeroDivisionError: it divides by zero.
         RecursionError: its brackets are nested too deeply.
     """
@@ -40,10 +41,40 @@ def affine(text: str) -> Affine:
     return value
 
 
-def sum_of_coefficients(first: float, second: float) -> float:
-    """`first + second`, or 0 where they cancel but for what they were rounded by."""
-    total = first + second
-    return total if abs(total) > _ROUNDING * max(abs(first), abs(second)) else 0.0
+def add_terms(terms: dict[str, float], more: Iterable[tuple[str, float]], sign: float) -> None:
+    """Add `sign` times `more` to `terms`; what cancels but for its rounding becomes 0."""
+    for symbol, coefficient in more:
+        before, added = terms.get(symbol, 0.0), sign * coefficient
+        total = before + added
+        rounding = _ROUNDING * max(abs(before), abs(added))
+        terms[symbol] = total if abs(total) > rounding else 0.0
+
+
+def multiply(left: Affine, right: Affine) -> Affine:
+    """Their product.
+
+    Raises:
+        NotAffineError: both have symbols.
+    """
+    if not left[1]:
+        left, right = right, left
+    if right[1]:
+        raise NotAffineError
+    factor = right[0]
+    return left[0] * factor, {symbol: c * factor for symbol, c in left[1].items()}
+
+
+def divide(left: Affine, right: Affine) -> Affine:
+    """Their quotient.
+
+    Raises:
+        NotAffineError: the divisor has symbols.
+        ZeroDivisionError: it is zero.
+    """
+    if right[1]:
+        raise NotAffineError
+    divisor = right[0]
+    return left[0] / divisor, {symbol: c / divisor for symbol, c in left[1].items()}
 
 
 class _Reader:
@@ -59,28 +90,22 @@ class _Reader:
         constant, terms = self._product()
         while self.token in ("+", "-"):
             sign = 1.0 if self._take() == "+" else -1.0
-            more, added = self._product()
-            constant += sign * more
-            for symbol, coefficient in added.items():
-                terms[symbol] = sum_of_coefficients(terms.get(symbol, 0.0), sign * coefficient)
+            number, more = self._product()
+            constant += sign * number
+            add_terms(terms, more.items(), sign)
         return constant, terms
 
     def _product(self) -> Affine:
         left = self._signed()
         while self.token in ("*", "/"):
-            operator, right = self._take(), self._signed()
-            if operator == "*" and not left[1]:
-                left, right = right, left
-            if right[1]:
-                raise NotAffineError
-            factor = right[0]
-            left = _scaled(left, factor) if operator == "*" else _divided(left, factor)
+            operation = multiply if self._take() == "*" else divide
+            left = operation(left, self._signed())
         return left
 
     def _signed(self) -> Affine:
         if self.token == "-":
             self._take()
-            return _scaled(self._signed(), -1.0)
+            return multiply(self._signed(), (-1.0, {}))
         if self.token == "+":
             self._take()
             return self._signed()
@@ -95,11 +120,3 @@ class _Reader:
         if token[:1] in ("", ")", "*", "/"):
             raise NotAffineError
         return (float(token), {}) if token[0] in ".0123456789" else (0.0, {token: 1.0})
-
-
-def _scaled(value: Affine, factor: float) -> Affine:
-    return value[0] * factor, {symbol: c * factor for symbol, c in value[1].items()}
-
-
-def _divided(value: Affine, divisor: float) -> Affine:
-    return value[0] / divisor, {symbol: c / divisor for symbol, c in value[1].items()}

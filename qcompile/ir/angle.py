@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from qcompile.errors import CircuitError
-from qcompile.ir.affine import NotAffineError, affine, sum_of_coefficients
+from qcompile.ir.affine import Affine, NotAffineError, add_terms, affine, divide, multiply
 from qcompile.ir.turns import MODERATE_RAD, reduced, reduced_sum
 
 NEGLIGIBLE_RAD = 1e-13
@@ -66,6 +66,10 @@ class Angle:
         return cls(constant, tuple(sorted((s, c) for s, c in terms.items() if c)))
 
     @property
+    def _affine(self) -> Affine:
+        return self.constant, dict(self.terms)
+
+    @property
     def is_constant(self) -> bool:
         return not self.terms
 
@@ -76,12 +80,24 @@ class Angle:
     def __add__(self, other: Angle | float) -> Angle:
         other = Angle.of(other)
         terms = dict(self.terms)
-        for symbol, coefficient in other.terms:
-            terms[symbol] = sum_of_coefficients(terms.get(symbol, 0.0), coefficient)
+        add_terms(terms, other.terms, 1.0)
         return Angle._checked(self.constant + other.constant, terms)
 
-    def __mul__(self, factor: float) -> Angle:
-        return Angle._checked(self.constant * factor, {s: c * factor for s, c in self.terms})
+    def __mul__(self, factor: Angle | float) -> Angle:
+        """Their product, one of which is constant."""
+        factor = Angle.of(factor)
+        try:
+            return Angle._checked(*multiply(self._affine, factor._affine))
+        except NotAffineError as error:
+            raise _not_affine(f"({self})*({factor})") from error
+
+    def __truediv__(self, divisor: Angle | float) -> Angle:
+        """Their quotient, of which the divisor is constant."""
+        divisor = Angle.of(divisor)
+        try:
+            return Angle._checked(*divide(self._affine, divisor._affine))
+        except NotAffineError as error:
+            raise _not_affine(f"({self})/({divisor})") from error
 
     def __neg__(self) -> Angle:
         return self * -1.0

@@ -100,12 +100,12 @@ EulerPart = Literal["first", "polar", "last"]
 
 
 @dataclass(frozen=True)
-class Definition:
+class LateAngle:
     """A symbol whose value is known only when a program is bound.
 
     The unitary of `block` is Rz(last) Ry(polar) Rz(first) up to global phase, polar in [0, pi];
     the symbol `name` is the one of these three angles that `part` names. Only the parts of a
-    program's definitions may be left over: cos(polar) is the `<Z>` of the block from |0>.
+    program's late angles may be left over: cos(polar) is the `<Z>` of the block from |0>.
     """
 
     name: str
@@ -121,7 +121,7 @@ class Program:
     """Circuits side by side; circuit i is bit i.
 
     Angles are affine in `inputs` (one value per observation), `parameters` (trained, the same for
-    every observation) and the names of `definitions` (computed from both when bound).
+    every observation) and the names of `late_angles` (computed from both when bound).
 
     Raises:
         CircuitError: a circuit uses a symbol that is not declared, or a symbol is declared twice.
@@ -130,18 +130,18 @@ class Program:
     circuits: tuple[Circuit, ...]
     inputs: tuple[str, ...] = ()
     parameters: tuple[str, ...] = ()
-    definitions: tuple[Definition, ...] = ()
+    late_angles: tuple[LateAngle, ...] = ()
 
     def __post_init__(self) -> None:
         outer = (*self.inputs, *self.parameters)
-        names = (*outer, *(d.name for d in self.definitions))
+        names = (*outer, *(late.name for late in self.late_angles))
         for name in names:
             check_symbol(name)
         if len(set(names)) != len(names):
             twice = next(name for name in names if names.count(name) > 1)
             raise CircuitError(f"Symbol {twice!r} is declared twice.")
         self._require(self.circuits, set(names))
-        self._require([d.block for d in self.definitions], set(outer))
+        self._require([late.block for late in self.late_angles], set(outer))
 
     @staticmethod
     def _require(circuits: Iterable[Circuit], known: set[str]) -> None:
@@ -220,16 +220,16 @@ class Program:
 
     @property
     def symbols(self) -> tuple[str, ...]:
-        """Inputs, parameters and the names of the definitions, in this order."""
-        return (*self.inputs, *self.parameters, *(d.name for d in self.definitions))
+        """Inputs, parameters and the names of the late angles, in this order."""
+        return (*self.inputs, *self.parameters, *(late.name for late in self.late_angles))
 
     def substitute(self, values: Mapping[str, float]) -> Program:
         """The program with inputs or parameters replaced by their numbers.
 
         Raises:
-            CircuitError: the program has definitions; substitute before it is compiled.
+            CircuitError: the program has late angles; substitute before it is compiled.
         """
-        if self.definitions:
+        if self.late_angles:
             raise CircuitError("A fused program cannot be substituted.", "Do it before compiling.")
         return Program(
             tuple(circuit.substitute(values) for circuit in self.circuits),
@@ -244,11 +244,11 @@ class Program:
         underscores where a parameter has that name. One copy is the program itself.
 
         Raises:
-            CircuitError: the program has definitions; copy it before it is compiled.
+            CircuitError: the program has late angles; copy it before it is compiled.
         """
         if copies == 1:
             return self
-        if self.definitions:
+        if self.late_angles:
             raise CircuitError("A fused program cannot be copied.", "Do it before compiling.")
         mark = "_"
         while any(f"{x}{mark}{j}" in self.parameters for x in self.inputs for j in range(copies)):
@@ -277,7 +277,7 @@ class Program:
     def __str__(self) -> str:
         lines = [f"inputs {' '.join(self.inputs)}", f"parameters {' '.join(self.parameters)}"]
         lines += [f"{i}: {circuit}" for i, circuit in enumerate(self.circuits)]
-        lines += [f"where {definition}" for definition in self.definitions]
+        lines += [f"where {late}" for late in self.late_angles]
         return "\n".join(line.rstrip() for line in lines)
 
     @classmethod
@@ -289,14 +289,14 @@ class Program:
         """
         circuits: list[Circuit] = []
         symbols: dict[str, tuple[str, ...]] = {"inputs": (), "parameters": ()}
-        definitions = []
+        late_angles = []
         for line in filter(None, map(str.strip, text.splitlines())):
             word, *rest = line.split()
             if word in symbols:
                 symbols[word] = tuple(rest)
             elif match := re.fullmatch(r"where (\w+) = (first|polar|last)\{(.*)\}", line):
-                definitions.append(
-                    Definition(match[1], Circuit.parse(match[3]), match[2])  # type: ignore[arg-type]
+                late_angles.append(
+                    LateAngle(match[1], Circuit.parse(match[3]), match[2])  # type: ignore[arg-type]
                 )
             elif match := re.fullmatch(r"(\d+):(.*)", line):
                 if int(match[1]) != len(circuits):
@@ -304,4 +304,4 @@ class Program:
                 circuits.append(Circuit.parse(match[2]))
             else:
                 raise CircuitError(f"Cannot read the line {line!r} of a program.")
-        return cls(tuple(circuits), symbols["inputs"], symbols["parameters"], tuple(definitions))
+        return cls(tuple(circuits), symbols["inputs"], symbols["parameters"], tuple(late_angles))

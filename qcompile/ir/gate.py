@@ -7,12 +7,12 @@ h = Ry(pi/2) Rz(pi) (operators, the right one acts first).
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
+from qcompile.catalogue import close_names
 from qcompile.errors import CircuitError
 from qcompile.ir.angle import Angle
 
@@ -78,7 +78,7 @@ class Gate:
                 raise CircuitError(f"Gate {self.name!r} needs an angle.")
         else:
             known = [*FIXED_GATES, *ROTATION_GATES]
-            near = difflib.get_close_matches(self.name, known, n=2)
+            near = close_names(self.name, known)
             raise CircuitError(
                 f"Unknown gate {self.name!r}.",
                 f"Known gates: {' '.join(known)}.",

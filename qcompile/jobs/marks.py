@@ -27,7 +27,7 @@ def native_starts(program: Program, native: NativeGates) -> list[list[int]]:
 
 def on_circuits(marks: Sequence[Mark], index_of: Mapping[int, int]) -> list[Mark]:
     """The marks on the circuits that are kept, by their new index; those on none are left out."""
-    found = []
+    remaining = []
     for mark in marks:
         pairs = [
             (index_of[circuit], gates)
@@ -36,8 +36,8 @@ def on_circuits(marks: Sequence[Mark], index_of: Mapping[int, int]) -> list[Mark
         ]
         if pairs:
             circuits, gates = zip(*pairs, strict=True)
-            found.append(Mark(mark.text, circuits, gates))
-    return found
+            remaining.append(Mark(mark.text, circuits, gates))
+    return remaining
 
 
 def moved(marks: Sequence[Mark], starts: Sequence[Sequence[int]]) -> list[Mark]:

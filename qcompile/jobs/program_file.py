@@ -67,7 +67,7 @@ def _compiled(source: Source, device: Device, level: int, version: Version) -> C
     elif left_out := counted(marks, program.circuits):
         notes.append(f"level {level} leaves out {left_out}; level 0 keeps them.")
         marks = []
-    if native.definitions:
+    if native.late_angles:
         native = executable.template(used, _names(source))
         notes.append(
             f"{len(native.inputs)} native angles are inputs of the result: they follow from the "

@@ -17,6 +17,7 @@ from pydantic import (
 )
 
 from qcompile.errors import LiveError
+from qcompile.terminal import one_line
 
 _RAN_TOO_LONG = 1305
 """IBM's code for a job that it cut off at its `max_execution_time`."""
@@ -100,7 +101,7 @@ class RemoteJob(BaseModel):
     @property
     def reason(self) -> str:
         """Why it ended without counts."""
-        words = " ".join((self.state.reason or "IBM gives no reason.").split())[:300]
+        words = one_line(self.state.reason or "IBM gives no reason.")
         code = self.state.reason_code
         return words if code is None else f"{words} (code {code})"
 

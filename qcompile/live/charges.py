@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from datetime import UTC, datetime
-from pathlib import Path
-from typing import Any
 
 from qcompile.errors import BudgetError
 from qcompile.execution import qpu_seconds
 from qcompile.limits import MAX_QPU_SECONDS
+from qcompile.live.database import Database
 from qcompile.live.opening import reading
 from qcompile.live.records import Charge
 
@@ -24,10 +22,8 @@ class Charges:
     than what IBM has charged. Sums of what is charged are kept, and not made anew for each job.
     """
 
-    def __init__(
-        self, path: Path, do: Callable[..., object], rows: Callable[..., list[tuple[Any, ...]]]
-    ):
-        self._path, self._do, self._rows = path, do, rows
+    def __init__(self, database: Database):
+        self._db = database
         self._sums: tuple[float, float] | None = None
 
     def forget_sums(self) -> None:
@@ -44,7 +40,7 @@ class Charges:
     @property
     def upper_s(self) -> float:
         """What IBM has charged, and the cap of each job of which it has not said it."""
-        [[open_s]] = self._rows("SELECT total(cap_s) FROM charge WHERE charged_s IS NULL")
+        [[open_s]] = self._db.rows("SELECT total(cap_s) FROM charge WHERE charged_s IS NULL")
         return self.settled_s + float(open_s)
 
     @property
@@ -54,7 +50,7 @@ class Charges:
 
     def _known(self) -> tuple[float, float]:
         if self._sums is None:
-            rows = self._rows(
+            rows = self._db.rows(
                 "SELECT executions, charged_s FROM charge WHERE charged_s IS NOT NULL"
             )
             total_s, worst = 0.0, 1.0
@@ -68,10 +64,10 @@ class Charges:
 
     def all(self, where: str = "TRUE", *values: object) -> list[Charge]:
         """Those for which `where` holds, in the order in which they were sent."""
-        rows = self._rows(
+        rows = self._db.rows(
             f"SELECT {Charge.COLUMNS} FROM charge WHERE {where} ORDER BY row", *values
         )
-        with reading(self._path):
+        with reading(self._db.path):
             return [Charge.of_row(row) for row in rows]
 
     def doubts(self, number: int | None = None) -> list[Charge]:
@@ -94,37 +90,39 @@ class Charges:
     def executions_of(self, number: int) -> int:
         """Those of job `number` of the run; where it does not have that yet, the most of any."""
         most = "SELECT max(executions) FROM submission"
-        [[of_number]] = self._rows(f"{most} WHERE number = ?", number)
-        [[of_any]] = self._rows(most) if of_number is None else [[of_number]]
+        [[of_number]] = self._db.rows(f"{most} WHERE number = ?", number)
+        [[of_any]] = self._db.rows(most) if of_number is None else [[of_number]]
         return int(of_any or 0)
 
     @property
     def are_settled(self) -> bool:
         """Whether all that IBM has of the run is known, and what it charged for it."""
-        looked_over = bool(self._rows("SELECT 1 FROM looked_over"))
+        looked_over = bool(self._db.rows("SELECT 1 FROM looked_over"))
         return looked_over and not self.doubts() and not self.uncharged()
 
     # How they change
 
     def note_doubt(self, number: int, executions: int, cap_s: float, sent_at: datetime) -> None:
         """A job is being sent: from now on IBM may have it."""
-        self._do("DELETE FROM looked_over")
+        self._db.do("DELETE FROM looked_over")
         self._insert(number, executions, cap_s, sent_at, None)
 
     def drop(self, doubt: Charge) -> None:
         """IBM has no such job."""
-        self._do("DELETE FROM charge WHERE row = ?", doubt.row)
+        self._db.do("DELETE FROM charge WHERE row = ?", doubt.row)
 
     def note_unanswered(self, doubt: Charge, at: datetime, *, refused: bool) -> None:
         """Sending it ended `at` then without a job's id, and with a refusal if `refused`."""
-        self._do(
+        self._db.do(
             "UPDATE charge SET sent_at = ?, refused = ? WHERE row = ?",
             *(at.isoformat(), refused, doubt.row),
         )
 
     def note_job(self, doubt: Charge, job_id: str, cap_s: float) -> None:
         """It is no longer in doubt: its job is known, and is cut off at `cap_s`."""
-        self._do("UPDATE charge SET job_id = ?, cap_s = ? WHERE row = ?", job_id, cap_s, doubt.row)
+        self._db.do(
+            "UPDATE charge SET job_id = ?, cap_s = ? WHERE row = ?", job_id, cap_s, doubt.row
+        )
 
     def note_unexpected(
         self, number: int, executions: int, cap_s: float, sent_at: datetime, job_id: str
@@ -134,17 +132,17 @@ class Charges:
 
     def note_looked_over(self) -> None:
         """IBM has no job of the run but those that are here."""
-        self._do("INSERT INTO looked_over VALUES (?)", datetime.now(UTC).isoformat())
+        self._db.do("INSERT INTO looked_over VALUES (?)", datetime.now(UTC).isoformat())
 
     def settle(self, charge: Charge, charged_s: float) -> None:
         """What IBM charged for a job is known now."""
         total_s, worst = self._known()
-        self._do("UPDATE charge SET charged_s = ? WHERE row = ?", charged_s, charge.row)
+        self._db.do("UPDATE charge SET charged_s = ? WHERE row = ?", charged_s, charge.row)
         ratio = charged_s / qpu_seconds(1, charge.executions)
         self._sums = total_s + charged_s, max(worst, ratio)
 
     def _insert(self, *values: object) -> None:
-        self._do(
+        self._db.do(
             "INSERT INTO charge (number, executions, cap_s, sent_at, job_id, refused) "
             "VALUES (?,?,?,?,?,0)",
             *(value.isoformat() if isinstance(value, datetime) else value for value in values),

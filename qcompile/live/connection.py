@@ -114,7 +114,7 @@ class Connection:
             self.log_in_again()
         return self._patient(lambda: question(service), about, patient)
 
-    def look_again(self) -> None:
+    def refresh_backend(self) -> None:
         """Have the backend found anew.
 
         Raises:
@@ -139,11 +139,11 @@ class Connection:
 
     def left_on_plan_s(self) -> float | None:
         """QPU seconds that the plan has left, as far as IBM says."""
-        self.look_again()  # the client speaks for the instance it last used
+        self.refresh_backend()  # the client speaks for the instance it last used
 
         def ask(service: Any) -> float | None:
-            left = service.usage().get("usage_remaining_seconds")
-            return None if left is None or math.isnan(left) else float(left)
+            remaining_s = service.usage().get("usage_remaining_seconds")
+            return None if remaining_s is None or math.isnan(remaining_s) else float(remaining_s)
 
         return self.ask(ask, about="what the plan has left")
 
@@ -177,7 +177,7 @@ class Connection:
                 return backend
             # The client says so as well where the list, or the backend's own data, did not arrive.
             known = {
-                found["name"] for client in clients(service) for found in client.list_backends(True)
+                data["name"] for client in clients(service) for data in client.list_backends(True)
             }
             if self.name not in known:
                 raise LiveError(

@@ -76,7 +76,7 @@ def note(db: sqlite3.Connection, moment: Moment, home: Home) -> None:
 
 def _machine() -> str:
     """What this machine is known by: its name, and its own ID, where it has one."""
-    own = ""
+    machine_id = ""
     with suppress(OSError, ValueError):
-        own = decode(read_file(_MACHINE_ID)).strip()
-    return f"{platform.node()}\n{own}"
+        machine_id = decode(read_file(_MACHINE_ID)).strip()
+    return f"{platform.node()}\n{machine_id}"

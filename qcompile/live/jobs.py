@@ -129,9 +129,9 @@ class Jobs:
             BudgetError: IBM cut it off.
             LiveError: it was cancelled, or failed too often, or its result cannot be read.
         """
-        job = self._awaited(submission, job_id)
+        job = self._await_end(submission, job_id)
         if job.is_done:
-            self.journal.note_done(submission, self._fetched(job_id, request))
+            self.journal.note_done(submission, self._fetch_counts(job_id, request))
             self._ask_charge(self.journal.charges.of_job(job_id))
             self._finder.sweep(submission)
             return
@@ -153,7 +153,7 @@ class Jobs:
             raise LiveError(f"Job {job_id} failed: {job.reason}", charge)
         self._say(f"job {job_id} failed, uncharged; sending it again")
 
-    def _awaited(self, submission: Submission, job_id: str) -> RemoteJob:
+    def _await_end(self, submission: Submission, job_id: str) -> RemoteJob:
         """The job once it has ended.
 
         Raises:
@@ -181,7 +181,7 @@ class Jobs:
             time.sleep(pause_s)
             pause_s = min(1.5 * pause_s, _SLOWEST_POLL_S)
 
-    def _fetched(self, job_id: str, request: Request) -> CountArray:
+    def _fetch_counts(self, job_id: str, request: Request) -> CountArray:
         """The counts of a finished job.
 
         Raises:

@@ -19,25 +19,25 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal, Self, get_args
 
-import numpy as np
 from filelock import FileLock, Timeout
 
-from qcompile.arrays import CountArray, FloatArray
+from qcompile.arrays import CountArray
 from qcompile.errors import LiveError
 from qcompile.limits import MAX_QPU_SECONDS
 from qcompile.live import home, schema
 from qcompile.live.charges import Charges, check_limit
+from qcompile.live.database import Database
 from qcompile.live.opening import (
     FILE,
     check_pages,
     check_values,
-    connect,
     json_object,
     reading,
     write_journal,
 )
-from qcompile.live.records import State, Step, Submission, to_bytes
-from qcompile.live.words import said
+from qcompile.live.records import State, Submission, to_bytes
+from qcompile.live.steps import Steps
+from qcompile.live.words import quoted
 
 TaskKind = Literal["run", "calibrate", "validate"]
 
@@ -48,7 +48,8 @@ class Journal:
     """The record of one run in `folder`; `create` starts one. A `with` block closes it.
 
     It is held by one process at a time: `held` is the block in which it may be written. `charges`
-    are what its jobs cost. One that is not `checked` serves to read its attributes alone.
+    are what its jobs cost, `steps` what it has played. One that is not `checked` serves to read its
+    attributes alone.
 
     Raises:
         LiveError: the folder holds no journal that can be read, here and wherever it is read or
@@ -59,24 +60,25 @@ class Journal:
         self.folder, self.path = folder, folder / FILE
         if not self.path.is_file():
             raise LiveError(f"{folder} holds no run.", "`qcompile runs` lists the runs.")
-        self._db = connect(self.path)
+        self._db = Database(self.path)
         try:
             with reading(self.path):
                 format_ = self._read()
             if checked:
-                check_values(self._db, self.path, format_)
+                check_values(self._db.connection, self.path, format_)
             if checked and format_ == schema.FIRST_FORMAT:
                 with reading(self.path):
-                    schema.read_as_now(self._db)
+                    schema.read_as_now(self._db.connection)
         except BaseException:
             self._db.close()
             raise
-        self.charges = Charges(self.path, self._do, self._rows)
+        self.charges = Charges(self._db)
+        self.steps = Steps(self._db)
         self._jobs_done: int | None = None
 
     def _read(self) -> str:
         """Read what does not change of the run; its format."""
-        row = self._db.execute(
+        row = self._db.connection.execute(
             "SELECT format, id, kind, created, settings, versions FROM run"
         ).fetchone()
         if row is None or row[0] not in (schema.FORMAT, schema.FIRST_FORMAT):
@@ -149,7 +151,7 @@ class Journal:
         except OSError as error:
             raise LiveError(f"{self.folder} cannot be written: {error}.") from error
         try:
-            check_pages(self._db, self.path)
+            check_pages(self._db.connection, self.path)
             self._renew()
             self.move_here(os.getpid())
             try:
@@ -163,7 +165,7 @@ class Journal:
     def _renew(self) -> None:
         """Have it in the format of today, and nothing remembered that another process changed."""
         with reading(self.path):
-            schema.migrate(self._db)
+            schema.migrate(self._db.connection)
         self.charges.forget_sums()
         self._jobs_done = None
 
@@ -172,19 +174,23 @@ class Journal:
     def home(self, moment: home.Moment) -> home.Home | None:
         """Where it began, or was resumed last; None where the journal does not say."""
         with reading(self.path):
-            return home.read(self._db, moment)
+            return home.read(self._db.connection, moment)
 
     def move_here(self, process: int | None = None) -> None:
         """From now on the run is at home in this folder of this machine."""
         with reading(self.path):
-            home.note(self._db, "last", replace(home.here(self.id, self.folder), process=process))
+            home.note(
+                self._db.connection,
+                "last",
+                replace(home.here(self.id, self.folder), process=process),
+            )
 
     # The run
 
     @property
     def max_qpu_seconds(self) -> float:
         """Its limit; the largest there is where the first version let it be infinite."""
-        return min(float(self._rows("SELECT max_qpu_seconds FROM run")[0][0]), MAX_QPU_SECONDS)
+        return min(float(self._db.rows("SELECT max_qpu_seconds FROM run")[0][0]), MAX_QPU_SECONDS)
 
     def allow(self, max_qpu_seconds: float) -> None:
         """Set another limit.
@@ -193,25 +199,25 @@ class Journal:
             BudgetError: it is no number of seconds that may be spent.
         """
         check_limit(max_qpu_seconds)
-        self._do("UPDATE run SET max_qpu_seconds = ?", max_qpu_seconds)
+        self._db.do("UPDATE run SET max_qpu_seconds = ?", max_qpu_seconds)
 
     @property
     def result(self) -> dict[str, Any] | None:
         """What the run found, once it is finished."""
-        text = self._rows("SELECT result FROM run")[0][0]
+        text = self._db.rows("SELECT result FROM run")[0][0]
         with reading(self.path):
             return None if text is None else json_object(text)
 
     def finish(self, result: dict[str, Any]) -> None:
-        self._do("UPDATE run SET result = ?", json.dumps(result))
+        self._db.do("UPDATE run SET result = ?", json.dumps(result))
 
     # Its submissions
 
     def submissions(self, where: str = "TRUE", *values: object) -> list[Submission]:
         """Every attempt for which `where` holds, in order."""
-        own = ", ".join(f"submission.{column}" for column in Submission.COLUMNS.split(", "))
-        rows = self._rows(
-            f"SELECT {own}, charge.charged_s FROM submission "
+        columns = ", ".join(f"submission.{column}" for column in Submission.COLUMNS.split(", "))
+        rows = self._db.rows(
+            f"SELECT {columns}, charge.charged_s FROM submission "
             "LEFT JOIN charge ON charge.job_id = submission.job_id "
             f"WHERE {where} ORDER BY submission.number, attempt",
             *values,
@@ -235,14 +241,14 @@ class Journal:
 
     def states(self) -> dict[State, int]:
         """How many submissions are in each state; their counts are not read."""
-        return dict(self._rows("SELECT state, COUNT(*) FROM submission GROUP BY state"))
+        return dict(self._db.rows("SELECT state, COUNT(*) FROM submission GROUP BY state"))
 
     def intend(self, number: int, digest: str, executions: int) -> Submission:
         """Write down that job `number` is about to be sent, once more where it failed before."""
         last = self.latest(number)
         attempt = 0 if last is None else last.attempt + 1
         tag = f"{self.tag_prefix}{number}-{attempt}"
-        self._do(
+        self._db.do(
             f"INSERT INTO submission ({Submission.COLUMNS}) "
             "VALUES (?,?,?,?,?,'intended',NULL,NULL,NULL,NULL,NULL)",
             *(number, attempt, tag, digest, executions),
@@ -257,7 +263,7 @@ class Journal:
     def note_sending(self, submission: Submission, cap_s: int) -> Submission:
         """It is being sent now, and IBM is to cut it off after `cap_s`."""
         now = datetime.now(UTC)
-        with self._at_once():
+        with self._db.at_once():
             self.charges.note_doubt(submission.number, submission.executions, cap_s, now)
             self._note(
                 submission, "state = 'sending', sent_at = ?, cap_s = ?", now.isoformat(), cap_s
@@ -267,7 +273,7 @@ class Journal:
     def note_sent(self, submission: Submission, job_id: str) -> None:
         """IBM answered what was sent last with its job's id."""
         doubt = self.charges.doubts(submission.number)[-1]
-        with self._at_once():
+        with self._db.at_once():
             self.charges.note_job(doubt, job_id, doubt.cap_s)
             self.note_taken(submission, job_id)
 
@@ -283,57 +289,7 @@ class Journal:
 
     def note_failed(self, submission: Submission, words: str) -> None:
         """It ended without counts; `words` of the service are kept without what is secret."""
-        self._note(submission, "state = 'failed', words = ?", said(words))
+        self._note(submission, "state = 'failed', words = ?", quoted(words))
 
     def _note(self, submission: Submission, what: str, *values: object) -> None:
-        self._do(f"UPDATE submission SET {what} WHERE tag = ?", *values, submission.tag)
-
-    # Its steps
-
-    def step(self, number: int) -> Step | None:
-        """Step `number` of the lockstep, if it was taken."""
-        rows = self._rows(
-            "SELECT observations, actions, rewards FROM step WHERE number = ?", number
-        )
-        with reading(self.path):
-            return Step.of_row(rows[0]) if rows else None
-
-    def note_actions(self, number: int, observations: FloatArray, actions: CountArray) -> None:
-        """The actions (B,) of a step for its observations (B, features)."""
-        values = (number, to_bytes(observations), to_bytes(actions.astype(np.int64)))
-        self._do("INSERT INTO step VALUES (?,?,?,NULL)", *values)
-
-    def note_rewards(self, number: int, rewards: list[float]) -> None:
-        """What the actions of a step earned."""
-        self._do(
-            "UPDATE step SET rewards = ? WHERE number = ?", to_bytes(np.array(rewards)), number
-        )
-
-    def step_count(self) -> int:
-        return int(self._rows("SELECT COUNT(*) FROM step")[0][0])
-
-    def _rows(self, statement: str, *values: object) -> list[tuple[Any, ...]]:
-        """What the journal holds."""
-        with reading(self.path):
-            return self._db.execute(statement, values).fetchall()
-
-    @contextmanager
-    def _at_once(self) -> Iterator[None]:
-        """What is written in the block is there wholly, or not at all."""
-        self._do("BEGIN IMMEDIATE")
-        try:
-            yield
-            self._do("COMMIT")
-        except BaseException:
-            self._do("ROLLBACK")
-            raise
-
-    def _do(self, statement: str, *values: object) -> sqlite3.Cursor:
-        """Have it on the disk, or read from it, before anything else happens."""
-        try:
-            return self._db.execute(statement, values)
-        except sqlite3.Error as error:
-            raise LiveError(
-                f"The run's journal in {self.folder} cannot be read or written: {error}.",
-                "What was sent has its tag in it and is found again, once this is mended.",
-            ) from error
+        self._db.do(f"UPDATE submission SET {what} WHERE tag = ?", *values, submission.tag)

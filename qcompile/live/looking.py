@@ -174,12 +174,12 @@ class Finder:
             executions = charges.executions_of(number)
             if job.cap_s is None:  # it may be that of any doubt, and the longest
                 caps_s = [doubt.cap_s for doubt in doubts] or [self._budget.room_s(executions)]
-                cap_s, same = max(caps_s), sorted(doubts, key=lambda doubt: doubt.cap_s)
+                cap_s, matching = max(caps_s), sorted(doubts, key=lambda doubt: doubt.cap_s)
             else:
                 cap_s = job.cap_s
-                same = [doubt for doubt in doubts if doubt.cap_s == job.cap_s]
-            if same:
-                charges.note_job(same[0], job.id, cap_s)
+                matching = [doubt for doubt in doubts if doubt.cap_s == job.cap_s]
+            if matching:
+                charges.note_job(matching[0], job.id, cap_s)
             else:
                 charges.note_unexpected(number, executions, cap_s, datetime.now(UTC), job.id)
         return {job.id for job in unexpected}

@@ -62,7 +62,7 @@ class CalibrateTask(Task):
         """The same task, whose file is not written unless another one is named."""
         return self.model_copy(update={"out": None})
 
-    def deliver(self, found: dict[str, Any], out: Path | None) -> dict[str, Any]:
+    def deliver(self, result: dict[str, Any], out: Path | None) -> dict[str, Any]:
         """The calibration, once it is in its file: `out`, or that of the task.
 
         Of what is there already only the task's own file is overwritten, and that with `force`.
@@ -72,14 +72,14 @@ class CalibrateTask(Task):
         """
         path = out or (None if self.out is None else Path(self.out))
         if path is None:
-            return found | {"file": None}
-        calibration = Calibration.model_validate(found["calibration"])
+            return result | {"file": None}
+        calibration = Calibration.model_validate(result["calibration"])
         force = self.force and out is None
         if path.exists() and not force and not _holds(path, calibration):
-            path = path.with_stem(f"{path.stem}-{found['run']}")
+            path = path.with_stem(f"{path.stem}-{result['run']}")
         if not _holds(path, calibration):
             calibration.save(path)
-        return found | {"file": str(path)}
+        return result | {"file": str(path)}
 
 
 def _holds(path: Path, calibration: Calibration) -> bool:

@@ -6,7 +6,6 @@ types that a journal has, and nothing in it that SQLite would execute.
 
 from __future__ import annotations
 
-import os
 import shutil
 import sqlite3
 import tempfile
@@ -17,7 +16,9 @@ from typing import Any
 
 from qcompile.errors import LiveError
 from qcompile.live import schema
+from qcompile.output import sync
 from qcompile.reading import load_json
+from qcompile.terminal import one_line
 
 FILE = "journal.sqlite"
 _RESTORE = "Copy the run to a folder that can be written; if it is damaged, restore it."
@@ -99,7 +100,7 @@ def reading(path: Path) -> Iterator[None]:
             raise
         raise LiveError(f"{path}: {error}") from error
     except (sqlite3.Error, ValueError, TypeError, RecursionError, OverflowError) as error:
-        words = " ".join(str(error).split())[:200].rstrip(".")
+        words = one_line(str(error), 200).rstrip(".")
         why = words if isinstance(error, sqlite3.Error) else "it is damaged"
         raise LiveError(f"{path} cannot be read: {why}.", _RESTORE) from error
 
@@ -144,12 +145,12 @@ def check_values(db: sqlite3.Connection, path: Path, format_: str) -> None:
                 f"WHEN NOT ifnull({rule.format(column)}, 0) THEN '{column}'"
                 for column, rule in rules.items()
             )
-            found = db.execute(
+            wrong = db.execute(
                 f"SELECT wrong FROM (SELECT CASE {tests} END AS wrong FROM {table}) "
                 "WHERE wrong IS NOT NULL LIMIT 1"
             ).fetchone()
-            if found is not None:
-                raise LiveError(f"{path} is damaged: {found[0]} of a {table} is wrong.", _RESTORE)
+            if wrong is not None:
+                raise LiveError(f"{path} is damaged: {wrong[0]} of a {table} is wrong.", _RESTORE)
 
 
 def check_pages(db: sqlite3.Connection, path: Path) -> None:
@@ -161,7 +162,7 @@ def check_pages(db: sqlite3.Connection, path: Path) -> None:
     with reading(path):
         words = str(db.execute("PRAGMA integrity_check(1)").fetchone()[0])
         if words != "ok":
-            raise LiveError(f"{path} is damaged: {' '.join(words.split())[:200]}.", _RESTORE)
+            raise LiveError(f"{path} is damaged: {one_line(words, 200)}.", _RESTORE)
 
 
 def json_object(text: str | None) -> dict[str, Any]:
@@ -170,10 +171,10 @@ def json_object(text: str | None) -> dict[str, Any]:
     Raises:
         ValueError: it holds none.
     """
-    found = load_json(text) if isinstance(text, str) else None
-    if not isinstance(found, dict):
+    value = load_json(text) if isinstance(text, str) else None
+    if not isinstance(value, dict):
         raise ValueError("no object")
-    return found
+    return value
 
 
 def write_journal(folder: Path, fill: Callable[[sqlite3.Connection], None]) -> None:
@@ -196,22 +197,12 @@ def write_journal(folder: Path, fill: Callable[[sqlite3.Connection], None]) -> N
             temporary.rename(folder)
         finally:
             shutil.rmtree(temporary, ignore_errors=True)
-        _sync(folder.parent)
+        sync(folder.parent)
     except (OSError, sqlite3.Error) as error:
         raise LiveError(
             f"The run's journal cannot be written to {folder}: {error}.",
             "Nothing was sent. Choose another folder with --runs.",
         ) from error
-
-
-def _sync(folder: Path) -> None:
-    """Have the names in a folder on the disk, where a system can."""
-    if hasattr(os, "O_DIRECTORY"):
-        handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)
 
 
 def _text(contents: bytes) -> str:

@@ -64,7 +64,7 @@ def task_of(journal: Journal) -> Task:
         ) from error
 
 
-def go_on(
+def complete(
     journal: Journal,
     *,
     max_wait_s: float | None = None,
@@ -184,21 +184,21 @@ def finished(journal: Journal) -> dict[str, Any]:
     Raises:
         LiveError: the result is damaged.
     """
-    found = journal.result or {}
+    result = journal.result or {}
     try:
-        check_result(journal.kind, found)
+        check_result(journal.kind, result)
     except ValueError as error:
         raise LiveError(
             f"{journal.path} is damaged: its result is wrong.",
             *_why(error),
             f"`{export_command(journal)}` gives what was measured.",
         ) from error
-    return {**found, **costs(journal)}
+    return {**result, **costs(journal)}
 
 
-def where_it_stands(journal: Journal) -> str:
+def progress_in_words(journal: Journal) -> str:
     """A line of words: jobs and steps of the run so far."""
-    steps = f", steps played: {journal.step_count()}" if journal.kind == "run" else ""
+    steps = f", steps played: {len(journal.steps)}" if journal.kind == "run" else ""
     return f"Jobs done: {journal.jobs_done()}{steps}; all of it is kept."
 
 
@@ -212,12 +212,14 @@ def _explained(error: QcompileError, journal: Journal) -> QcompileError:
     export = f"`{export_command(journal)}` gives what was measured."
     if isinstance(error, ReplayError):
         now = _versions()
-        other = [
-            f"{one_line(name, 40)} {one_line(was, 40)}, now {now.get(name)}"
-            for name, was in journal.versions.items()
-            if now.get(name) != was
+        changed = [
+            f"{one_line(name, 40)} {one_line(then, 40)}, now {now.get(name)}"
+            for name, then in journal.versions.items()
+            if now.get(name) != then
         ]
-        began = f"It began with {'; '.join(other[:6])}." if other else "The versions are the same."
+        began = (
+            f"It began with {'; '.join(changed[:6])}." if changed else "The versions are the same."
+        )
         return error.with_hints(began, export)
     if isinstance(error, BudgetError):
         hint = f"`{resume_command(journal)} --max-qpu-seconds S` goes on with more."
@@ -227,4 +229,4 @@ def _explained(error: QcompileError, journal: Journal) -> QcompileError:
         hint = f"`{resume_command(journal)}` goes on."
     else:
         hint = export
-    return error.with_hints(where_it_stands(journal), hint)
+    return error.with_hints(progress_in_words(journal), hint)

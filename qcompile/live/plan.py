@@ -60,17 +60,17 @@ def strategies(task: RunTask, forecasted: Run) -> list[Strategy]:
     All but the paper's and the twin's include the calibration of the task's mitigation.
     """
     policy, steps, shots = task.policy.policy(), forecasted.env_steps, task.shots or 0
-    circuits = len(policy.program)
-    single = compile(policy.trained_program, task.device, task.level, policy.importance)
-    qubits = len(np.unique(single.qubits))
-    measured = task.model_copy(update={"copies": 1}).deploy(task.device).calibration_load
-    step = Workload.of_batch(1, single.round_count, shots)
+    executable = compile(policy.trained_program, task.device, task.level, policy.importance)
+    alone = task.model_copy(update={"copies": 1}).deploy(task.device)
+    of_circuit = Workload.of_batch(1, 1, shots)
+    of_step = Workload.of_batch(1, executable.round_count, shots)
     ways = [
-        Strategy(PAPER, Workload.of_batch(1, 1, shots) * (steps * circuits)),
-        Strategy(PACKED, step * steps + measured),
+        Strategy(PAPER, of_circuit * (steps * len(policy.program))),
+        Strategy(PACKED, of_step * steps + alone.calibration_load),
         Strategy(LOCKSTEP, forecasted.total_load),
     ]
     if task.level == 2:  # a twin plays nothing else
-        once = calibration_workload(qubits, CALIBRATION_SHOTS, ["response"], len(LIVE_ANGLES_RAD))
-        ways.append(Strategy(TWIN, once))
+        qubits, angles = len(np.unique(executable.qubits)), len(LIVE_ANGLES_RAD)
+        of_twin = calibration_workload(qubits, CALIBRATION_SHOTS, ["response"], angles)
+        ways.append(Strategy(TWIN, of_twin))
     return ways

@@ -56,8 +56,8 @@ class RunTask(Task, RunSettings):
         """
         deployment = self.deploy(IBMExecutor(self.device, context.jobs))
         actions = len(deployment.policy.bias)
-        steps = Steps(context.jobs.journal, actions, self.copy_of, context.say)
-        run = play(deployment, self.episodes, record=steps)
+        recorder = Recorder(context.jobs.journal, actions, self.copy_of, context.say)
+        run = play(deployment, self.episodes, record=recorder)
         if run.interrupted:
             raise KeyboardInterrupt
         return run.summary()
@@ -67,7 +67,7 @@ class RunTask(Task, RunSettings):
         return Deployment(self.policy.policy(), backend, self.settings)
 
 
-class Steps:
+class Recorder:
     """Records the steps of a run; those that the journal has are played again and checked.
 
     A recorded step takes its recorded actions, which lie in [0, `actions`). The deployment is asked
@@ -91,13 +91,13 @@ class Steps:
             LiveError: the recorded actions are damaged.
             ReplayError: the observations are not those recorded.
         """
-        step = self._journal.step(self._number)
+        step = self._journal.steps.at(self._number)
         self._say(f"step {self._number + 1}")
         if self._copy_of == "place":
             rows = rows._replace(order=np.arange(len(observations)))
         if step is None:
             actions = act(observations, rows)
-            self._journal.note_actions(self._number, observations, actions)
+            self._journal.steps.note_actions(self._number, observations, actions)
             return actions
         self._check("observations", step.observations, observations)
         drawn, recorded = act(observations, rows), step.actions
@@ -114,16 +114,18 @@ class Steps:
         Raises:
             ReplayError: it is not what is recorded.
         """
-        step = self._journal.step(self._number)
+        step = self._journal.steps.at(self._number)
         if step is None or step.rewards is None:
-            self._journal.note_rewards(self._number, rewards)
+            self._journal.steps.note_rewards(self._number, rewards)
         else:
             self._check("rewards", step.rewards, np.array(rewards))
         self._number += 1
 
-    def _check(self, what: str, recorded: NDArray[Any], found: NDArray[Any]) -> None:
-        same = recorded.shape == found.shape
-        if not same or not np.allclose(recorded, found, _ROUNDING, _ROUNDING, equal_nan=True):
+    def _check(self, what: str, recorded: NDArray[Any], actual: NDArray[Any]) -> None:
+        same_shape = recorded.shape == actual.shape
+        if not same_shape or not np.allclose(
+            recorded, actual, _ROUNDING, _ROUNDING, equal_nan=True
+        ):
             raise ReplayError(
                 f"The {what} of step {self._number} are not those recorded: the environment does "
                 "not repeat itself."

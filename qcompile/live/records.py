@@ -46,8 +46,8 @@ class Submission:
     @classmethod
     def of_row(cls, row: tuple[Any, ...]) -> Submission:
         """That of a row of COLUMNS and its charge."""
-        *own, charged_s = row
-        values = dict(zip(cls.COLUMNS.split(", "), own, strict=True))
+        *columns, charged_s = row
+        values = dict(zip(cls.COLUMNS.split(", "), columns, strict=True))
         if values["sent_at"] is not None:
             values["sent_at"] = to_time(values["sent_at"])
         if values["ones"] is not None:

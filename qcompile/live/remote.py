@@ -33,21 +33,21 @@ class RemoteJobs:
             LiveError: no answer; or one that cannot be relied on, as it has jobs without the tag,
                 or fewer than it says.
         """
-        found: dict[str, RemoteJob] = {}
+        jobs: dict[str, RemoteJob] = {}
 
         def ask(service: Any) -> None:
-            found.clear()
+            jobs.clear()
             for client in clients(service):
-                found.update(_all_pages(client, tag, since))
+                jobs.update(_all_pages(client, tag, since))
 
         self._connection.ask(ask, about="the list of jobs")
-        if any(tag not in (job.tags or ()) for job in found.values()):
+        if any(tag not in (job.tags or ()) for job in jobs.values()):
             raise LiveError(
                 "IBM's service lists jobs that do not have the tag that was asked for.",
                 "Whether a job is this run's cannot be told: none was taken, cancelled or sent.",
                 "Go on later; what is measured is kept.",
             )
-        return list(found.values())
+        return list(jobs.values())
 
     def job(self, job_id: str) -> RemoteJob:
         """The job as it is now.
@@ -129,19 +129,19 @@ def _all_pages(client: Any, tag: str, since: datetime | None) -> dict[str, Remot
     Raises:
         LiveError: pages end, or bring nothing new, before there are as many as the service says.
     """
-    found: dict[str, RemoteJob] = {}
+    jobs: dict[str, RemoteJob] = {}
     skip = 0
     for _ in range(_MOST_PAGES):
         answer = client.jobs_get(limit=_PAGE, skip=skip, job_tags=[tag], created_after=since)
         page = read(Listing, answer, "the list of jobs")
-        known = len(found)
-        found.update({job.id: job for job in page.jobs})
+        before = len(jobs)
+        jobs.update({job.id: job for job in page.jobs})
         skip += len(page.jobs)
         if skip >= page.count:
-            return found
-        if len(found) == known:
+            return jobs
+        if len(jobs) == before:
             break
     raise LiveError(
-        f"IBM's service says that it has {page.count} jobs of one tag, and lists {len(found)}.",
+        f"IBM's service says that it has {page.count} jobs of one tag, and lists {len(jobs)}.",
         "Whether one is missing cannot be told: nothing was sent or cancelled. Go on later.",
     )

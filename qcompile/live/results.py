@@ -93,14 +93,14 @@ _FIGURES: dict[TaskKind, type[_Figures]] = {
 }
 
 
-def check_result(kind: TaskKind, found: dict[str, Any]) -> None:
+def check_result(kind: TaskKind, result: dict[str, Any]) -> None:
     """Nothing, if a run of this kind can have found this.
 
     Raises:
         ValueError: it cannot, or it holds what JSON has no word for.
     """
-    _FIGURES[kind].model_validate(found)
+    _FIGURES[kind].model_validate(result)
     try:
-        json.dumps(found, allow_nan=False)
+        json.dumps(result, allow_nan=False)
     except ValueError as error:
         raise ValueError("a number in it is not finite") from error

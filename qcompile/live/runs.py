@@ -38,18 +38,18 @@ def find_journal(runs: Path, run_id: str) -> Journal:
         return Journal(runs / run_id)
     damaged: list[str] = []
     if run_id == "last":
-        found = [folder.name for folder in _by_age(runs, damaged.append)][-1:]
+        matches = [folder.name for folder in _by_age(runs, damaged.append)][-1:]
         if damaged:
             words = f"Which run is the last is not known: {len(damaged)} cannot be read."
             first = damaged[0].partition("\n")[0]
             raise LiveError(words, first, "Name the run; `qcompile runs` lists them.")
     else:
-        found = [name for name in known if run_id and run_id in name]
-    if len(found) == 1:
-        return Journal(runs / found[0])
-    if found:
+        matches = [name for name in known if run_id and run_id in name]
+    if len(matches) == 1:
+        return Journal(runs / matches[0])
+    if matches:
         raise LiveError(
-            f"{run_id!r} matches {len(found)} runs: {', '.join(found[:4])}.",
+            f"{run_id!r} matches {len(matches)} runs: {', '.join(matches[:4])}.",
             "Give more of the ID.",
         )
     raise LiveError(
@@ -61,19 +61,19 @@ def find_journal(runs: Path, run_id: str) -> Journal:
 
 def _by_age(runs: Path, on_damage: Callable[[str], None]) -> list[Path]:
     """The folders of all runs that began, the oldest first; one journal is open at a time."""
-    found = []
+    dated = []
     for folder in _folders(runs):
         try:
             with Journal(folder, checked=False) as journal:
-                found.append((journal.created, folder))
+                dated.append((journal.created, folder))
         except NeverBegunError:
             continue
         except LiveError as error:
             on_damage(str(error))
-    return [folder for _, folder in sorted(found)]
+    return [folder for _, folder in sorted(dated)]
 
 
 def _folders(runs: Path) -> list[Path]:
     """Folders with a journal, by name; those with a dot are of journals that are being made."""
-    found = (path.parent for path in runs.glob(f"*/{FILE}"))
-    return sorted(folder for folder in found if not folder.name.startswith("."))
+    folders = (path.parent for path in runs.glob(f"*/{FILE}"))
+    return sorted(folder for folder in folders if not folder.name.startswith("."))

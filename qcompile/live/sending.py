@@ -56,13 +56,15 @@ class Sender:
         """
         if submission.job_id is not None:
             return submission.job_id
-        sends, ways = 0, set[str]()
+        sends, remedies = 0, set[str]()
         error: Exception | None = None
         while True:
             job_id = self.finder.find(submission)
             if job_id is not None:
                 return job_id
-            if error is not None and not (sends < _MOST_SENDS and self._may_repeat(error, ways)):
+            if error is not None and not (
+                sends < _MOST_SENDS and self._may_repeat(error, remedies)
+            ):
                 raise in_words(error) from error
             error = None
             try:
@@ -92,12 +94,12 @@ class Sender:
 
     def _send(self, submission: Submission, request: Request) -> str:
         """Send a job and write down what came of it; its id."""
-        pubs, left_before = request.pubs(), self._connection.submissions
+        pubs, sent_before = request.pubs(), self._connection.submissions
         try:
             job_id = self._submit(submission, pubs, request.shots)
         except Exception as error:
             doubt = self._journal.charges.doubts(submission.number)[-1]
-            if self._connection.submissions == left_before:
+            if self._connection.submissions == sent_before:
                 self._journal.charges.drop(doubt)
             else:
                 now, refused = datetime.now(UTC), answered_no(error)
@@ -140,27 +142,27 @@ class Sender:
         except LiveError:  # it is looked for again when this one has ended
             return job_id
 
-    def _may_repeat(self, error: Exception, ways: set[str]) -> bool:
+    def _may_repeat(self, error: Exception, remedies: set[str]) -> bool:
         """Whether to send a job again after an error: another way to do it is tried once."""
         from qiskit.providers.exceptions import QiskitBackendNotFoundError
         from qiskit_ibm_runtime.exceptions import IBMNotAuthorizedError, RuntimeProgramNotFound
 
         if isinstance(error, QiskitBackendNotFoundError):  # before anything was sent
-            self._connection.look_again()
+            self._connection.refresh_backend()
             return True
         if transient(error):
             return True
         if isinstance(error, IBMNotAuthorizedError):
-            way = "login"
+            remedy = "login"
             self._connection.log_in_again()
         elif isinstance(error, RuntimeProgramNotFound):
-            way = "sampler"
+            remedy = "sampler"
             self._older = True
         elif self._batch is not None:
-            way = "batch"
+            remedy = "batch"
             self._batch = None  # it may be closed: batches end after a while
         else:
             return False
-        new = way not in ways
-        ways.add(way)
+        new = remedy not in remedies
+        remedies.add(remedy)
         return new

@@ -55,7 +55,7 @@ class Task(BaseModel):
         """The same task, whose file is not written unless another one is named."""
         return self
 
-    def deliver(self, found: dict[str, Any], out: Path | None) -> dict[str, Any]:
+    def deliver(self, result: dict[str, Any], out: Path | None) -> dict[str, Any]:
         """What it found, once it is in a file, where the task has one; `out` is another one.
 
         Raises:
@@ -63,4 +63,4 @@ class Task(BaseModel):
         """
         if out is not None:
             raise LiveError(f"A {self.kind} has no file of its own.", "Leave --out away.")
-        return found
+        return result

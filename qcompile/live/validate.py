@@ -39,7 +39,7 @@ class ValidateTask(Task):
 
     def perform(self, context: Context) -> dict[str, Any]:
         """The verdict as plain values."""
-        found = check_twin(
+        check = check_twin(
             self.calibration,
             self.policy.policy(),
             np.array(self.observations),
@@ -47,4 +47,4 @@ class ValidateTask(Task):
             self.shots,
             self.effect,
         )
-        return {"file": self.calibration_file, "shots": self.shots, **found.values()}
+        return {"file": self.calibration_file, "shots": self.shots, **check.values()}

@@ -100,12 +100,12 @@ def status_code(error: BaseException | None) -> int | None:
 
 def chain_of(error: BaseException | None) -> list[BaseException]:
     """The error and what it came from; the client hides its causes with `from None`."""
-    found: list[BaseException] = []
+    chain: list[BaseException] = []
     cause = error
-    while cause is not None and cause not in found:
-        found.append(cause)
+    while cause is not None and cause not in chain:
+        chain.append(cause)
         cause = cause.__cause__ or cause.__context__
-    return found
+    return chain
 
 
 def in_words(error: BaseException) -> LiveError:
@@ -115,29 +115,29 @@ def in_words(error: BaseException) -> LiveError:
     if isinstance(error, LookupError | TypeError | AttributeError):  # in the client's reading
         return UnreadableAnswerError("what was asked or sent")
     _clean(error)
-    words = said(str(error))
+    quotation = quoted(str(error))
     if isinstance(error, AccountNotFoundError):
         saved = ", ".join(saved_accounts())
         if saved:
             return LiveError(
-                "There is no such account.", f"It says: {words}", f"Saved are: {saved}."
+                "There is no such account.", f"It says: {quotation}", f"Saved are: {saved}."
             )
         return LiveError("No account of IBM Quantum is saved on this machine.", *_SAVE)
     if status_code(error) == 401:
         return LiveError(
             "IBM refuses the account's token: it has expired, or is not of this instance.",
-            f"IBM says: {words}",
+            f"IBM says: {quotation}",
             "Make a new one on quantum.cloud.ibm.com and save it over the old (overwrite=True).",
         )
     if transient(error):
         return LiveError(
             "IBM's service does not answer.",
-            f"Last it said: {words}",
+            f"Last it said: {quotation}",
             "Nothing is lost: go on later.",
         )
     return LiveError(
         "IBM's service or client refuses.",
-        f"It says: {words}",
+        f"It says: {quotation}",
         "Look at --backend, --account, --instance; `qcompile plan --live` tries them at no cost.",
     )
 
@@ -153,7 +153,7 @@ def _clean(error: BaseException) -> None:
                 cause.message = without_secrets(message)  # type: ignore[attr-defined]
 
 
-def said(text: str, most: int = 300) -> str:
+def quoted(text: str, most: int = 300) -> str:
     """What a service said, as one line of at most `most` characters, without what is secret."""
     return one_line(without_secrets(one_line(text, len(text))), most)
 

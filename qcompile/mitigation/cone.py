@@ -102,6 +102,6 @@ def _solve(
         return free, nothing
     if steps.value is None or not np.isfinite(steps.value).all():
         return free, nothing
-    found = free + np.einsum("nji,njk,kn->ni", turn, errors, steps.value)
-    found /= np.maximum(_size(found), 1.0)[:, None]
-    return found, _gap(found, free, information)
+    curves = free + np.einsum("nji,njk,kn->ni", turn, errors, steps.value)
+    curves /= np.maximum(_size(curves), 1.0)[:, None]
+    return curves, _gap(curves, free, information)

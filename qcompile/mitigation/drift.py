@@ -84,15 +84,15 @@ def _frequencies(calibration: Calibration) -> list[tuple[FloatArray, int] | None
 
     Readout frequencies are averaged over the patterns of a bit: two rows.
     """
-    found: list[tuple[FloatArray, int] | None] = []
+    frequencies: list[tuple[FloatArray, int] | None] = []
     for counts in (calibration.readout_counts, calibration.response_counts):
         if counts is None:
-            found.append(None)
+            frequencies.append(None)
             continue
         if counts.shots is None:
             raise CalibrationError("A calibration without shots has no scatter to compare.")
-        found.append(_rows(counts, counts.shots))
-    return found
+        frequencies.append(_rows(counts, counts.shots))
+    return frequencies
 
 
 def _rows(counts: ReadoutCounts | ResponseCounts, shots: int) -> tuple[FloatArray, int]:

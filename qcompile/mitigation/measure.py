@@ -67,8 +67,8 @@ def calibrate(
         readout_counts = ReadoutCounts(prepared=_plain(prepared), ones=_plain(ones), shots=shots)
     if "response" in parts:
         on_circuit(of - len(angles_rad), of)
-        orders, own = np.unique(angles_rad, axis=1, return_inverse=True)
-        ones = _ones(executor, _turn(qubits, executor.device, own.ravel()), orders, shots)
+        orders, order_of = np.unique(angles_rad, axis=1, return_inverse=True)
+        ones = _ones(executor, _turn(qubits, executor.device, order_of.ravel()), orders, shots)
         response_counts = ResponseCounts(
             angles_rad=_plain(angles_rad), ones=_plain(ones), shots=shots
         )
@@ -118,14 +118,14 @@ def fit_counts(counted: Calibration, qubits: Sequence[int] | None = None) -> Cal
     if readout_counts is not None:
         prepared = np.array(readout_counts.prepared)[:, rows]
         ones = np.array(readout_counts.ones)[:, rows]
-        with _noted(unfitted):
+        with _noting_failure(unfitted):
             readout = fit_readout(prepared, ones, readout_counts.shots, numbers)
         readout_counts = ReadoutCounts(
             prepared=_plain(prepared), ones=_plain(ones), shots=readout_counts.shots
         )
     if response_counts is not None:
         angles, ones = response_counts.angles[:, rows], np.array(response_counts.ones)[:, rows]
-        with _noted(unfitted):
+        with _noting_failure(unfitted):
             response = fit_response(angles, ones, response_counts.shots, numbers)
         response_counts = ResponseCounts(
             angles_rad=_plain(angles), ones=_plain(ones), shots=response_counts.shots
@@ -155,7 +155,7 @@ def calibration_workload(
 
 
 @contextmanager
-def _noted(unfitted: list[str]) -> Iterator[None]:
+def _noting_failure(unfitted: list[str]) -> Iterator[None]:
     """Keep in words why a fit failed: what was counted may have been paid for."""
     try:
         yield
@@ -195,10 +195,10 @@ def _prepare(prepared: IntArray, qubits: IntArray, device: Device) -> Executable
     return replace(compiled, qubits=np.tile(qubits, len(prepared)), rounds=rounds)
 
 
-def _turn(qubits: IntArray, device: Device, own: IntArray) -> Executable:
+def _turn(qubits: IntArray, device: Device, order_of: IntArray) -> Executable:
     """The response circuit on every one of `qubits`; `own` has the number of the input a."""
-    inputs = tuple(f"x{order}" for order in range(own.max() + 1))
-    circuits = tuple(device.native.response_circuit(Angle.symbol(inputs[i])) for i in own)
+    inputs = tuple(f"x{order}" for order in range(order_of.max() + 1))
+    circuits = tuple(device.native.response_circuit(Angle.symbol(inputs[i])) for i in order_of)
     program = Program(circuits, inputs)
     return Executable(program, program, device, 2, qubits, np.zeros_like(qubits))
 

@@ -61,28 +61,28 @@ def misfits(
     (Bonferroni). Exact calibrations have no chi-square, and so no misfits.
     """
     fits = {"readout": calibration.readout, "response": calibration.response}
-    there = [fit for fit in fits.values() if fit is not None and fit.degrees_of_freedom]
-    level = MISFIT_LEVEL / max(len(there) * len(calibration.qubits), 1)
+    fitted = [fit for fit in fits.values() if fit is not None and fit.degrees_of_freedom]
+    level = MISFIT_LEVEL / max(len(fitted) * len(calibration.qubits), 1)
     wanted = set(calibration.qubits if qubits is None else qubits)
-    found = []
+    contradicting = []
     for part in sorted(set(parts), key=_PARTS.index):
         fit = fits[part]
         if fit is None:
             continue
         p = p_values(fit)
-        found += [
+        contradicting += [
             Misfit(
                 calibration.qubits[i], part, fit.chi_square[i], fit.degrees_of_freedom, float(p[i])
             )
             for i in np.flatnonzero(p < level)
             if calibration.qubits[i] in wanted
         ]
-    return found
+    return contradicting
 
 
-def misfit_words(found: Sequence[Misfit | dict[str, Any]]) -> list[str]:
+def misfit_words(misfits: Sequence[Misfit | dict[str, Any]]) -> list[str]:
     """A few sentences for each part with misfits: which qubits, what it means, what helps."""
-    plain = [one.values() if isinstance(one, Misfit) else one for one in found]
+    plain = [one.values() if isinstance(one, Misfit) else one for one in misfits]
     lines = []
     for part in _PARTS:
         rows = [row for row in plain if row["part"] == part]

@@ -36,9 +36,9 @@ def strangeness(orders: FloatArray) -> FloatArray:
     """
     root = 1.0 / np.sqrt(1.0 - (_USUAL_CONTRAST * np.cos(orders)) ** 2)
     design = np.stack([np.ones_like(orders), np.cos(orders), np.sin(orders)], axis=-1)
-    own, _ = np.linalg.qr(design * root[..., None])
-    seen = root[:, None] * np.cos(orders)
-    return np.asarray((seen**2).sum(axis=-1) - ((seen @ own) ** 2).sum(axis=-1))
+    basis, _ = np.linalg.qr(design * root[..., None])
+    signal = root[:, None] * np.cos(orders)
+    return np.asarray((signal**2).sum(axis=-1) - ((signal @ basis) ** 2).sum(axis=-1))
 
 
 @lru_cache(maxsize=8)

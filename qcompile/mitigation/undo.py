@@ -132,12 +132,12 @@ def response_mitigation(
     scatter = _scatter(calibration)[rows]
     covariance = polar.covariance[rows] * scatter[:, None, None]
     # A tilt within its error costs more than it brings.
-    seen = np.abs(tilt) > _SEEN * np.sqrt(covariance[:, 2, 2])
+    significant = np.abs(tilt) > _SEEN * np.sqrt(covariance[:, 2, 2])
     doubtful = scatter > 1.0
     if not any_side:
         most = np.where(doubtful, _MOST_DOUBTFUL_RAD, MOST_TILT_RAD)
-        _check_tilt(executable.qubits[seen & (np.abs(tilt) > most)])
-    undone = seen & (any_side or (executable.has_polar_angles & ~doubtful))
+        _check_tilt(executable.qubits[significant & (np.abs(tilt) > most)])
+    undone = significant & (any_side or (executable.has_polar_angles & ~doubtful))
     contrast = np.where(undone, contrast, contrast * np.cos(tilt))
     return Mitigation(offset, contrast, np.where(undone, tilt, 0.0), covariance)
 
@@ -149,8 +149,8 @@ def _scatter(calibration: Calibration) -> FloatArray:
     chi-square of its degrees of freedom (Birge's ratio).
     """
     factor = np.ones(len(calibration.qubits))
-    for found in misfits(calibration, ["response"]):
-        factor[calibration.qubits.index(found.qubit)] = found.chi_square / found.degrees
+    for misfit in misfits(calibration, ["response"]):
+        factor[calibration.qubits.index(misfit.qubit)] = misfit.chi_square / misfit.degrees
     return factor
 
 

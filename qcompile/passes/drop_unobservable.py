@@ -11,7 +11,7 @@ from qcompile.passes.base import Promise
 
 @dataclass(frozen=True)
 class DropUnobservable:
-    """After it no circuit begins or ends with a rotation about z, and no definition is unused.
+    """After it no circuit begins or ends with a rotation about z, and no late angle is unused.
 
     |0> is an eigenstate of Rz, and Rz before a Z measurement changes a phase only.
     """
@@ -22,8 +22,8 @@ class DropUnobservable:
     def apply(self, program: Program) -> Program:
         circuits = tuple(map(_trim, program.circuits))
         used = {symbol for circuit in circuits for symbol in circuit.symbols}
-        definitions = tuple(d for d in program.definitions if d.name in used)
-        return replace(program, circuits=circuits, definitions=definitions)
+        late_angles = tuple(late for late in program.late_angles if late.name in used)
+        return replace(program, circuits=circuits, late_angles=late_angles)
 
 
 def _trim(circuit: Circuit) -> Circuit:

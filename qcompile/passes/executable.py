@@ -17,7 +17,7 @@ from qcompile.ir import Angle, Program
 from qcompile.ir.table import AngleTable, are_large
 from qcompile.native import slots
 from qcompile.noise import usable
-from qcompile.simulate import Definitions
+from qcompile.simulate import LateAngles
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -62,8 +62,8 @@ class Executable:
         """
         self._check(x, theta)
         rows = len(x)
-        if self._definitions is not None:
-            values = self._definitions(x, theta)
+        if self._late_angles is not None:
+            values = self._late_angles(x, theta)
             x = np.concatenate([x, values], axis=1) if self._mixed else values
         angles = self._table(x, theta, large=are_large(x, theta, self._table.largest))
         if angles.ndim == 1:
@@ -76,21 +76,21 @@ class Executable:
         Where every angle is a polar angle of its own, up to the offset of the native gates, they
         follow from `<Z>` without trigonometry.
         """
-        if self._definitions is None or not self.has_polar_angles or self.predistort is not None:
+        if self._late_angles is None or not self.has_polar_angles or self.predistort is not None:
             angles = self.bind(x, theta)
             return np.cos(angles), np.sin(angles)
         self._check(x, theta)
-        z = self._definitions.polar_cosines(x, theta)
+        z = self._late_angles.polar_cosines(x, theta)
         sine = np.sqrt(1.0 - z * z)
         return (-z, -sine) if self.device.native.angle_offset_rad else (z, sine)
 
     @cached_property
     def has_polar_angles(self) -> bool:
         """Whether slot i is polar angle i, in [0, pi], plus the offset of the native gates."""
-        if self._definitions is None or not self._definitions.are_polar:
+        if self._late_angles is None or not self._late_angles.are_polar:
             return False
         offset = self.device.native.angle_offset_rad
-        polar = [(Angle.symbol(d.name) + offset,) for d in self.native.definitions]
+        polar = [(Angle.symbol(late.name) + offset,) for late in self.native.late_angles]
         return [circuit.angles for circuit in self.native.circuits] == polar
 
     def _check(self, x: FloatArray, theta: FloatArray) -> None:
@@ -113,22 +113,22 @@ class Executable:
         return tuple(a for circuit in self.native.circuits for a in circuit.angles or unused)
 
     @cached_property
-    def _definitions(self) -> Definitions | None:
+    def _late_angles(self) -> LateAngles | None:
         native = self.native
-        if not native.definitions:
+        if not native.late_angles:
             return None
-        return Definitions(native.definitions, native.inputs, native.parameters)
+        return LateAngles(native.late_angles, native.inputs, native.parameters)
 
     @cached_property
     def _mixed(self) -> bool:
-        """Whether slots use the program's own inputs beside the definitions."""
+        """Whether slots use the program's own inputs beside the late angles."""
         used = {s for circuit in self.native.circuits for s in circuit.symbols}
         return not used.isdisjoint(self.native.inputs)
 
     @cached_property
     def _table(self) -> AngleTable:
         angles = [Angle() if angle is None else angle for angle in self._slot_angles]
-        defined = tuple(d.name for d in self.native.definitions)
+        defined = tuple(late.name for late in self.native.late_angles)
         inputs = (*self.native.inputs, *defined) if self._mixed or not defined else defined
         return AngleTable(angles, inputs, self.native.parameters)
 

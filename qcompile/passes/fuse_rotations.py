@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-from qcompile.ir import Angle, Definition, Program
+from qcompile.ir import Angle, LateAngle, Program
 from qcompile.passes.base import Promise
 from qcompile.passes.fuse_known import euler_circuit
 
@@ -26,17 +26,17 @@ class FuseRotations:
 
     def apply(self, program: Program) -> Program:
         fused = list(program.circuits)
-        definitions = list(program.definitions)
+        late_angles = list(program.late_angles)
         prefix = _free_prefix(program)
         for index, circuit in enumerate(fused):
             if circuit.symbols and tuple(g.name for g in circuit.gates) not in _EULER_RUNS:
                 made = [
-                    Definition(f"{prefix}{part}{index}", circuit, part)
+                    LateAngle(f"{prefix}{part}{index}", circuit, part)
                     for part in ("first", "polar", "last")
                 ]
-                definitions += made
-                fused[index] = euler_circuit(*(Angle.symbol(d.name) for d in made))
-        return replace(program, circuits=tuple(fused), definitions=tuple(definitions))
+                late_angles += made
+                fused[index] = euler_circuit(*(Angle.symbol(late.name) for late in made))
+        return replace(program, circuits=tuple(fused), late_angles=tuple(late_angles))
 
 
 def _free_prefix(program: Program) -> str:

@@ -50,11 +50,11 @@ FUNCTIONS_1 = {"arctan", "tanh", "identity"}
 MOST_OBSERVABLES = 10_000
 
 
-class _Record(BaseModel):
+class _Part(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True)
 
 
-class EncoderFile(_Record):
+class EncoderFile(_Part):
     """The encoder of format 1."""
 
     function: Literal["arctan", "tanh", "identity"]
@@ -77,7 +77,7 @@ _Functions = Annotated[
 ]
 
 
-class EncoderFile2(_Record):
+class EncoderFile2(_Part):
     """The encoder of format 2: what is None has no effect."""
 
     function: _Functions
@@ -102,7 +102,7 @@ _Encoder = TypeVar("_Encoder", EncoderFile, EncoderFile2)
 _Circuit = TypeVar("_Circuit")
 
 
-class _File(_Record, Generic[_Format, _Encoder, _Circuit]):
+class _File(_Part, Generic[_Format, _Encoder, _Circuit]):
     """What both formats have."""
 
     format: _Format

@@ -116,11 +116,11 @@ class Blocks:
 
     def _qubits(self, argument: Any, given: Any) -> Reference:
         scope = self._variables.scope
-        found = self._registers.resolve(given, scope, "qubit")
+        reference = self._registers.resolve(given, scope, "qubit")
         size = None if argument.size is None else scope.whole_number(argument.size)
-        if found.single != (size is None) or len(found.positions) != (size or 1):
+        if reference.single != (size is None) or len(reference.positions) != (size or 1):
             raise CircuitError(f"{shown(given)!r} does not fit the argument {shown(argument)!r}.")
-        return found
+        return reference
 
     def _number(self, argument: Any, given: Any) -> tuple[str, Any, Value]:
         scope = self._variables.scope

@@ -139,10 +139,10 @@ class GateCalls:
         finally:
             self._active.pop()
         self._work.line = line
-        made = Unitary(list(parts.values()), phase)
-        if len(self._inlined) < _MOST_INLINED and made.size <= _MOST_INLINED_GATES:
-            self._inlined[call] = made
-        return made
+        unitary = Unitary(list(parts.values()), phase)
+        if len(self._inlined) < _MOST_INLINED and unitary.size <= _MOST_INLINED_GATES:
+            self._inlined[call] = unitary
+        return unitary
 
     def _inner_operands(self, statement: Any, parts: Mapping[str, object]) -> list[str]:
         """The qubits of the gate that a statement of its body acts on."""

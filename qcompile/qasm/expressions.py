@@ -105,7 +105,7 @@ class Scope:
                 right = self.value(node.rhs, to_whole=to_whole)
                 value = operators.binary(node.op.name, value, right, to_whole=to_whole)
             return value
-        except operators.NotAffineError as error:
+        except operators.NoOperationError as error:
             raise _not_affine(node) from error
         except operators.AmbiguousError as error:
             what, hint = error.args
@@ -124,12 +124,12 @@ class Scope:
             CircuitError: the name is unknown, or has no value yet.
         """
         if name in self.variables:
-            found = self.variables[name]
-            if found is None:
+            value = self.variables[name]
+            if value is None:
                 raise CircuitError(
                     f"{name!r} has no value yet.", "Assign one before its first use."
                 )
-            return found
+            return value
         if name not in self.constants:
             names = [name for name in (*self.constants, *self.variables) if name.isascii()]
             raise CircuitError(f"Unknown name {name!r}.", nearest(name, names))
@@ -180,7 +180,7 @@ class Scope:
                 if target is not None:
                     value = self.value(node.argument, to_whole=target.is_whole)
                     return value.to(target, cast=True)
-        raise operators.NotAffineError
+        raise operators.NoOperationError
 
 
 def _not_affine(node: Any) -> CircuitError:

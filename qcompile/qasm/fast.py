@@ -49,8 +49,8 @@ class FastPath:
             CircuitError: the program has too many gates, from the statement at `stopped` on.
         """
         match, text, append = _STATEMENT.match, self._text, self._interpreter.append
-        while found := match(text, position):
-            head, operand = found.groups()
+        while statement := match(text, position):
+            head, operand = statement.groups()
             gates = self._gates.get(head)
             if gates is None and (gates := self._understand(head)) is None:
                 break
@@ -61,9 +61,9 @@ class FastPath:
                 if not append(gates, qubits):
                     break
             except CircuitError:
-                self.stopped = found.start(1)
+                self.stopped = statement.start(1)
                 raise
-            position = found.end()
+            position = statement.end()
         return position
 
     def forget(self) -> None:

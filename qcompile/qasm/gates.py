@@ -109,8 +109,8 @@ def lacking_phase(name: str, angles: Sequence[Angle]) -> Angle:
     return _OTHERS[name].phase(*angles) if name in _OTHERS else Angle()
 
 
-def require_count(gate: str, needed: int, found: int, what: str) -> None:
+def require_count(gate: str, needed: int, given: int, what: str) -> None:
     """Raise CircuitError unless `gate` was given as many angles or qubits as it takes."""
-    if needed != found:
+    if needed != given:
         plural = "" if needed == 1 else "s"
-        raise CircuitError(f"{gate} takes {needed} {what}{plural}, found {found}.")
+        raise CircuitError(f"{gate} takes {needed} {what}{plural}, found {given}.")

@@ -17,7 +17,7 @@ from qcompile.qasm.expressions import shown
 from qcompile.qasm.grammar import OpaqueGate, UnreadSubroutine
 from qcompile.qasm.layout import Layout
 from qcompile.qasm.marks import Mark
-from qcompile.qasm.registers import Kind, Reference, Registers
+from qcompile.qasm.registers import Reference, RegisterKind, Registers
 from qcompile.qasm.variables import Variables
 from qcompile.qasm.work import Work
 
@@ -173,7 +173,7 @@ class Interpreter:
         self._declared[name] = None
         return name
 
-    def _declare_register(self, kind: Kind, identifier: Any, size: Any) -> None:
+    def _declare_register(self, kind: RegisterKind, identifier: Any, size: Any) -> None:
         name = self._declare(identifier.name)
         least = 0 if self._is_2 and kind == "bit" else 1
         self._registers.declare(kind, name, size and self._scope.whole_number(size), least)
@@ -187,7 +187,7 @@ class Interpreter:
                 "Bits that are not measured stay 0 here.",
             )
 
-    def _resolve(self, operand: Any, kind: Kind | None = None) -> Reference:
+    def _resolve(self, operand: Any, kind: RegisterKind | None = None) -> Reference:
         return self._registers.resolve(operand, self._scope, kind)
 
     def _entangles(self, statement: Any) -> CircuitError:

@@ -73,14 +73,14 @@ class Layout:
 
 
 def _require_distinct(values: Sequence[object], what: str) -> None:
-    seen = set()
+    taken = set()
     for value in values:
-        if value in seen:
+        if value in taken:
             raise CircuitError(
                 f"{what} {value!r} is used twice.",
                 "In one file every circuit has a qubit and a bit of its own; rounds are files.",
             )
-        seen.add(value)
+        taken.add(value)
 
 
 def _require_slots(

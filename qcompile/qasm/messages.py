@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 
+from qcompile.terminal import visible
+
 LONGEST_MESSAGE = 400
 _LONGEST_NAME = 120
 
@@ -30,10 +32,10 @@ HINTS = tuple(
 def bounded(name: str, line: int | None, message: str) -> str:
     """`message` with the file and line in front, in LONGEST_MESSAGE characters at most.
 
-    Characters that a terminal would obey become question marks.
+    What is in it from the file is made `visible`.
     """
     if len(name) > _LONGEST_NAME:
         name = f"...{name[-_LONGEST_NAME:]}"
     text = f"{name}: {message}" if line is None else f"{name}:{line}: {message}"
-    text = "".join(c if c.isprintable() or c == "\n" else "?" for c in text)
+    text = visible(text)
     return text if len(text) <= LONGEST_MESSAGE else f"{text[: LONGEST_MESSAGE - 3]}..."

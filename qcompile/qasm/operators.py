@@ -48,7 +48,7 @@ _REAL: dict[str, Callable[[float], float]] = {
 _MOST_BITS_OF_A_NUMBER = 4096
 
 
-class NotAffineError(Exception):
+class NoOperationError(Exception):
     """There is no such operation, or its result is not affine in the inputs."""
 
 
@@ -64,7 +64,7 @@ def unary(symbol: str, value: Value, *, to_whole: bool) -> Value:
     if symbol == "~" and value.type.has_bits:
         return _wrapped(value.type, ~value.whole)
     if symbol != "-" or kind in ("bool", "bit"):
-        raise NotAffineError
+        raise NoOperationError
     if isinstance(value.number, Angle):
         return Value(value.type, -value.number)
     if kind == "angle":
@@ -80,7 +80,7 @@ def binary(symbol: str, left: Value, right: Value, *, to_whole: bool) -> Value:
     that a number without a width takes out of its range.
 
     Raises:
-        NotAffineError: there is no such operation.
+        NoOperationError: there is no such operation.
         AmbiguousError: one of these two.
         CircuitError: an operand cannot be converted, or the result is not finite.
         ArithmeticError: a division by zero, or a number too large.
@@ -93,11 +93,11 @@ def binary(symbol: str, left: Value, right: Value, *, to_whole: bool) -> Value:
     if symbol in _BITWISE:
         return _bitwise(symbol, left, right)
     if "bit" in (left.type.kind, right.type.kind):
-        raise NotAffineError
+        raise NoOperationError
     if "angle" in (left.type.kind, right.type.kind):
-        found = _angles(symbol, left, right)
-        if found is not None:
-            return found
+        result = _angles(symbol, left, right)
+        if result is not None:
+            return result
     elif isinstance(left.number, int) and isinstance(right.number, int):
         return _whole_numbers(symbol, left, right, to_whole)
     return _reals(symbol, left, right)
@@ -107,7 +107,7 @@ def call(name: str, arguments: Sequence[Value]) -> Value:
     """The value of a function of the language.
 
     Raises:
-        NotAffineError: there is no such function of these arguments.
+        NoOperationError: there is no such function of these arguments.
     """
     if name in _REAL and len(arguments) == 1 and arguments[0].type.kind not in ("bool", "bit"):
         argument = arguments[0].radians
@@ -122,7 +122,7 @@ def call(name: str, arguments: Sequence[Value]) -> Value:
             value, bits = arguments[0], arguments[0].type.bits
             places = arguments[1].to(INT).whole % bits * (1 if name == "rotl" else -1) % bits
             return _wrapped(value.type, value.whole << places | value.whole >> bits - places)
-    raise NotAffineError
+    raise NoOperationError
 
 
 def _wrapped(kind: Type, number: int) -> Value:
@@ -132,13 +132,13 @@ def _wrapped(kind: Type, number: int) -> Value:
 def _shifted(symbol: str, left: Value, right: Value) -> Value:
     places = min(right.to(INT).whole, left.type.bits)
     if places < 0:
-        raise NotAffineError
+        raise NoOperationError
     return _wrapped(left.type, left.whole << places if symbol == "<<" else left.whole >> places)
 
 
 def _bitwise(symbol: str, left: Value, right: Value) -> Value:
     if left.type != right.type or not left.type.has_bits:
-        raise NotAffineError
+        raise NoOperationError
     return Value(left.type, _BITWISE[symbol](left.whole, right.whole))
 
 
@@ -157,7 +157,7 @@ def _angles(symbol: str, left: Value, right: Value) -> Value | None:
         if symbol == "*":
             return _wrapped(angle.type, angle.whole * factor.whole)
         if angle is right or factor.whole < 0:
-            raise NotAffineError
+            raise NoOperationError
         return Value(angle.type, angle.whole // factor.whole)
     if symbol not in ("+", "-", *_COMPARISONS):
         return None
@@ -194,7 +194,7 @@ def _whole_numbers(symbol: str, left: Value, right: Value, to_whole: bool) -> Va
             )
         number = _WHOLE[symbol](a, b)
     else:
-        raise NotAffineError
+        raise NoOperationError
     if number.bit_length() > _MOST_BITS_OF_A_NUMBER:
         raise OverflowError
     return _in_range(number, left.type, right.type, to_whole)
@@ -227,21 +227,16 @@ def _reals(symbol: str, left: Value, right: Value) -> Value:
             number = a + b
         case "-":
             number = a - b
-        case "*" if b.is_constant:
-            number = a * b.constant
-        case "*" if a.is_constant:
-            number = b * a.constant
+        case "*" if a.is_constant or b.is_constant:
+            number = a * b
         case "/" if b.is_constant:
-            number = sum(
-                (Angle.symbol(symbol) * (c / b.constant) for symbol, c in a.terms),
-                Angle.of(a.constant / b.constant),
-            )
+            number = a / b
         case "**" if both:
             number = Angle.of(math.pow(a.constant, b.constant))
         case "%" if both:
             number = Angle.of(math.fmod(a.constant, b.constant))
         case _:
-            raise NotAffineError
+            raise NoOperationError
     kind = _common_float(left.type, right.type)
     return Value(kind, rounded(number, kind))
 

@@ -44,8 +44,8 @@ class Grammar:
         self.start = header.end() if header else start
         self.version = header[1] if header else None
         if self.version not in ("2", "3", None):
-            found = header[0].split()[1].rstrip(";")  # type: ignore[index]
-            raise CircuitError(f"OpenQASM {found} is not known.", "Known versions: 2.0 and 3.0.")
+            number = header[0].split()[1].rstrip(";")  # type: ignore[index]
+            raise CircuitError(f"OpenQASM {number} is not known.", "Known versions: 2.0 and 3.0.")
 
     def parse(self, span: Span, line: int) -> Any:
         """The node of a statement that starts in `line`; the spans of nodes hold lines of the file.
@@ -64,9 +64,9 @@ class Grammar:
             return self._parse(text, span.word, line)
         except ParseError as fault:
             for pattern, hint in HINTS:
-                if found := pattern.match(text):
+                if match := pattern.match(text):
                     raise ParseError(
-                        line, f"{found[0]!r} is not OpenQASM.", found.expand(hint)
+                        line, f"{match[0]!r} is not OpenQASM.", match.expand(hint)
                     ) from fault
             raise
 

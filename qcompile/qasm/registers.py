@@ -17,14 +17,14 @@ from qcompile.qasm.layout import Layout, Register, Slot
 
 MOST_QUBITS = 100_000
 
-Kind = Literal["qubit", "bit"]
+RegisterKind = Literal["qubit", "bit"]
 
 
 @dataclass(frozen=True)
 class Reference:
     """Qubits or bits by position; `single` tells q[0] from a register of one."""
 
-    kind: Kind
+    kind: RegisterKind
     positions: Sequence[int]
     single: bool
 
@@ -36,11 +36,11 @@ class Registers:
     """
 
     def __init__(self) -> None:
-        self._registers: dict[Kind, list[Register]] = {"qubit": [], "bit": []}
-        self._places: dict[Kind, list[Slot | int]] = {"qubit": [], "bit": []}
+        self._registers: dict[RegisterKind, list[Register]] = {"qubit": [], "bit": []}
+        self._places: dict[RegisterKind, list[Slot | int]] = {"qubit": [], "bit": []}
         self._references: dict[str, Reference] = {}
 
-    def declare(self, kind: Kind, name: str, size: int | None, least: int = 1) -> None:
+    def declare(self, kind: RegisterKind, name: str, size: int | None, least: int = 1) -> None:
         """Add a register of `size` qubits or bits, at least `least`, or a single one (None)."""
         places = self._places[kind]
         if size is not None and not least <= size <= MOST_QUBITS - len(places):
@@ -98,7 +98,7 @@ class Registers:
         """The qubits declared so far."""
         return range(len(self._places["qubit"]))
 
-    def name(self, kind: Kind, position: int) -> str:
+    def name(self, kind: RegisterKind, position: int) -> str:
         """What the file calls a qubit or bit, such as q[0], q or $3."""
         place = self._places[kind][position]
         if isinstance(place, int):
@@ -106,17 +106,17 @@ class Registers:
         register, index = place
         return register if self._references[register].single else f"{register}[{index}]"
 
-    def resolve(self, node: Any, scope: Scope, kind: Kind | None = None) -> Reference:
+    def resolve(self, node: Any, scope: Scope, kind: RegisterKind | None = None) -> Reference:
         """The qubits or bits that an operand names; `kind` says which they must be."""
         match node:
             case ast.Identifier():
-                found = self._lookup(node.name)
+                reference = self._lookup(node.name)
             case ast.IndexedIdentifier():
-                found = self._lookup(node.name.name)
+                reference = self._lookup(node.name.name)
                 for index in node.indices:
-                    found = _index(found, index, node, scope)
+                    reference = _index(reference, index, node, scope)
             case ast.IndexExpression():
-                found = _index(self.resolve(node.collection, scope), node.index, node, scope)
+                reference = _index(self.resolve(node.collection, scope), node.index, node, scope)
             case ast.Concatenation():
                 left, right = self.resolve(node.lhs, scope), self.resolve(node.rhs, scope)
                 if left.kind != right.kind:
@@ -124,12 +124,12 @@ class Registers:
                 both = (*left.positions, *right.positions)
                 if len(set(both)) != len(both):
                     raise CircuitError(f"{shown(node)!r} holds a {left.kind} twice.")
-                found = Reference(left.kind, both, single=False)
+                reference = Reference(left.kind, both, single=False)
             case _:
                 raise CircuitError(f"{shown(node)!r} is not a qubit or bit.")
-        if kind is not None and found.kind != kind:
-            raise CircuitError(f"{shown(node)!r} is a {found.kind}, not a {kind}.")
-        return found
+        if kind is not None and reference.kind != kind:
+            raise CircuitError(f"{shown(node)!r} is a {reference.kind}, not a {kind}.")
+        return reference
 
     def _lookup(self, name: str) -> Reference:
         if name not in self._references and re.fullmatch(r"\$\d{1,9}", name):

@@ -50,8 +50,8 @@ def _span(text: str, start: int) -> Span:
     first = start
     while text.startswith("@", first):
         first = BLANK.match(text, _ANNOTATION.match(text, first).end()).end()  # type: ignore[union-attr]
-    found = _WORD.match(text, first)
-    word = found[0] if found else ""
+    match = _WORD.match(text, first)
+    word = match[0] if match else ""
     if word.lstrip("#") == "pragma":
         return Span(start, _LINE.match(text, first).end(), word)  # type: ignore[union-attr]
     end = _end(text, first, word)

@@ -59,10 +59,10 @@ class ExpressionParser:
         start = BLANK.match(self._text, self._position).end()  # type: ignore[union-attr]
         self._line += self._text.count("\n", self._counted, start)
         self._counted = start
-        found = _TOKEN.match(self._text, start)
-        if found is None and start < len(self._text):
+        match = _TOKEN.match(self._text, start)
+        if match is None and start < len(self._text):
             raise unexpected(self._line, self._text[start : start + 20])
-        self._token = found[0] if found else ""
+        self._token = match[0] if match else ""
         self._position = start + len(self._token)
 
     def _take(self, *wanted: str) -> str:

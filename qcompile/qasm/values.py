@@ -16,7 +16,7 @@ import numpy as np
 from qcompile.errors import CircuitError
 from qcompile.ir import Angle
 
-Kind = Literal["bool", "int", "uint", "float", "angle", "bit"]
+TypeKind = Literal["bool", "int", "uint", "float", "angle", "bit"]
 
 MOST_BITS = 1024
 """The widest type that a file may name."""
@@ -34,7 +34,7 @@ class Type:
     A width of None is the machine's: 64 bits. A scalar bit is a bool.
     """
 
-    kind: Kind
+    kind: TypeKind
     width: int | None = None
 
     @property

@@ -12,7 +12,7 @@ from typing import Any
 from qcompile.errors import CircuitError
 from qcompile.ir import Angle
 from qcompile.qasm.expressions import CONSTANTS, Scope, shown
-from qcompile.qasm.operators import AmbiguousError, NotAffineError, binary
+from qcompile.qasm.operators import AmbiguousError, NoOperationError, binary
 from qcompile.qasm.values import FLOAT, Type, Value
 
 
@@ -94,7 +94,7 @@ class Variables:
         operand = self.scope.value(expression, to_whole=type.is_whole)
         try:
             value = binary(operator[:-1], before, operand, to_whole=type.is_whole)
-        except (NotAffineError, AmbiguousError, ArithmeticError) as error:
+        except (NoOperationError, AmbiguousError, ArithmeticError) as error:
             raise CircuitError(
                 f"'{name} {operator} {shown(expression)}' has no value here."
             ) from error

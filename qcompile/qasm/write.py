@@ -43,7 +43,7 @@ def write(
     in this order, among the gates of their circuits.
 
     Raises:
-        CircuitError: the program has definitions, or what the version lacks; the layout does not
+        CircuitError: the program has late angles, or what the version lacks; the layout does not
             fit the program; or a name is reserved.
     """
     layout = Layout.default(len(program)) if layout is None else layout
@@ -103,7 +103,7 @@ def _body(
 def _check(program: Program, version: Version, layout: Layout) -> None:
     if version not in DEFINITIONS:
         raise CircuitError(f"There is no OpenQASM version {version!r}.", "Versions: 3 and 2.")
-    if program.definitions:
+    if program.late_angles:
         raise CircuitError(
             "A program with definitions cannot be written as OpenQASM.",
             "Write the template of its executable, or bind the angles first.",

@@ -76,24 +76,26 @@ def draw_calibration(calibration: Calibration) -> bytes:
         )
     if below:
         part = next(parts)
-        made = iter(part.subplots(below, 1, squeeze=False, sharex=True)[:, 0])
+        panes = iter(part.subplots(below, 1, squeeze=False, sharex=True)[:, 0])
         for strip in strips:
-            _draw_strip(next(made), values, *strip)
+            _draw_strip(next(panes), values, *strip)
         if residuals:
-            _draw_residuals(next(made), residuals, values)
+            _draw_residuals(next(panes), residuals, values)
         if calibration.readout is not None:
-            _draw_readout(next(made), values)
-        bad = {qubit for qubit, _ in bad_fits(values)}
+            _draw_readout(next(panes), values)
+        doubtful = {qubit for qubit, _ in bad_fits(values)}
         last = part.axes[-1]
         every = _every(count)
-        shown = calibration.qubits[::every]
-        last.set_xticks(range(0, count, every), [str(q) for q in shown], fontsize=8)
+        ticks = calibration.qubits[::every]
+        last.set_xticks(range(0, count, every), [str(q) for q in ticks], fontsize=8)
         last.set_xlim(-0.6, count - 0.4)
-        last.set_xlabel("qubit" + ("; orange: a fit is bad" if bad else ""), fontsize=9)
-        for label, qubit in zip(last.get_xticklabels(), shown, strict=True):
-            if qubit in bad and every == 1:
+        last.set_xlabel("qubit" + ("; orange: a fit is bad" if doubtful else ""), fontsize=9)
+        for label, qubit in zip(last.get_xticklabels(), ticks, strict=True):
+            if qubit in doubtful and every == 1:
                 label.set(color=_ORANGE, fontweight="bold")
-        for at in (at for at, qubit in enumerate(calibration.qubits) if qubit in bad and every > 1):
+        for at in (
+            at for at, qubit in enumerate(calibration.qubits) if qubit in doubtful and every > 1
+        ):
             for axes in part.axes:
                 axes.axvspan(at - 0.5, at + 0.5, color=_ORANGE, alpha=0.15, lw=0, zorder=0)
     FigureCanvasAgg(figure)
@@ -150,12 +152,12 @@ def _every(count: int) -> int:
 
 def _draw_strip(axes: Axes, values: dict[str, Any], name: str, label: str) -> None:
     """One number of every qubit's response curve, with its standard error."""
-    found = [row[name] for row in values["qubits"]]
+    numbers = [row[name] for row in values["qubits"]]
     errors = [
         row["tilt_error_rad" if name == "tilt_rad" else f"{name}_error"] for row in values["qubits"]
     ]
     axes.errorbar(
-        range(len(found)), found, errors, fmt="o", color=_BLUE, ecolor="0.6", ms=3, mew=0,
+        range(len(numbers)), numbers, errors, fmt="o", color=_BLUE, ecolor="0.6", ms=3, mew=0,
         elinewidth=0.9,
     )  # fmt: skip
     if name != "contrast":
@@ -182,7 +184,7 @@ def _fitted(calibration: Calibration, counts: ReadoutCounts | ResponseCounts) ->
     """What the fits say of the frequencies of ones, (circuits, qubits)."""
     if isinstance(counts, ResponseCounts):
         angles = counts.angles.T
-        curves = [_curve(calibration, index, own) for index, own in enumerate(angles)]
+        curves = [_curve(calibration, index, of_qubit) for index, of_qubit in enumerate(angles)]
         return (1 - np.array(curves).T) / 2
     assert calibration.readout is not None
     p10, p01 = np.array(calibration.readout.p10), np.array(calibration.readout.p01)
@@ -195,14 +197,14 @@ def _draw_residuals(
     axes.axhspan(-2, 2, color="0.94", lw=0, zorder=0)
     axes.axhline(0, color=_GREY, linewidth=0.8, zorder=1)
     sides = (0.0,) if len(residuals) == 1 else (-0.2, 0.2)
-    for (part, found), side in zip(residuals, sides, strict=True):
-        circuits, qubits = found.shape
+    for (part, residual), side in zip(residuals, sides, strict=True):
+        circuits, qubits = residual.shape
         spread = 0.26 * (np.arange(circuits) / max(circuits - 1, 1) - 0.5)
         at = np.arange(qubits) + side + spread[:, None]
         colour, marker = (_BLUE, "o") if part == "response" else (_ORANGE, "D")
         size = 3 if qubits <= _MOST_CURVES else 1.5
-        axes.plot(at.ravel(), found.ravel(), marker, color=colour, ms=size, mew=0, label=part)
-    most = max(3.5, 1.1 * max(float(np.abs(found).max()) for _, found in residuals))
+        axes.plot(at.ravel(), residual.ravel(), marker, color=colour, ms=size, mew=0, label=part)
+    most = max(3.5, 1.1 * max(float(np.abs(residual).max()) for _, residual in residuals))
     axes.set_ylim(-most, most)
     axes.set_ylabel("residual /\nstandard error", fontsize=9)
     _finish(axes)

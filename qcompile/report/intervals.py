@@ -65,33 +65,33 @@ def draw_intervals(title: str, panels: Sequence[Panel], *, same_scale: bool = Tr
     width = min(max(7.0, sum(columns) * (0.5 + 0.16 * densest) + 1.2 * len(panels)), 24.0)
     figure = Figure(figsize=(width, 4.8), layout="constrained")
     letters = max(int(_LETTERS_PER_INCH * width / sum(columns)), _LETTERS_PER_INCH)
-    made = figure.subplots(
+    panes = figure.subplots(
         1, len(panels), squeeze=False, sharey=same_scale, width_ratios=[n + 0.5 for n in columns]
     )[0]
     labels = _labels(panels)
     groups = list(dict.fromkeys(i.group for panel in panels for i in panel.intervals if not i.grey))
     variants = list(dict.fromkeys(i.variant for panel in panels for i in panel.intervals))
-    for axes, panel in zip(made, panels, strict=True):
+    for axes, panel in zip(panes, panels, strict=True):
         _draw(axes, panel, labels, groups, variants)
         axes.set_xticks(
             range(len(_columns(panel))), [_wrapped(name, letters) for name in _columns(panel)]
         )
-    made[0].set_ylabel("mean reward, 95 % interval")
+    panes[0].set_ylabel("mean reward, 95 % interval")
     figure.suptitle(title, x=0.01, ha="left", fontsize=11)
     entries = {
         label: handle
-        for axes in made
+        for axes in panes
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
     }
     order = [*(label for label in labels if label in entries), *_LINES.values()]
-    shown = [label for label in order if label in entries]
+    present = [label for label in order if label in entries]
     figure.legend(
-        [entries[label] for label in shown],
-        shown,
+        [entries[label] for label in present],
+        present,
         loc="outside lower center",
         frameon=False,
         fontsize=8,
-        ncols=min(len(shown), max(3, int(width / 2.4))),
+        ncols=min(len(present), max(3, int(width / 2.4))),
     )
     FigureCanvasAgg(figure)
     picture = BytesIO()
@@ -161,7 +161,7 @@ def _wrapped(name: str, letters: int) -> str:
 
 def _labels(panels: Sequence[Panel]) -> list[str]:
     """The labels of all intervals, those of a group together."""
-    found = [interval for panel in panels for interval in panel.intervals]
-    groups = list(dict.fromkeys(interval.group for interval in found))
-    found.sort(key=lambda interval: (interval.grey, groups.index(interval.group)))
-    return list(dict.fromkeys(interval.label for interval in found))
+    intervals = [interval for panel in panels for interval in panel.intervals]
+    groups = list(dict.fromkeys(interval.group for interval in intervals))
+    intervals.sort(key=lambda interval: (interval.grey, groups.index(interval.group)))
+    return list(dict.fromkeys(interval.label for interval in intervals))

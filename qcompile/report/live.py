@@ -10,7 +10,7 @@ from qcompile.calibration import Calibration
 from qcompile.live.commands import resume_command
 from qcompile.live.journal import Journal, TaskKind
 from qcompile.live.looking import doubts_in_words
-from qcompile.live.perform import costs, task_of, where_it_stands
+from qcompile.live.perform import costs, progress_in_words, task_of
 from qcompile.mitigation.misfit import misfit_words
 from qcompile.report.calibration_values import calibration_values, print_calibration
 from qcompile.report.tables import cost_in_words, plural, print_run, print_table
@@ -28,7 +28,7 @@ def overview(journal: Journal) -> dict[str, Any]:
         "state": "unfinished" if journal.result is None else "finished",
         "jobs_done": states.get("done", 0),
         "jobs_open": states.get("sending", 0) + states.get("sent", 0),
-        "steps": journal.step_count(),
+        "steps": len(journal.steps),
         **costs(journal),
     }
 
@@ -56,7 +56,7 @@ def exported(journal: Journal) -> dict[str, Any]:
             "actions": step.actions.tolist(),
             "rewards": None if step.rewards is None else step.rewards.tolist(),
         }
-        for step in map(journal.step, range(journal.step_count()))
+        for step in map(journal.steps.at, range(len(journal.steps)))
         if step is not None
     ]
     return {
@@ -73,8 +73,8 @@ def result_values(kind: TaskKind, result: dict[str, Any]) -> dict[str, Any]:
     """What the command that began the run prints with --json."""
     if kind != "calibrate":
         return result
-    rest = {name: value for name, value in result.items() if name != "calibration"}
-    return calibration_values(Calibration.model_validate(result["calibration"])) | rest
+    others = {name: value for name, value in result.items() if name != "calibration"}
+    return calibration_values(Calibration.model_validate(result["calibration"])) | others
 
 
 def terms(journal: Journal, limit_s: float) -> str:
@@ -98,7 +98,7 @@ def print_overview(journal: Journal) -> None:
     row = overview(journal)
     backend = one_line(str(row["backend"]))
     click.echo(f"{row['run']}, {row['kind']} on {backend}: {row['state']}")
-    click.echo(where_it_stands(journal))
+    click.echo(progress_in_words(journal))
     click.echo(f"{cost_in_words(row)}; {row['max_qpu_seconds']:g} allowed")
     for line in doubts_in_words(journal):
         click.echo(line)
@@ -119,26 +119,26 @@ def print_result(kind: TaskKind, result: dict[str, Any]) -> None:
     click.echo(charged(result))
 
 
-def print_validation(found: dict[str, Any]) -> None:
+def print_validation(check: dict[str, Any]) -> None:
     """Print what a validation found, a row for each qubit."""
-    columns = ["qubits", "chi_square", "degrees", "p_value", *["power"] * ("power" in found)]
+    columns = ["qubits", "chi_square", "degrees", "p_value", *["power"] * ("power" in check)]
     print_table(
-        ["qubit", "chi-square", "expected", "p-value", *["power"] * ("power" in found), ""],
+        ["qubit", "chi-square", "expected", "p-value", *["power"] * ("power" in check), ""],
         [
-            [*row, "fails" if row[0] in found["failed"] else "holds"]
-            for row in zip(*(found[column] for column in columns), strict=True)
+            [*row, "fails" if row[0] in check["failed"] else "holds"]
+            for row in zip(*(check[column] for column in columns), strict=True)
         ],
-        f"Twin of {found['file']} against fresh counts of {found['shots']} shots",
+        f"Twin of {check['file']} against fresh counts of {check['shots']} shots",
     )
-    if "power" in found:
+    if "power" in check:
         click.echo(
-            f"{plural(found['observations'], 'observation')}: a p01 of one qubit raised by "
-            f"{found['effect']:g} is found {100 * found['least_power']:.0f} % of the time or more"
+            f"{plural(check['observations'], 'observation')}: a p01 of one qubit raised by "
+            f"{check['effect']:g} is found {100 * check['least_power']:.0f} % of the time or more"
         )
-        for words in misfit_words(found["calibration_misfits"]):
+        for words in misfit_words(check["calibration_misfits"]):
             click.echo(words)
-    verdict = "pass" if found["passed"] else "fail"
-    click.echo(f"{verdict}; the largest difference of a <Z> is {found['largest_difference']:.3f}")
+    verdict = "pass" if check["passed"] else "fail"
+    click.echo(f"{verdict}; the largest difference of a <Z> is {check['largest_difference']:.3f}")
 
 
 def charged(result: dict[str, Any]) -> str:

@@ -58,8 +58,8 @@ def print_table(
     out = _console()
     room = out.width - _UNBOUNDED.measure(table).maximum
     widths = _widths(columns, list(zip(*cells, strict=True)) or [()] * len(columns), room)
-    for made, width in zip(table.columns, widths, strict=True):
-        made.width = width
+    for narrowed, width in zip(table.columns, widths, strict=True):
+        narrowed.width = width
     out.width = max(out.width, _UNBOUNDED.measure(table).maximum)
     out.print(table)
 
@@ -70,10 +70,10 @@ def _cell(value: object) -> str:
 
 def _console() -> PlainConsole:
     """Standard output; as wide as a line gets where no terminal, nor COLUMNS, says how wide."""
-    made = console(highlight=False)
-    if not made.is_terminal and not os.environ.get("COLUMNS", "").isdecimal():
-        made.width = _UNBOUNDED.width
-    return made
+    out = console(highlight=False)
+    if not out.is_terminal and not os.environ.get("COLUMNS", "").isdecimal():
+        out.width = _UNBOUNDED.width
+    return out
 
 
 def _widths(columns: Sequence[str], cells: Sequence[Sequence[str]], room: int) -> list[int]:
@@ -165,15 +165,15 @@ def print_grid(objects: Sequence[Mapping[str, Any]]) -> None:
     """Print the results of `qcompile evaluate --json`, a table for each policy."""
     levels = _has_levels(objects)
     for policy in dict.fromkeys(values["policy"] for values in objects):
-        shown = [values for values in objects if values["policy"] == policy]
-        played = plural(len(shown[0]["episodes"]), "episode")
-        title = f"{policy} in {shown[0]['environment']}, {played}"
+        results = [values for values in objects if values["policy"] == policy]
+        played = plural(len(results[0]["episodes"]), "episode")
+        title = f"{policy} in {results[0]['environment']}, {played}"
         if not levels:
-            title += f", level {shown[0]['level']}"
-        title += ", greedy" * shown[0]["greedy"]
-        rows = [_grid_row(values, levels) for values in shown]
+            title += f", level {results[0]['level']}"
+        title += ", greedy" * results[0]["greedy"]
+        rows = [_grid_row(values, levels) for values in results]
         print_table(_grid_columns(levels), rows, title, tight=True)
-        for values in shown:
+        for values in results:
             for words in misfit_words(values.get("calibration_misfits", [])):
                 _console().print(escape(f"{values['backend']}: {words}"))
 
@@ -228,9 +228,9 @@ def plural(count: int, word: str) -> str:
 def _bars(values: Sequence[float]) -> str:
     """One bar for each of the first 40 values, from the least to the greatest."""
     high, span = max(values), (max(values) - min(values)) or 1.0
-    shown = values[:40]
-    bars = "".join(_BARS[-1 - round((high - v) / span * (len(_BARS) - 1))] for v in shown)
-    return bars + ("…" if len(values) > len(shown) else "")
+    drawn = values[:40]
+    bars = "".join(_BARS[-1 - round((high - v) / span * (len(_BARS) - 1))] for v in drawn)
+    return bars + ("…" if len(values) > len(drawn) else "")
 
 
 def cost_in_words(row: dict[str, Any]) -> str:

@@ -67,5 +67,5 @@ def executable_values(
             {"qubit": qubit, "reason": reason} for qubit, reason in unusable(device).items()
         ],
         "circuits": circuits,
-        "definitions": [str(definition) for definition in native.definitions],
+        "definitions": [str(late) for late in native.late_angles],
     }

@@ -23,6 +23,7 @@ from qcompile.reading import ContentsError, load_json, read_file, read_torch
 from qcompile.rl.models import critic_size, model_size
 from qcompile.rl.ppo import Trainer
 from qcompile.rl.settings import PACKAGES, Settings, plain, restored
+from qcompile.terminal import first_line
 from qcompile.validation import Line, explain
 from qcompile.version import versions
 
@@ -141,19 +142,19 @@ def load_checkpoint(path: Path) -> tuple[Trainer, list[str]]:
         trainer.restore({**saved.tensors.model_dump(), **state.model_dump()})
     except EnvironmentStepError as error:
         what = f"Checkpoint {path} is damaged, or its environment has changed."
-        raise TrainingError(what, str(error).splitlines()[0]) from error
+        raise TrainingError(what, first_line(str(error))) from error
     except QcompileError:
         raise
     except (ContentsError, ValidationError) as error:
         raise TrainingError(f"Checkpoint {path} is damaged.", *explain(error, 1)) from error
     except Exception as error:  # wrong values lead torch and the environments into any error
-        why = f"{type(error).__name__}: {error}".splitlines()[0][:200]
+        why = first_line(f"{type(error).__name__}: {error}")
         raise TrainingError(f"Checkpoint {path} is damaged.", why) from error
     now = versions(*PACKAGES)
     differ = [
-        f"{name} {made} then, {now.get(name, 'none')} now"
-        for name, made in saved.versions.items()
-        if made != now.get(name)
+        f"{name} {version} then, {now.get(name, 'none')} now"
+        for name, version in saved.versions.items()
+        if version != now.get(name)
     ]
     return trainer, differ
 
@@ -176,9 +177,9 @@ def _check_sizes(settings: Settings, saved: _Saved, state: _Plain) -> None:
 
 
 def _check_model(name: str, tensors: Mapping[str, torch.Tensor], size: int) -> None:
-    found = sum(tensor.numel() for tensor in tensors.values())
-    if found != size:
-        raise ContentsError(f"Its {name} has {found:,} numbers, by its settings {size:,}.")
+    count = sum(tensor.numel() for tensor in tensors.values())
+    if count != size:
+        raise ContentsError(f"Its {name} has {count:,} numbers, by its settings {size:,}.")
     if not all(torch.isfinite(tensor).all() for tensor in tensors.values()):
         raise ContentsError(f"Its {name} has a number that is not finite.")
 
@@ -200,11 +201,11 @@ def _read(path: Path) -> _Saved:
             *explain(error),
             "Name a file that `qcompile train --checkpoint` wrote, and wrote to its end.",
         ) from error
-    found = saved.get("format") if isinstance(saved, dict) else type(saved).__name__
-    if found != FORMAT:
+    format_ = saved.get("format") if isinstance(saved, dict) else type(saved).__name__
+    if format_ != FORMAT:
         raise TrainingError(
             f"{path} is not a checkpoint that this version reads; "
-            f"its format is {ascii(found)[:60]}.",
+            f"its format is {ascii(format_)[:60]}.",
             f"Needed: {FORMAT!r}, as `qcompile train --checkpoint` writes it.",
         )
     missing = sorted(set(_Saved.model_fields) - set(saved))

@@ -1,4 +1,4 @@
-"""Proximal policy optimisation, in the order of its mathematics: collect, judge, update."""
+"""Proximal policy optimisation, in the order of its mathematics: collect, estimate, update."""
 
 from __future__ import annotations
 
@@ -18,31 +18,15 @@ from qcompile.policy import Policy
 from qcompile.rl.advantage import ReturnScale, generalised_advantage
 from qcompile.rl.draw import draw_actions
 from qcompile.rl.flat import FlatParameters
-from qcompile.rl.models import SVQC, Surrogate, make_critic, make_model, parameter_count
+from qcompile.rl.models import SVQC, SurrogateModel, make_critic, make_model, parameter_count
 from qcompile.rl.noise import ActingNoise
 from qcompile.rl.pause import Pause
 from qcompile.rl.rollout import Collector, FinishedEpisode, Rollout
 from qcompile.rl.settings import PACKAGES, Settings, plain
+from qcompile.rl.training_log import Update
 from qcompile.version import versions
 
 _LEAST_RATE = 0.02
-
-
-@dataclass(frozen=True)
-class Update:
-    """How an update of PPO went, at its last minibatch: what its losses were, and how far it moved.
-
-    `divergence` estimates the Kullback-Leibler divergence of the old from the new policy, in nats;
-    `clipped` is the share of ratios that the clip holds.
-    """
-
-    steps: int
-    episodes: int
-    actor_loss: float
-    critic_loss: float
-    entropy: float
-    divergence: float
-    clipped: float
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -161,7 +145,7 @@ class Trainer:
 
     def policy(self) -> Policy | None:
         """The policy as it is, if it can be deployed."""
-        if not isinstance(self.actor, SVQC | Surrogate):
+        if not isinstance(self.actor, SVQC | SurrogateModel):
             return None
         metadata: dict[str, Any] = {
             "seed": self.seed,
@@ -180,15 +164,15 @@ class Trainer:
 
     def _act(self, observations: NDArray[np.floating]) -> NDArray[np.intp]:
         with torch.no_grad():
-            seen = torch.from_numpy(observations)
-            logits = (self.actor if self._noise is None else self._noise.act)(seen).numpy()
+            model = self.actor if self._noise is None else self._noise.act
+            logits = model(torch.from_numpy(observations)).numpy()
         return draw_actions(logits, self._rng)
 
     def _update(self, rollout: Rollout) -> None:
         settings, left = self.settings, 1.0
         if settings.anneal:
             left -= self._share(settings.anneal_steps, settings.anneal_episodes)
-        kept = [flat.parameter.detach().clone() for flat in self._learned]
+        numbers = [flat.parameter.detach().clone() for flat in self._learned]
         rates = (settings.actor_lr, settings.critic_lr)
         for group, rate in zip(self._optimiser.param_groups, rates, strict=True):
             group["lr"] = rate * max(left, _LEAST_RATE)
@@ -198,7 +182,7 @@ class Trainer:
         with torch.no_grad():
             outputs = self._outputs(observations, *residual)
             before = cross_entropy(outputs, actions, reduction="none")
-        columns = [observations, before, actions, *self._judge(rollout), *residual]
+        columns = [observations, before, actions, *self._advantages_and_targets(rollout), *residual]
         for _ in range(settings.epochs):
             for batch in self._minibatches(columns):
                 observations, before, actions, advantage, target, *residual = batch
@@ -214,8 +198,8 @@ class Trainer:
                 self._descend(loss, critic_loss)
         with torch.no_grad():
             if not all(flat.parameter.isfinite().all() for flat in self._learned):
-                for flat, before_update in zip(self._learned, kept, strict=True):
-                    flat.parameter.copy_(before_update)
+                for flat, whole in zip(self._learned, numbers, strict=True):
+                    flat.parameter.copy_(whole)
                 raise TrainingError(
                     f"Learning diverged after {len(self.history)} episodes: its numbers are not "
                     "finite.",
@@ -236,7 +220,7 @@ class Trainer:
         outputs: torch.Tensor = model(observations, *residual)
         return outputs
 
-    def _judge(self, rollout: Rollout) -> tuple[torch.Tensor, torch.Tensor]:
+    def _advantages_and_targets(self, rollout: Rollout) -> tuple[torch.Tensor, torch.Tensor]:
         """Normalised advantages and value targets, both (steps * environments,)."""
         settings, rewards = self.settings, rollout.rewards
         if settings.scale_rewards:
@@ -299,8 +283,8 @@ class Trainer:
         """
         self.actor.load_state_dict(state["actor"])
         self._critic.load_state_dict(state["critic"])
-        own = self._optimiser.state_dict()  # its groups: Adam's settings are not the file's
-        self._optimiser.load_state_dict(own | {"state": state["optimiser"]["state"]})
+        adam = self._optimiser.state_dict()  # the settings of its groups are not the file's
+        self._optimiser.load_state_dict(adam | {"state": state["optimiser"]["state"]})
         for flat in self._learned:
             moments = self._optimiser.state[flat.parameter]
             for name in ("exp_avg", "exp_avg_sq") if moments else ():

@@ -95,8 +95,8 @@ class Collector:
             for i, (stepper, action) in enumerate(
                 zip(self._steppers, actions.tolist(), strict=True)
             ):
-                seen, rewards[i], terminated, truncated = stepper.step(action)
-                following[i] = after[i] = seen
+                observation, rewards[i], terminated, truncated = stepper.step(action)
+                following[i] = after[i] = observation
                 self._taken[i].append(action)
                 if terminated or truncated:
                     flags[:, i] = terminated, truncated
@@ -114,9 +114,9 @@ class Collector:
             self.steps += count
             if horizon is None and len(self.history) > before:
                 break
-        seen, acted, rewarded, led_to, ended, cut = map(np.stack, columns)
+        observations, taken, rewarded, successors, terminals, cuts = map(np.stack, columns)
         finished = self.history[before:]
-        return Rollout(seen, acted, rewarded, led_to, ended, cut, finished)
+        return Rollout(observations, taken, rewarded, successors, terminals, cuts, finished)
 
     def state(self) -> dict[str, Any]:
         """Plain values from which `restore` goes on, between two rollouts."""
@@ -146,15 +146,15 @@ class Collector:
         for i, (stepper, (seed, actions)) in enumerate(
             zip(self._steppers, state["walks"], strict=True)
         ):
-            seen = stepper.reset(seed)
+            observation = stepper.reset(seed)
             for action in actions:
-                seen, _, terminated, truncated = stepper.step(action)
+                observation, _, terminated, truncated = stepper.step(action)
                 if terminated or truncated:
                     raise TrainingError("An episode of the checkpoint ends before its last action.")
             self._taken[i] = list(actions)
-            self._observations[i] = seen
-        was = np.array(state["observations"], dtype=self.dtype)
-        if not np.array_equal(self._observations, was):
+            self._observations[i] = observation
+        saved = np.array(state["observations"], dtype=self.dtype)
+        if not np.array_equal(self._observations, saved):
             raise TrainingError(
                 "The environments do not come to where the checkpoint left them.",
                 "Go on with the versions it was made with; it names them.",

@@ -56,8 +56,8 @@ def _sampling(trainer: Trainer, seed: int) -> Act:
 
     def act(observations: FloatArray, rows: Rows) -> IntArray:
         with torch.no_grad():
-            seen = torch.from_numpy(observations.astype(trainer.observation_dtype))
-            logits = trainer.actor(seen).numpy()
+            inputs = torch.from_numpy(observations.astype(trainer.observation_dtype))
+            logits = trainer.actor(inputs).numpy()
         return draw_actions(logits, rng)
 
     return act

@@ -21,9 +21,9 @@ MODELS: tuple[Model, ...] = ("svqc", "mvqc", "fcn", "cnn", "surrogate")
 Count = Annotated[int, Field(ge=1, le=1_000_000_000)]
 Size = Annotated[int, Field(ge=1, le=10_000)]
 Fraction = Annotated[float, Field(ge=0, le=1)]
-Positive = Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False)]
+Magnitude = Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, le=1e6, allow_inf_nan=False)]
-Scale = Positive | Annotated[tuple[Positive, ...], Field(min_length=1)]
+Scale = Magnitude | Annotated[tuple[Magnitude, ...], Field(min_length=1)]
 
 _ENCODED = ("svqc", "mvqc", "surrogate")
 _OF_MODELS: dict[str, tuple[str, ...]] = {
@@ -68,7 +68,7 @@ class Settings:
     """Sizes of the hidden layers of an fcn, channels of those of a cnn."""
     activation: Literal["relu", "tanh"] = "relu"
     """Between the layers of an fcn or a cnn."""
-    weight_spread: Positive | None = None
+    weight_spread: Magnitude | None = None
     """Standard deviation of the first weights of the last layer; None is the model's usual law."""
     critic_hidden: tuple[Size, ...] | None = None
     """Sizes of the hidden layers of a fully connected critic, tanh between them; None is a critic
@@ -94,9 +94,9 @@ class Settings:
     """Stop after this many episodes."""
 
     # The update
-    actor_lr: Positive = 0.001
+    actor_lr: Magnitude = 0.001
     """Adam's step size for the policy."""
-    critic_lr: Positive = 0.01
+    critic_lr: Magnitude = 0.01
     """Adam's step size for the value."""
     anneal: bool = False
     """Whether step sizes and entropy bonus fall linearly to 0 within `anneal_steps` or
@@ -115,11 +115,11 @@ class Settings:
     """Passes over each rollout."""
     minibatch: Count | None = None
     """Steps in one gradient; None is the whole rollout."""
-    clip: Positive = 0.1
+    clip: Magnitude = 0.1
     """PPO clips the probability ratio to 1 +- this."""
     entropy: NotNegative = 0.0
     """Weight of the entropy bonus."""
-    gradient_norm: Positive | None = None
+    gradient_norm: Magnitude | None = None
     """Gradients are cut to this norm."""
     scale_rewards: bool = False
     """Whether rewards are divided by the running standard deviation of returns."""

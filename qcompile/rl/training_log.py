@@ -1,10 +1,11 @@
-"""What a training leaves as it goes: averages, the rows of a CSV file, scalars for TensorBoard."""
+"""What a training leaves as it goes: averages, updates, rows of a CSV file, TensorBoard."""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -13,11 +14,27 @@ from qcompile.output import check_writable
 from qcompile.rl.order import StartOrder
 
 if TYPE_CHECKING:
-    from qcompile.rl.ppo import Update
     from qcompile.rl.rollout import FinishedEpisode
 
 _EPISODES = 20
 _FLUSH_SECONDS = 5
+
+
+@dataclass(frozen=True)
+class Update:
+    """How an update of PPO went, at its last minibatch: what its losses were, and how far it moved.
+
+    `divergence` estimates the Kullback-Leibler divergence of the old from the new policy, in nats;
+    `clipped` is the share of ratios that the clip holds.
+    """
+
+    steps: int
+    episodes: int
+    actor_loss: float
+    critic_loss: float
+    entropy: float
+    divergence: float
+    clipped: float
 
 
 class Averages:

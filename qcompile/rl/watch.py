@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from qcompile.rl.checkpoint import save_checkpoint
-from qcompile.rl.ppo import Trainer, TrainingResult, Update
+from qcompile.rl.ppo import Trainer, TrainingResult
 from qcompile.rl.rollout import FinishedEpisode
 from qcompile.rl.score import score
-from qcompile.rl.training_log import Averages, EpisodeLog, Scalars
+from qcompile.rl.training_log import Averages, EpisodeLog, Scalars, Update
 
 CHECKPOINT_SECONDS = 10.0
 EVALUATION_SEED = 1_000_000

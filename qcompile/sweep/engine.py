@@ -20,6 +20,7 @@ import joblib
 
 from qcompile.errors import MissingExtraError, QcompileError, StudyError
 from qcompile.sweep.workers import end_with
+from qcompile.terminal import first_line
 
 Engine = Literal["processes", "dask", "ray"]
 ENGINES: tuple[Engine, ...] = ("processes", "dask", "ray")
@@ -81,7 +82,7 @@ def run_all(
                 raise
             except Exception as error:  # whatever the engine raises where a worker is gone
                 losses += 1
-                words = f"{type(error).__name__}: {error}".splitlines()[0][:200]
+                words = first_line(f"{type(error).__name__}: {error}")
                 if losses == _MOST_LOSSES:
                     raise StudyError(
                         f"Workers were lost {losses} times while no {noun} got done ({words}).",

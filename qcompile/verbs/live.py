@@ -13,7 +13,7 @@ from qcompile.limits import FREE_SECONDS
 from qcompile.live.connection import Connection
 from qcompile.live.journal import Journal
 from qcompile.live.looking import doubts_in_words
-from qcompile.live.perform import begin, go_on, task_of
+from qcompile.live.perform import begin, complete, task_of
 from qcompile.live.task import Task
 from qcompile.report import progress as bars
 from qcompile.report.tables import plural
@@ -101,7 +101,7 @@ def follow(
     task = task_of(journal)
     on_note(f"run {journal.id}")
     with bars.progress_bar(task.name, task.planned_jobs) as show:
-        result = go_on(journal, max_wait_s=max_wait_s, pay_again=pay_again, out=out, show=show)
+        result = complete(journal, max_wait_s=max_wait_s, pay_again=pay_again, out=out, show=show)
     for line in doubts_in_words(journal):
         on_note(line)
     return result

@@ -46,9 +46,9 @@ def journal(kind: Any = "run", runs: str = "runs") -> Journal:
     settle(made, "job-a", 2.25)
     made.note_failed(sent(1, "job-b"), "it rained")
     sent(1, "job-c")
-    made.note_actions(0, np.array([[0.5, -1.0]]), np.array([1]))
-    made.note_rewards(0, [1.0])
-    made.note_actions(1, np.array([[0.25, 2.0]]), np.array([0]))
+    made.steps.note_actions(0, np.array([[0.5, -1.0]]), np.array([1]))
+    made.steps.note_rewards(0, [1.0])
+    made.steps.note_actions(1, np.array([[0.25, 2.0]]), np.array([0]))
     return made
 
 

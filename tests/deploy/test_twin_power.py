@@ -8,7 +8,7 @@ from scipy.stats import binom, chi2, kstest
 
 from qcompile.calibration import Calibration
 from qcompile.deploy.twin_check import check_twin, wide_observations
-from qcompile.deploy.twin_power import EFFECT, POWER, TwinShown, choose_check, choose_rows
+from qcompile.deploy.twin_power import EFFECT, POWER, TwinPrediction, choose_check, choose_rows
 from qcompile.device import Device, load_device
 from qcompile.execution import OfflineExecutor
 from qcompile.mitigation import calibrate
@@ -41,15 +41,15 @@ def test_the_power_is_how_often_moved_normal_residuals_are_found(
 ) -> None:
     """Residuals of a qubit drawn with the covariance of shots and curve, and moved by a p01."""
     shots, draws = 1500, 20_000
-    shown = TwinShown.of(twin, POLICY, wide[:5])
-    said = shown.powers(shots, EFFECT)[-1]
+    prediction = TwinPrediction.of(twin, POLICY, wide[:5])
+    said = prediction.powers(shots, EFFECT)[-1]
     rng = np.random.default_rng(0)
     assert ((said > 0.05) & (said < 0.95)).sum() > 5
     for number in np.flatnonzero((said > 0.05) & (said < 0.95))[:3]:
-        on = shown.own == number
-        design, z = shown.design[:, on].reshape(-1, 3), shown.expected[:, on].ravel()
-        covariance = design @ shown.covariance[number] @ design.T + np.diag((1 - z**2) / shots)
-        qubit = TORONTO.qubits[shown.qubits[number]]
+        on = prediction.qubit_of == number
+        design, z = prediction.design[:, on].reshape(-1, 3), prediction.expected[:, on].ravel()
+        covariance = design @ prediction.covariance[number] @ design.T + np.diag((1 - z**2) / shots)
+        qubit = TORONTO.qubits[prediction.qubits[number]]
         before_readout = (z - (qubit.p01 - qubit.p10)) / qubit.contrast
         moved = EFFECT * (1 - before_readout)
         residuals = moved + rng.multivariate_normal(np.zeros(len(z)), covariance, draws)
@@ -86,9 +86,9 @@ def test_a_right_twin_has_uniform_p_values(twin: Calibration, wide: np.ndarray) 
 
 def test_no_fewer_shots_have_the_power(twin: Calibration, wide: np.ndarray) -> None:
     observations, shots, power = choose_check(twin, POLICY, wide, power=0.8)
-    shown = TwinShown.of(twin, POLICY, observations)
-    assert power == pytest.approx(shown.powers(shots, EFFECT)[-1].min())
-    assert power >= 0.8 > shown.powers(int(0.85 * shots), EFFECT)[-1].min()
+    prediction = TwinPrediction.of(twin, POLICY, observations)
+    assert power == pytest.approx(prediction.powers(shots, EFFECT)[-1].min())
+    assert power >= 0.8 > prediction.powers(int(0.85 * shots), EFFECT)[-1].min()
     _, more, _ = choose_check(twin, POLICY, wide, power=0.99)
     assert more > shots
     _, fewer, _ = choose_check(twin, POLICY, wide, power=0.8, effect=2 * EFFECT)
@@ -114,7 +114,7 @@ def test_a_coarse_calibration_is_not_made_up_for_by_executions(wide: np.ndarray)
 
 def test_rows_are_chosen_that_show_every_qubit() -> None:
     """Row 1 shows both qubits well, row 2 the one that it shows least; none twice before all."""
-    visible = np.array([[0.1, 0.1], [2.0, 1.0], [0.0, 3.0], [1.0, 0.0]])
-    assert choose_rows(visible, 2).tolist() == [1, 2]
-    assert sorted(choose_rows(visible, 4)) == [0, 1, 2, 3]
-    assert choose_rows(visible, 5)[4] in (1, 2)
+    visibility = np.array([[0.1, 0.1], [2.0, 1.0], [0.0, 3.0], [1.0, 0.0]])
+    assert choose_rows(visibility, 2).tolist() == [1, 2]
+    assert sorted(choose_rows(visibility, 4)) == [0, 1, 2, 3]
+    assert choose_rows(visibility, 5)[4] in (1, 2)

@@ -75,9 +75,9 @@ def journal(name: str, runs: Path = RUNS, kind: Any = "run", **values: Any) -> J
     charge = made.charges.of_job("job-a")
     assert charge is not None
     made.charges.settle(charge, 2.25)
-    made.note_actions(0, np.array([[0.5, -1.0]]), np.array([1]))
-    made.note_rewards(0, [1.0])
-    made.note_actions(1, np.array([[0.25, 2.0]]), np.array([0]))
+    made.steps.note_actions(0, np.array([[0.5, -1.0]]), np.array([1]))
+    made.steps.note_rewards(0, [1.0])
+    made.steps.note_actions(1, np.array([[0.25, 2.0]]), np.array([0]))
     return made
 
 

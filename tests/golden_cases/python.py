@@ -14,7 +14,7 @@ import qcompile
 from qcompile.deploy.deployment import Deployment
 from qcompile.deploy.environments import make_environments
 from qcompile.deploy.play import play
-from qcompile.ir import Definition, Gate
+from qcompile.ir import Gate, LateAngle
 from qcompile.ir.angle import check_symbol
 from qcompile.live.connection import Connection
 from qcompile.live.executor import IBMExecutor
@@ -51,7 +51,7 @@ def names() -> dict[str, Any]:
         "torch": torch,
         "Path": Path,
         "Gate": Gate,
-        "Definition": Definition,
+        "LateAngle": LateAngle,
         "check_symbol": check_symbol,
         "single": single,
         "predistorted": predistorted,

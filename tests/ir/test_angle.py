@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -185,3 +187,24 @@ def test_any_name_may_be_a_symbol(name: str) -> None:
 
 def test_symbols_that_look_alike_stay_apart() -> None:
     assert Angle.of("ϕ-φ").symbols == ("φ", "ϕ")
+
+
+def test_products_and_quotients_with_a_constant_angle() -> None:
+    angle, half = Angle.of("3*x0-1.5"), Angle(0.5)
+    assert angle * half == half * angle == Angle(-0.75, (("x0", 1.5),))
+    assert angle / half == Angle(-3.0, (("x0", 6.0),))
+    assert Angle(1.0) / 3 == Angle(1.0 / 3.0)
+
+
+@pytest.mark.parametrize(
+    ("operation", "text"),
+    [(lambda a, b: a * b, "(x0)*(x1)"), (lambda a, b: Angle(1.0) / b, "(1.0)/(x1)")],
+)
+def test_a_product_or_quotient_that_is_not_affine_is_refused(operation: Any, text: str) -> None:
+    with pytest.raises(CircuitError, match=re.escape(f"'{text}' is not an affine angle.")):
+        operation(Angle.symbol("x0"), Angle.symbol("x1"))
+
+
+def test_a_quotient_by_zero_is_refused() -> None:
+    with pytest.raises(ZeroDivisionError):
+        Angle.symbol("x0") / 0.0

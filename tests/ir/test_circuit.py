@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from qiskit.circuit import library
 
 from qcompile.errors import CircuitError
-from qcompile.ir import FIXED_GATES, ROTATION_GATES, Angle, Circuit, Definition, Gate, Program
+from qcompile.ir import FIXED_GATES, ROTATION_GATES, Angle, Circuit, Gate, LateAngle, Program
 
 GATE_CLASSES = {
     "id": library.IGate, "x": library.XGate, "y": library.YGate, "z": library.ZGate,
@@ -59,7 +59,7 @@ def test_a_circuit_reads_back_from_its_text_and_lists(circuit: Circuit) -> None:
 
 @given(st.lists(circuits, max_size=4), circuits)
 def test_a_program_reads_back_from_its_text(made: list[Circuit], block: Circuit) -> None:
-    program = Program(tuple(made), ("x0", "x1"), ("theta0",), (Definition("a", block, "polar"),))
+    program = Program(tuple(made), ("x0", "x1"), ("theta0",), (LateAngle("a", block, "polar"),))
     again = Program.parse(str(program))
     assert again == program
     assert hash(again) == hash(program)
@@ -141,26 +141,26 @@ def test_an_undeclared_symbol_is_named_with_its_circuit() -> None:
         Program.of([Circuit.parse("ry(x0)"), Circuit.parse("ry(x1)")], inputs=1)
 
 
-def test_a_definition_s_block_uses_inputs_and_parameters_only() -> None:
-    first = Definition("a", Circuit.parse("ry(x0)"), "polar")
-    second = Definition("b", Circuit.parse("ry(a)"), "polar")
+def test_the_block_of_a_late_angle_uses_inputs_and_parameters_only() -> None:
+    first = LateAngle("a", Circuit.parse("ry(x0)"), "polar")
+    second = LateAngle("b", Circuit.parse("ry(a)"), "polar")
     Program((Circuit.parse("ry(a)"),), ("x0",), (), (first,))
     with pytest.raises(CircuitError, match="Unknown symbol 'a'"):
         Program((), ("x0",), (), (first, second))
 
 
 @pytest.mark.parametrize(
-    ("inputs", "parameters", "definitions"),
+    ("inputs", "parameters", "late_angles"),
     [(("a", "a"), (), ()), (("a",), ("a",), ()), ((), ("a",), ("a",))],
 )
-def test_no_symbol_is_declared_twice(inputs, parameters, definitions) -> None:
-    made = tuple(Definition(name, Circuit(), "first") for name in definitions)
+def test_no_symbol_is_declared_twice(inputs, parameters, late_angles) -> None:
+    made = tuple(LateAngle(name, Circuit(), "first") for name in late_angles)
     with pytest.raises(CircuitError, match="'a' is declared twice"):
         Program((), inputs, parameters, made)
 
 
 def test_a_fused_program_cannot_be_substituted() -> None:
-    fused = Program((), ("x0",), (), (Definition("a", Circuit(), "first"),))
+    fused = Program((), ("x0",), (), (LateAngle("a", Circuit(), "first"),))
     with pytest.raises(CircuitError, match="cannot be substituted"):
         fused.substitute({"x0": 1.0})
 
@@ -184,7 +184,7 @@ def test_names_of_copies_do_not_collide() -> None:
 
 
 def test_a_fused_program_cannot_be_copied() -> None:
-    fused = Program((), ("x0",), (), (Definition("a", Circuit(), "first"),))
+    fused = Program((), ("x0",), (), (LateAngle("a", Circuit(), "first"),))
     with pytest.raises(CircuitError, match="cannot be copied"):
         fused.side_by_side(2)
 
@@ -202,6 +202,6 @@ def test_the_text_form_of_a_program() -> None:
         (Circuit.parse("h ry(x0)"), Circuit()),
         ("x0",),
         (),
-        (Definition("a", Circuit.parse("ry(x0)"), "last"),),
+        (LateAngle("a", Circuit.parse("ry(x0)"), "last"),),
     )
     assert str(program) == "inputs x0\nparameters\n0: h ry(x0)\n1:\nwhere a = last{ry(x0)}"

@@ -14,7 +14,7 @@ from qcompile.live.connection import Connection
 from qcompile.live.executor import IBMExecutor
 from qcompile.live.jobs import Jobs
 from qcompile.live.journal import Journal
-from qcompile.live.perform import begin, go_on
+from qcompile.live.perform import begin, complete
 from qcompile.live.play import RunTask
 from qcompile.policy import load_policy
 from qcompile.policy.files import policy_values
@@ -73,7 +73,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, 
                 "max_steps": 3,
             }
         )
-        yield played(go_on(begin(tmp_path_factory.mktemp("runs"), task, LIMIT_S)))
+        yield played(complete(begin(tmp_path_factory.mktemp("runs"), task, LIMIT_S)))
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ from live_runs import Runs, check_paid_once, played
 from standin import Fault
 from standin.service import Service
 
-from qcompile.live.perform import go_on
+from qcompile.live.perform import complete
 from qcompile.live.runs import find_journal
 
 SUBMIT = "POST /jobs"
@@ -107,7 +107,7 @@ def test_a_copy_that_goes_on_elsewhere_finds_what_the_other_sends_in_between(
             other.append(True)
             with find_journal(Path("copies"), run) as journal:
                 journal.move_here()  # as whoever resumes it there confirms
-                other.append(go_on(journal))
+                other.append(complete(journal))
         return job
 
     monkeypatch.setattr(Service, "submit", submit)
@@ -130,7 +130,7 @@ def test_of_two_copies_that_both_pay_for_a_step_the_last_tells_of_both_jobs(
         if next(count) == 0:
             with find_journal(Path("copies"), run) as journal:
                 journal.move_here()  # as whoever resumes it there confirms
-                go_on(journal)
+                complete(journal)
         return real(self, body)
 
     monkeypatch.setattr(Service, "submit", submit)
@@ -138,4 +138,4 @@ def test_of_two_copies_that_both_pay_for_a_step_the_last_tells_of_both_jobs(
     assert found["qpu_seconds"] == pytest.approx(runs.service.ledger().charged_seconds)
     assert len(runs.service.ledger().jobs) == 4
     with find_journal(Path("copies"), run) as journal:  # which ended before the other's second job
-        assert go_on(journal)["qpu_seconds"] == pytest.approx(found["qpu_seconds"])
+        assert complete(journal)["qpu_seconds"] == pytest.approx(found["qpu_seconds"])

@@ -221,7 +221,7 @@ def test_what_a_job_costs_the_guard_does_not_grow_with_the_run(journal: Journal)
 
         told(journal)
         journal.jobs_done()
-        journal._db.set_progress_handler(count, 1)
+        journal._db.connection.set_progress_handler(count, 1)
         cap(journal)
         told(journal)
         journal.jobs_done()
@@ -229,19 +229,19 @@ def test_what_a_job_costs_the_guard_does_not_grow_with_the_run(journal: Journal)
         journal.charges.uncharged()
         journal.charges.doubts(number)
         done(journal, 2.0, number)
-        journal._db.set_progress_handler(None, 1)
+        journal._db.connection.set_progress_handler(None, 1)
         return steps
 
     few = instructions(0)
-    with journal._at_once():
+    with journal._db.at_once():
         for number in range(1, 1500):
             values = (number, 0, f"tag-{number}", "d", 100, "done", f"job-{number}")
-            journal._do(
+            journal._db.do(
                 "INSERT INTO submission (number, attempt, tag, digest, executions, state, job_id) "
                 "VALUES (?,?,?,?,?,?,?)",
                 *values,
             )
-            journal._do(
+            journal._db.do(
                 "INSERT INTO charge (number, executions, cap_s, sent_at, refused, job_id, "
                 "charged_s) VALUES (?, 100, 5, ?, 0, ?, 2.0)",
                 *(number, journal.created.isoformat(), f"job-{number}"),

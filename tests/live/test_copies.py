@@ -22,8 +22,8 @@ def copy_before_the_first_job(runs: Runs) -> Path:
     shutil.copytree(folder, copy)
     with find_journal(Path("copies"), folder.name) as journal:
         for table in ("submission", "charge", "step", "looked_over"):
-            journal._do(f"DELETE FROM {table}")
-        journal._do("UPDATE run SET result = NULL")
+            journal._db.do(f"DELETE FROM {table}")
+        journal._db.do("UPDATE run SET result = NULL")
     return copy
 
 

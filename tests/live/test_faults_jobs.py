@@ -12,7 +12,7 @@ from live_runs import LIMIT_S, Runs, check_paid_once, number_of, played
 from standin import Fault
 
 from qcompile.live.jobs import Jobs
-from qcompile.live.perform import go_on
+from qcompile.live.perform import complete
 from qcompile.live.runs import find_journal
 
 SUBMIT, RESULTS = "POST /jobs", "GET /jobs/{id}/results"
@@ -204,7 +204,7 @@ def test_two_that_go_on_at_once_do_not_pay_twice(runs: Runs, undisturbed: dict[s
 
     def go_on_elsewhere() -> None:
         with find_journal(Path("runs"), "last") as journal:
-            go_on(journal)
+            complete(journal)
 
     def asked() -> int:
         return runs.service.ledger().requests["GET /jobs/{id}"]

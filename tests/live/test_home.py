@@ -17,7 +17,7 @@ from standin import Fault
 from qcompile.calibration import Calibration, load_calibration
 from qcompile.errors import LiveError
 from qcompile.live.journal import Journal
-from qcompile.live.perform import go_on
+from qcompile.live.perform import complete
 from qcompile.live.runs import find_journal
 
 RUNS = Path("runs")
@@ -144,11 +144,11 @@ def test_python_is_asked_as_well(stopped: Runs) -> None:
     shutil.copytree(RUNS, "copy")
     with find_journal(Path("copy"), "last") as journal:
         with pytest.raises(LiveError, match="was last resumed in another folder") as caught:
-            go_on(journal)
+            complete(journal)
         command = f"`qcompile resume {journal.id} --runs copy` asks whether to resume it here."
         assert command in str(caught.value)
         journal.move_here()
-        assert go_on(journal)["env_steps"] == 6
+        assert complete(journal)["env_steps"] == 6
     assert stopped.service.ledger().charged_seconds > 0
 
 

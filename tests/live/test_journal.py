@@ -41,7 +41,7 @@ def test_a_new_run_has_a_folder_named_by_time_and_name() -> None:
     assert found.created == journal.created >= before
     assert found.result is None
     assert found.submissions() == found.charges.all() == []
-    assert found.step_count() == 0
+    assert len(found.steps) == 0
 
 
 def test_a_submission_is_there_from_before_it_is_sent_until_its_counts() -> None:
@@ -177,7 +177,7 @@ def test_what_is_written_is_on_the_disk_before_anything_else_happens() -> None:
     """SQLite's FULL, 2: without it a power cut takes what was said to be written."""
     journal = new()
     for seen in (journal, again(journal)):
-        assert seen._db.execute("PRAGMA synchronous").fetchone() == (2,)
+        assert seen._db.connection.execute("PRAGMA synchronous").fetchone() == (2,)
 
 
 def test_what_belongs_together_is_there_wholly_or_not_at_all(
@@ -202,28 +202,28 @@ def test_what_belongs_together_is_there_wholly_or_not_at_all(
 def test_steps_come_back_as_they_were() -> None:
     journal = new()
     seen = np.array([[1 / 3, np.nan, -np.inf], [0.1, -0.0, 1e-300]])
-    assert journal.step(0) is None
-    journal.note_actions(0, seen, np.array([2, 0], dtype=np.intp))
-    half = again(journal).step(0)
+    assert journal.steps.at(0) is None
+    journal.steps.note_actions(0, seen, np.array([2, 0], dtype=np.intp))
+    half = again(journal).steps.at(0)
     assert half is not None
     assert half.rewards is None
     np.testing.assert_array_equal(half.observations, seen)
     assert half.observations.dtype == np.float64
     assert np.signbit(half.observations[1, 1])
     assert half.actions.tolist() == [2, 0]
-    journal.note_rewards(0, [0.1, float("nan")])
-    whole = again(journal).step(0)
+    journal.steps.note_rewards(0, [0.1, float("nan")])
+    whole = again(journal).steps.at(0)
     assert whole is not None
     assert whole.rewards is not None
     np.testing.assert_array_equal(whole.rewards, [0.1, np.nan])
-    assert again(journal).step_count() == 1
-    assert again(journal).step(1) is None
+    assert len(again(journal).steps) == 1
+    assert again(journal).steps.at(1) is None
 
 
 def test_float32_observations_stay_float32() -> None:
     journal = new()
-    journal.note_actions(0, np.array([[0.1]], np.float32), np.array([1]))  # type: ignore[arg-type]
-    step = again(journal).step(0)
+    journal.steps.note_actions(0, np.array([[0.1]], np.float32), np.array([1]))  # type: ignore[arg-type]
+    step = again(journal).steps.at(0)
     assert step is not None
     assert step.observations.dtype == np.float32
     assert step.observations[0, 0] == np.float32(0.1)

@@ -85,7 +85,7 @@ def test_a_file_that_cannot_be_written_is_explained() -> None:
     made = journal.intend(0, "d", 1)
     with sqlite3.connect(journal.folder / FILE) as other:
         other.execute("BEGIN IMMEDIATE")
-        journal._db.execute("PRAGMA busy_timeout = 1")
+        journal._db.connection.execute("PRAGMA busy_timeout = 1")
         for write in (
             lambda: journal.note_sending(made, 5),
             lambda: journal.intend(1, "d", 1),

@@ -35,8 +35,8 @@ def new() -> Journal:
             charge = journal.charges.of_job(f"job-{number}")
             assert charge is not None
             journal.charges.settle(charge, 2.25)
-            journal.note_actions(number, np.zeros((2, 4)), np.array([1, 0]))
-            journal.note_rewards(number, [1.0, 1.0])
+            journal.steps.note_actions(number, np.zeros((2, 4)), np.array([1, 0]))
+            journal.steps.note_rewards(number, [1.0, 1.0])
         journal.note_sending(sent, 17)  # in doubt
         journal.note_done(sent, np.array([[3, 5]]))
         journal.note_failed(journal.intend(3, "e", 1), "it rained")
@@ -158,7 +158,7 @@ def test_a_row_that_damage_hides_is_missed_before_anything_is_sent() -> None:
     contents[page + 4] = 3
     journal.path.write_bytes(contents)
     with Journal(journal.folder) as opened:
-        assert opened.step_count() == 3
+        assert len(opened.steps) == 3
         with pytest.raises(LiveError, match=f"{journal.path} is damaged: "), opened.held():
             pass
 

@@ -6,47 +6,20 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from noisy import Neighbours
 from scipy.stats import binom, chi2
 
 from qcompile.calibration import Calibration
-from qcompile.device import Device, load_device
-from qcompile.execution import ExactPrepared, Executor, OfflineExecutor
+from qcompile.device import load_device
+from qcompile.execution import OfflineExecutor
 from qcompile.mitigation import calibrate, misfits, response_mitigation
 from qcompile.mitigation.measure import LIVE_ANGLES_RAD
 from qcompile.mitigation.misfit import MISFIT_LEVEL, misfit_words, p_values
-from qcompile.passes import Executable, compile
+from qcompile.passes import compile
 from qcompile.policy.layouts import parallel
 
 TORONTO = load_device("fake_toronto")
 QUBITS = np.arange(27)
-
-
-class Neighbours(Executor):
-    """Each bit is, with a probability `share`, that of the qubit q ^ 1, if that is measured too."""
-
-    kind = "noise-model"
-
-    def __init__(self, device: Device, share: float, seed: int):
-        self.device, self.share, self.rng = device, share, np.random.default_rng(seed)
-
-    def prepare(self, executable: Executable) -> ExactPrepared:
-        return Beside(executable, self.share, self.rng)
-
-
-class Beside(ExactPrepared):
-    """The circuits of an executable, and which circuit is beside each."""
-
-    def __init__(self, executable: Executable, share: float, rng: np.random.Generator):
-        super().__init__(executable, rng)
-        self._alone = OfflineExecutor(executable.device).prepare(executable)
-        places = list(zip(executable.qubits.tolist(), executable.rounds.tolist(), strict=True))
-        at = {place: index for index, place in enumerate(places)}
-        self._beside = np.array([at.get((q ^ 1, r), at[q, r]) for q, r in places])
-        self._share = share
-
-    def p_one(self, x: np.ndarray, theta: np.ndarray) -> np.ndarray:
-        p_one = self._alone.p_one(x, theta)
-        return (1 - self._share) * p_one + self._share * p_one[:, self._beside]
 
 
 def live(executor: OfflineExecutor | Neighbours) -> Calibration:

@@ -221,7 +221,7 @@ def test_new_symbols_do_not_collide() -> None:
     taken = Program((Circuit.parse("ry(polar0) rz(polar0) ry(first0) rz(polar0)"),),
                     ("polar0",), ("first0",))  # fmt: skip
     lowered = lower(taken, 1, SX)
-    assert [d.name for d in lowered.definitions] == ["_first0", "_polar0", "_last0"]
+    assert [late.name for late in lowered.late_angles] == ["_first0", "_polar0", "_last0"]
     assert compile(taken, level=1).bind(np.ones((2, 1)), np.ones(1)).shape == (2, 3)
 
 

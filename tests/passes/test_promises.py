@@ -17,7 +17,7 @@ from qcompile.native import RX, SX
 from qcompile.passes import LEVELS, PASSES, Pass, compile, pipeline
 from qcompile.passes.fuse_rotations import FuseRotations
 from qcompile.passes.to_native import ToNative
-from qcompile.simulate import Definitions
+from qcompile.simulate import LateAngles
 
 TOLERANCE = 1e-12
 SYMBOLS = ("x0", "x1", "theta0", "theta1")
@@ -85,10 +85,10 @@ def broken(passes: tuple[Pass, ...], program: Program, points: np.ndarray) -> li
     assert len(after) == len(program)
     theta = points[0, len(program.inputs) :]
     defined = np.zeros((len(points), 0))
-    if after.definitions:
-        definitions = Definitions(after.definitions, program.inputs, program.parameters)
-        defined = definitions(points[:, : len(program.inputs)], theta)
-    names = [d.name for d in after.definitions]
+    if after.late_angles:
+        late_angles = LateAngles(after.late_angles, program.inputs, program.parameters)
+        defined = late_angles(points[:, : len(program.inputs)], theta)
+    names = [late.name for late in after.late_angles]
     for point, extra in zip(points, defined, strict=True):
         point = [*point[: len(program.inputs)], *theta]
         values = dict(zip([*program.inputs, *program.parameters], point, strict=True))

@@ -11,7 +11,7 @@ import pytest
 
 from qcompile.device import IDEAL
 from qcompile.errors import CircuitError
-from qcompile.ir import FIXED_GATES, ROTATION_GATES, Angle, Circuit, Definition, Gate, Program
+from qcompile.ir import FIXED_GATES, ROTATION_GATES, Angle, Circuit, Gate, LateAngle, Program
 from qcompile.native import RX, SX
 from qcompile.passes import compile as compile_program
 from qcompile.passes import lower
@@ -288,7 +288,7 @@ def test_a_layout_names_registers_and_bits():
 
 
 ONE = Program(circuits("rz(x0)"), ("x0",))
-FUSED = Program(circuits("rz(b0)"), definitions=(Definition("b0", Circuit.parse("h"), "polar"),))
+FUSED = Program(circuits("rz(b0)"), late_angles=(LateAngle("b0", Circuit.parse("h"), "polar"),))
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from qcompile.policy import Policy, load_policy, save_policy
-from qcompile.rl.models import SVQC, Surrogate, parameter_count
+from qcompile.rl.models import SVQC, SurrogateModel, parameter_count
 from qcompile.rl.settings import Settings
 from qcompile.simulate import Simulator
 
@@ -23,8 +23,8 @@ VARIANTS = {
 }
 
 
-def make(settings: Settings, features: int = 4, outputs: int = 3, seed: int = 0) -> Surrogate:
-    model = Surrogate(features, outputs, settings, torch.Generator().manual_seed(seed))
+def make(settings: Settings, features: int = 4, outputs: int = 3, seed: int = 0) -> SurrogateModel:
+    model = SurrogateModel(features, outputs, settings, torch.Generator().manual_seed(seed))
     perturb(model)
     return model
 
@@ -84,7 +84,7 @@ def test_a_surrogate_can_be_any_policy_of_the_parallel_layout(reuse: int) -> Non
     circuits = SVQC(4, 3, settings, torch.Generator().manual_seed(0))
     perturb(circuits)
     changed = settings.changed(model="surrogate", theta_spread_rad=0.0)
-    surrogate = Surrogate(4, 3, changed, torch.Generator().manual_seed(9))
+    surrogate = SurrogateModel(4, 3, changed, torch.Generator().manual_seed(9))
     theta = circuits.theta.detach().numpy().astype(float)
     given = circuits.head.weights.detach().numpy().astype(float).reshape(3, reuse, 8)
     weights = np.concatenate([-np.cos(theta) * given, -np.sin(theta) * given], axis=2)

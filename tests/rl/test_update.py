@@ -12,8 +12,9 @@ from scipy.special import softmax
 
 from qcompile.policy import Policy
 from qcompile.rl.models import make_model
-from qcompile.rl.ppo import Trainer, Update
+from qcompile.rl.ppo import Trainer
 from qcompile.rl.settings import Settings
+from qcompile.rl.training_log import Update
 
 Outputs = Callable[[Policy, np.ndarray], np.ndarray]
 
@@ -181,7 +182,7 @@ def test_a_time_limit_is_bootstrapped_where_asked(bootstrap: bool, outputs: Outp
     trainer = Trainer("Clock-v0", settings, 0)
     for _ in range(2):
         rollout = trainer._collector.collect(lambda seen: np.array([0]), None)
-    _, targets = trainer._judge(rollout)
+    _, targets = trainer._advantages_and_targets(rollout)
     critic = trainer._critic.policy("p", "e", {})
     behind = outputs(critic, np.array([[2.0, 3.0]]))[0, 0] if bootstrap else 0.0
     third = 23 + 0.9 * behind

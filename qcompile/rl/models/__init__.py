@@ -10,14 +10,14 @@ import torch
 from qcompile.rl.models.head import ReusedLinear
 from qcompile.rl.models.mvqc import MVQC
 from qcompile.rl.models.networks import convolutional, fully_connected
-from qcompile.rl.models.surrogate import Surrogate
+from qcompile.rl.models.surrogate import SurrogateModel
 from qcompile.rl.models.svqc import SVQC
 from qcompile.rl.settings import Settings
 
 __all__ = [
     "MVQC",
     "SVQC",
-    "Surrogate",
+    "SurrogateModel",
     "critic_size",
     "make_critic",
     "make_model",
@@ -28,7 +28,7 @@ __all__ = [
 _MAKERS = {
     "svqc": SVQC,
     "mvqc": MVQC,
-    "surrogate": Surrogate,
+    "surrogate": SurrogateModel,
     "fcn": fully_connected,
     "cnn": convolutional,
 }

@@ -81,17 +81,17 @@ def _rz_ry(y: torch.Tensor, z: torch.Tensor) -> torch.Tensor:
 def _together(matrices: torch.Tensor) -> torch.Tensor:
     """The Kronecker product over the third axis from the end: (..., n, 2, 2) to (..., 2^n, 2^n)."""
     *batch, count, _, _ = matrices.shape
-    whole = torch.ones((*batch, 1, 1), dtype=matrices.dtype)
+    product = torch.ones((*batch, 1, 1), dtype=matrices.dtype)
     for index in range(count):
         part = matrices[..., index, :, :]
-        whole = whole[..., :, None, :, None] * part[..., None, :, None, :]
-        whole = whole.flatten(-4, -3).flatten(-2, -1)
-    return whole
+        product = product[..., :, None, :, None] * part[..., None, :, None, :]
+        product = product.flatten(-4, -3).flatten(-2, -1)
+    return product
 
 
 def _product(states: torch.Tensor) -> torch.Tensor:
     """The product state of n qubits, (n, 2) to (2^n,)."""
-    whole = torch.ones(1, dtype=states.dtype)
+    product = torch.ones(1, dtype=states.dtype)
     for state in states:
-        whole = torch.outer(whole, state).flatten()
-    return whole
+        product = torch.outer(product, state).flatten()
+    return product

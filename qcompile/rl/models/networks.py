@@ -16,8 +16,8 @@ class Network(torch.nn.Sequential):
     """Layers from observations (B, features), in any precision, to outputs (B, outputs)."""
 
     def forward(self, observations: torch.Tensor) -> torch.Tensor:
-        seen = observations.to(next(self.parameters()).dtype)
-        outputs: torch.Tensor = super().forward(seen)  # type: ignore[no-untyped-call]
+        inputs = observations.to(next(self.parameters()).dtype)
+        outputs: torch.Tensor = super().forward(inputs)  # type: ignore[no-untyped-call]
         return outputs
 
 

@@ -15,7 +15,7 @@ from qcompile.rl.models.svqc import numbers
 from qcompile.rl.settings import Settings
 
 
-class Surrogate(torch.nn.Module):
+class SurrogateModel(torch.nn.Module):
     """A linear layer on the functions that h ry(x) rz(x) ry(theta) can show: no circuit, no theta.
 
     With x = arctan(u) its `<Z>` is -sin(x) cos(theta) - cos(x)^2 sin(theta), so any theta mixes

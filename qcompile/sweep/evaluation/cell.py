@@ -16,7 +16,7 @@ from qcompile.deploy.intervals import bootstrap_ci95
 from qcompile.deploy.play import play
 from qcompile.deploy.result import is_solved
 from qcompile.errors import CalibrationError, QcompileError
-from qcompile.execution.executor import Kind
+from qcompile.execution import Kind
 from qcompile.sweep.complete import CellFailure
 from qcompile.sweep.evaluation.grid import Cell
 from qcompile.sweep.folder import Folder
@@ -26,17 +26,17 @@ Whole = Annotated[int, Field(ge=0)]
 Amount = Annotated[float, Field(ge=0)]
 
 
-class _Record(BaseModel):
+class _Part(BaseModel):
     model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False)
 
 
-class _Episode(_Record):
+class _Episode(_Part):
     seed: Whole
     reward: float
     length: Annotated[int, Field(ge=1)]
 
 
-class _Misfit(_Record):
+class _Misfit(_Part):
     qubit: Whole
     part: Literal["readout", "response"]
     chi_square: Amount
@@ -44,7 +44,7 @@ class _Misfit(_Record):
     p_value: Amount
 
 
-class _Summary(_Record):
+class _Summary(_Part):
     """The object of `qcompile run --json` for a cell; earlier ones lack the keys with a default."""
 
     policy: str

@@ -14,7 +14,7 @@ from qcompile.report.intervals import Interval, Panel, draw_intervals
 from qcompile.report.tables import interval_words, plural
 from qcompile.sweep.evaluation.cell import CellResult
 from qcompile.sweep.evaluation.grid import Cell
-from qcompile.sweep.evaluation.paper import TASKS, Score, Task
+from qcompile.sweep.evaluation.paper import TASKS, DeviceTest, Score
 from qcompile.sweep.evaluation.summary import results
 from qcompile.sweep.evaluation.write_up import interval, mitigation_words, reference_line
 from qcompile.sweep.pages import link, markdown_table, version_words, write_files
@@ -96,7 +96,7 @@ def _claimed(column: str, score: Score) -> Interval:
     return Interval(column, _PAPER, "", score.mean, low, high, grey=True)
 
 
-def _of_task(task: Task, objects: Objects) -> list[Mapping[str, Any]]:
+def _of_task(task: DeviceTest, objects: Objects) -> list[Mapping[str, Any]]:
     key = (task.policy, task.environment)
     return [values for values in objects if (values["policy"], values["environment"]) == key]
 
@@ -148,7 +148,7 @@ def _command(cell: Cell, folder: Path, page: Path) -> str:
     return shlex.join(["qcompile", "evaluate", "--paper", *map(str, words)])
 
 
-def _table(task: Task, objects: Objects) -> str:
+def _table(task: DeviceTest, objects: Objects) -> str:
     on_devices, ideal = task.on_devices, task.ideal
     lines = [
         *map(_cells, _of_task(task, objects)),

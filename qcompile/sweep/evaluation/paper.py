@@ -23,7 +23,7 @@ class Score:
 
 
 @dataclass(frozen=True)
-class Task:
+class DeviceTest:
     """One of the paper's device tests.
 
     `policy` is ours, shipped, and plays in `environment`; `circuits` and `parameters` are the
@@ -44,7 +44,7 @@ class Task:
 class _File(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
-    tasks: tuple[Task, ...]
+    tasks: tuple[DeviceTest, ...]
 
 
 TASKS = _File.model_validate(read_toml(Path(__file__).with_name("paper.toml"))).tasks

@@ -1,0 +1,184 @@
+"""Calibrations: what was counted on the qubits of a device, what was fitted to it, and its file."""
+
+from __future__ import annotations
+
+import json
+import os
+from datetime import datetime
+from functools import cached_property
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import numpy as np
+from pydantic import AwareDatetime, Field, ValidationError, model_validator
+
+from qcompile.arrays import IntArray
+from qcompile.calibration.counts import ReadoutCounts, ResponseCounts
+from qcompile.calibration.fits import ReadoutFit, ResponseFit, weakness
+from qcompile.device import CALIBRATION_MARK, Device, Kind
+from qcompile.errors import CalibrationError
+from qcompile.limits import CALIBRATION_HOURS, CLOCK_HOURS
+from qcompile.output import write_file
+from qcompile.reading import ContentsError, load_json, read_file, read_json
+from qcompile.validation import Line, Many, Record, explain
+
+if TYPE_CHECKING:
+    from qcompile.report.figure import Figure
+
+
+class Calibration(Record):
+    """Measured on `qubits` of `device`; entry i of every list below belongs to qubits[i].
+
+    `kind` is that of the executor it was measured on, `created` when. `unfitted` says why counts
+    have no fit: they are kept all the same.
+    """
+
+    format: Literal["qcompile-calibration-1"] = "qcompile-calibration-1"
+    backend: Line
+    kind: Kind
+    created: AwareDatetime
+    device: Device
+    qubits: Many[Annotated[int, Field(ge=0, le=1_000_000)]]
+    readout_counts: ReadoutCounts | None = None
+    readout: ReadoutFit | None = None
+    response_counts: ResponseCounts | None = None
+    response: ResponseFit | None = None
+    unfitted: Many[Line] = ()
+
+    @model_validator(mode="after")
+    def _check(self) -> Calibration:
+        count = len(self.qubits)
+        if not count or len(set(self.qubits)) < count:
+            raise ValueError("qubits must be there, each once")
+        if not self.device.is_ideal and max(self.qubits) >= len(self.device.qubits):
+            raise ValueError(f"{self.device.name} has no qubit {max(self.qubits)}")
+        if self.backend != self.device.name:
+            raise ValueError(f"backend is {self.backend!r}, its device is {self.device.name!r}")
+        parts = (self.readout, self.readout_counts, self.response, self.response_counts)
+        if not any(parts):
+            raise ValueError("neither readout nor response was measured")
+        for fit in (self.readout, self.response):
+            if fit is not None and any(
+                len(column) != count for column in vars(fit).values() if isinstance(column, tuple)
+            ):
+                raise ValueError(f"a fit has not one entry for each of {count} qubits")
+            if fit is not None and (words := weakness(fit, self.qubits)):
+                raise ValueError(words[0])
+        for counts in (self.readout_counts, self.response_counts):
+            if counts is not None and any(len(row) != count for row in counts.ones):
+                raise ValueError(f"a row of counts has not one entry for each of {count} qubits")
+        return self
+
+    @cached_property
+    def executions(self) -> int:
+        """Circuits times shots that were run for it."""
+        counts = (self.readout_counts, self.response_counts)
+        return sum(len(c.ones) * (c.shots or 0) for c in counts if c is not None)
+
+    @property
+    def mitigation(self) -> str:
+        """The mitigation it serves: `readout`, unless it knows responses alone."""
+        return "response" if self.readout is None and self.response is not None else "readout"
+
+    def rows(self, qubits: IntArray) -> IntArray:
+        """Where each of `qubits` (n,) stands in `self.qubits`.
+
+        Raises:
+            CalibrationError: a qubit was not calibrated.
+        """
+        missing = np.setdiff1d(qubits, self.qubits)
+        if missing.size:
+            raise CalibrationError(
+                f"Qubit {missing[0]} has no calibration.",
+                f"Calibrated on {self.backend}: {' '.join(map(str, self.qubits))}.",
+                "Calibrate it too (`qcompile calibrate --policy` measures a policy's qubits).",
+            )
+        order = np.argsort(self.qubits)
+        rows: IntArray = order[np.searchsorted(self.qubits, qubits, sorter=order)]
+        return rows
+
+    def age_hours(self, now: datetime) -> float:
+        """Hours from its creation to `now`, which has a time zone."""
+        return (now - self.created).total_seconds() / 3600
+
+    def plot(self) -> Figure:
+        """Response curves, residuals and readout errors of every qubit as a picture."""
+        from qcompile.report.calibration import draw_calibration
+        from qcompile.report.figure import Figure
+
+        return Figure(draw_calibration(self))
+
+    def __repr__(self) -> str:
+        measured = {"readout": self.readout_counts, "response": self.response_counts}
+        parts = " and ".join(part for part, counts in measured.items() if counts is not None)
+        qubits = "1 qubit" if len(self.qubits) == 1 else f"{len(self.qubits)} qubits"
+        return f"Calibration({self.backend}, {qubits}, {parts}, {self.created:%Y-%m-%d %H:%M} UTC)"
+
+    __str__ = __repr__
+
+    def _repr_html_(self) -> str:
+        from qcompile.report.calibration_values import calibration_html
+
+        return calibration_html(self)
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write it as JSON.
+
+        Raises:
+            OutputError: the file cannot be written.
+        """
+        write_file(Path(path), self.model_dump_json(indent=1).encode() + b"\n")
+
+
+def load_calibration(path: str | PathLike[str]) -> Calibration:
+    """The calibration of a file.
+
+    Raises:
+        CalibrationError: there is no such file, or it is no calibration.
+    """
+    path = Path(path)
+    try:
+        return Calibration.model_validate_json(read_json(path))
+    except (OSError, ContentsError, ValidationError) as error:
+        raise CalibrationError(f"{path} is no calibration.", *explain(error)) from error
+
+
+def load_counts(path: Path) -> Calibration:
+    """The calibration of a file without its fits: its counts, whatever became of them.
+
+    Raises:
+        CalibrationError: there is no such file, or it holds no counts of a calibration.
+    """
+    try:
+        values = load_json(read_file(path))
+        if isinstance(values, dict):
+            values = {
+                k: v for k, v in values.items() if k not in ("readout", "response", "unfitted")
+            }
+        return Calibration.model_validate_json(json.dumps(values))
+    except (OSError, ContentsError, ValidationError) as error:
+        raise CalibrationError(f"{path} holds no counts to fit.", *explain(error)) from error
+
+
+def age_words(name: str, calibration: Calibration, now: datetime) -> list[str]:
+    """Warnings about the age of the calibration called `name`; none where it is fresh."""
+    age = calibration.age_hours(now)
+    if age < -CLOCK_HOURS:
+        return [f"{name} is from the future, by {-age:.0f} hours: a clock is wrong."]
+    if age > CALIBRATION_HOURS:
+        return [
+            f"{name} is {age:.0f} hours old; `qcompile calibrate --check {name}` says whether it "
+            "still holds."
+        ]
+    return []
+
+
+def is_calibration(path: Path) -> bool:
+    """Whether a file says that it is one, wherever in it."""
+    if not os.path.isfile(path):  # unlike Path.is_file, False for a name too long to be one
+        return False
+    try:
+        return CALIBRATION_MARK in read_file(path)
+    except (OSError, ContentsError):
+        return False
