@@ -266,8 +266,8 @@ class Program:
     def __repr__(self) -> str:
         parts = [count(len(self), "circuit"), count(len(self.inputs), "input")]
         parts.append(count(len(self.parameters), "parameter"))
-        if self.definitions:
-            parts.append(count(len(self.definitions), "definition"))
+        if self.late_angles:
+            parts.append(count(len(self.late_angles), "late angle"))
         return f"Program({', '.join(parts)})"
 
     def _repr_html_(self) -> str:
