@@ -13,6 +13,7 @@ import qcompile
 from qcompile.deploy.deployment import Deployment
 from qcompile.deploy.environments import make_environments
 from qcompile.deploy.play import play
+from qcompile.deploy.rows import Rows
 from qcompile.policy.layouts import parallel
 
 CIRCUITS, OBSERVATIONS, SHOTS, EPISODES = 24, 1000, 1024, 20
@@ -99,8 +100,8 @@ def episodes(backend: str, shots: int | None, mitigation: str) -> Row:
         actions: list[list[int]] = []
         act = deployment.act
 
-        def recorded(observations: np.ndarray, act=act, actions=actions) -> np.ndarray:  # type: ignore[no-untyped-def]
-            chosen = act(observations)
+        def recorded(observations: np.ndarray, rows: Rows, act=act, actions=actions) -> np.ndarray:  # type: ignore[no-untyped-def]
+            chosen = act(observations, rows)
             actions.append(chosen.tolist())
             return chosen
 

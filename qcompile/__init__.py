@@ -1,6 +1,20 @@
-"""Compile policies of single-qubit variational circuits and play them on IBM devices.
+"""Policies of single-qubit variational circuits on IBM devices: trained, compiled and played.
 
-The names below load their modules when they are first used, so `import qcompile` costs little.
+What each command does is one call:
+
+run          play episodes with a policy on a backend
+evaluate     play a grid of policies, backends, shots and mitigations
+train        train a policy with PPO
+calibrate    measure the readout and the response of a device's qubits
+validate     test a calibration's twin against fresh counts
+plan         say what episodes cost on a machine, in each way to run them
+study        repeat the paper's training study
+
+load_policy, load_backend, load_device and load_calibration read what these take; each of them takes
+a name, a file or an object. What they give has a short repr, `plot` and `to_dict`. `compile`,
+`Program` and `OfflineExecutor` are the way from circuits to counts, step by step.
+
+The names load their modules when they are first used, so `import qcompile` costs little.
 """
 
 from __future__ import annotations
@@ -14,51 +28,79 @@ if TYPE_CHECKING:
     from qcompile.calibration import Calibration, load_calibration
     from qcompile.device import Device, load_device
     from qcompile.errors import QcompileError
-    from qcompile.execution import OfflineExecutor, TwinExecutor, expectation_from_ones
+    from qcompile.execution import (
+        OfflineExecutor,
+        TwinExecutor,
+        expectation_from_ones,
+        load_backend,
+    )
     from qcompile.ir import Angle, Circuit, Gate, Program
-    from qcompile.mitigation import calibrate
     from qcompile.passes import Executable, compile
     from qcompile.policy import Policy, load_policy, save_policy
     from qcompile.simulate import Simulator
+    from qcompile.verbs.calibrate import calibrate
+    from qcompile.verbs.evaluate import evaluate
+    from qcompile.verbs.live import Live
+    from qcompile.verbs.plan import plan
+    from qcompile.verbs.run import run
+    from qcompile.verbs.study import study
+    from qcompile.verbs.train import train
+    from qcompile.verbs.validate import validate
 
 _HOMES = {
+    "run": "qcompile.verbs.run",
+    "evaluate": "qcompile.verbs.evaluate",
+    "train": "qcompile.verbs.train",
+    "calibrate": "qcompile.verbs.calibrate",
+    "validate": "qcompile.verbs.validate",
+    "plan": "qcompile.verbs.plan",
+    "study": "qcompile.verbs.study",
     "Angle": "qcompile.ir",
     "Calibration": "qcompile.calibration",
     "Circuit": "qcompile.ir",
     "Device": "qcompile.device",
     "Executable": "qcompile.passes",
     "Gate": "qcompile.ir",
+    "Live": "qcompile.verbs.live",
     "OfflineExecutor": "qcompile.execution",
     "Policy": "qcompile.policy",
     "Program": "qcompile.ir",
     "QcompileError": "qcompile.errors",
     "Simulator": "qcompile.simulate",
     "TwinExecutor": "qcompile.execution",
-    "calibrate": "qcompile.mitigation",
     "compile": "qcompile.passes",
     "expectation_from_ones": "qcompile.execution",
+    "load_backend": "qcompile.execution",
     "load_calibration": "qcompile.calibration",
     "load_device": "qcompile.device",
     "load_policy": "qcompile.policy",
     "save_policy": "qcompile.policy",
 }
 
-__all__ = [
+__all__ = [  # noqa: RUF022
+    "run",
+    "evaluate",
+    "train",
+    "calibrate",
+    "validate",
+    "plan",
+    "study",
     "Angle",
     "Calibration",
     "Circuit",
     "Device",
     "Executable",
     "Gate",
+    "Live",
     "OfflineExecutor",
     "Policy",
     "Program",
     "QcompileError",
     "Simulator",
     "TwinExecutor",
-    "calibrate",
     "compile",
     "expectation_from_ones",
+    "load_backend",
     "load_calibration",
     "load_device",
     "load_policy",

@@ -11,6 +11,7 @@ from qcompile.catalogue import find, names, nearest
 from qcompile.errors import DeviceError
 from qcompile.foreign import is_qiskit_backend
 from qcompile.native import SX, NativeGates
+from qcompile.notebook import count, html_table
 from qcompile.reading import ContentsError, check_json, read_file
 from qcompile.validation import Line, Many, Record, explain
 
@@ -95,6 +96,20 @@ class Device(Record):
 
     def to_json(self) -> str:
         return self.model_dump_json(indent=1) + "\n"
+
+    def __repr__(self) -> str:
+        qubits = "perfect qubits" if self.is_ideal else count(len(self.qubits), "qubit")
+        return f"Device({self.name}, {qubits}, {' '.join(self.basis_gates)})"
+
+    __str__ = __repr__
+
+    def _repr_html_(self) -> str:
+        columns = ["qubit", "T1, us", "T2, us", "p10 %", "p01 %"]
+        rows = []
+        for number, qubit in enumerate(self.qubits):
+            errors = (f"{100 * qubit.p10:.2f}", f"{100 * qubit.p01:.2f}")
+            rows.append([str(number), f"{qubit.t1_us:.1f}", f"{qubit.t2_us:.1f}", *errors])
+        return html_table(columns, rows, repr(self))
 
 
 IDEAL = Device(

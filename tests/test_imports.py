@@ -17,7 +17,7 @@ PACKAGE = Path(qcompile.__file__).parent
 
 ORDER = (
     {"arrays", "errors", "limits", "version"},
-    {"catalogue", "foreign", "output", "streams", "terminal", "validation"},
+    {"catalogue", "foreign", "notebook", "output", "streams", "terminal", "validation"},
     {"reading"},
     {"ir"},
     {"simulate", "qasm", "native"},
@@ -47,9 +47,18 @@ DOORS = {
         "qcompile.interop.openqasm.program_of",
     },
     "passes/executable.py": {"qcompile.interop.qiskit.circuits_of"},
+    "calibration/calibration.py": {
+        "qcompile.report.calibration.draw_calibration",
+        "qcompile.report.calibration_values.calibration_html",
+        "qcompile.report.figure.Figure",
+    },
 }
-"""The only imports that point upwards: Program.from_* and Executable.to_qiskit load, when they are
-called, the function of qcompile.interop that does their work."""
+"""The only imports that point upwards: Program.from_*, Executable.to_qiskit and Calibration.plot
+load, when they are called, the function of qcompile.interop or qcompile.report that does their
+work."""
+
+VERBS = ["run", "evaluate", "train", "calibrate", "validate", "plan", "study"]
+NAMES = [name for name in qcompile.__all__ if name not in (*VERBS, "Live")]
 
 HEAVY = (
     *("torch", "cvxpy", "gymnasium", "matplotlib", "qiskit", "openqasm3", "imageio", "pennylane"),
@@ -103,7 +112,7 @@ def test_every_door_is_there_and_opens_within_a_function() -> None:
         assert doors <= {name for _, name in imports(PACKAGE / file)}
         outside = ast.parse((PACKAGE / file).read_text()).body
         assert not any(
-            (node.module or "").startswith("qcompile.interop")
+            (node.module or "").startswith(("qcompile.interop", "qcompile.report"))
             for node in outside
             if isinstance(node, ast.ImportFrom)
         )
@@ -130,7 +139,7 @@ def loaded_by(statement: str) -> set[str]:
         "qcompile.interop.pennylane, qcompile.interop.openqasm",
         "import qcompile.live.budget, qcompile.live.connection, qcompile.live.executor, "
         "qcompile.live.jobs, qcompile.live.journal, qcompile.live.measure, qcompile.live.task",
-        "import qcompile\nfor name in qcompile.__all__: getattr(qcompile, name)",
+        f"import qcompile\nfor name in {NAMES}: getattr(qcompile, name)",
         "import sys\nfrom qcompile.cli import main\nsys.argv = ['qcompile', '--help']\n"
         "try: main()\nexcept SystemExit as ended: assert ended.code == 0",
     ],
@@ -138,6 +147,12 @@ def loaded_by(statement: str) -> set[str]:
 )
 def test_heavy_packages_are_loaded_where_used(statement: str) -> None:
     assert loaded_by(statement) == set()
+
+
+def test_verbs_load_no_more_than_the_environments() -> None:
+    assert loaded_by(f"import qcompile\nfor name in {VERBS}: getattr(qcompile, name)") <= {
+        "gymnasium"
+    }
 
 
 def test_playing_live_loads_no_more_than_the_environments() -> None:
@@ -154,8 +169,9 @@ def test_the_measure_of_what_is_loaded_works() -> None:
     assert loaded_by("import openqasm3") == {"openqasm3"}
 
 
-def test_public_names_are_sorted_and_there() -> None:
-    assert qcompile.__all__ == sorted(qcompile.__all__)
+def test_public_names_are_there_the_verbs_first() -> None:
+    others = qcompile.__all__[len(VERBS) :]
+    assert qcompile.__all__ == [*VERBS, *sorted(others)]
     for name in qcompile.__all__:
         assert getattr(qcompile, name).__module__.startswith("qcompile.")
     assert {*qcompile.__all__, "__version__"} == set(dir(qcompile))

@@ -6,8 +6,9 @@ import json
 import os
 from datetime import datetime
 from functools import cached_property
+from os import PathLike
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from pydantic import AwareDatetime, Field, ValidationError, model_validator
@@ -21,6 +22,9 @@ from qcompile.limits import CALIBRATION_HOURS, CLOCK_HOURS
 from qcompile.output import write_file
 from qcompile.reading import ContentsError, load_json, read_file, read_json
 from qcompile.validation import Line, Many, Record, explain
+
+if TYPE_CHECKING:
+    from qcompile.report.figure import Figure
 
 
 class Calibration(Record):
@@ -98,21 +102,42 @@ class Calibration(Record):
         """Hours from its creation to `now`, which has a time zone."""
         return (now - self.created).total_seconds() / 3600
 
-    def save(self, path: Path) -> None:
+    def plot(self) -> Figure:
+        """Response curves, residuals and readout errors of every qubit as a picture."""
+        from qcompile.report.calibration import draw_calibration
+        from qcompile.report.figure import Figure
+
+        return Figure(draw_calibration(self))
+
+    def __repr__(self) -> str:
+        measured = {"readout": self.readout_counts, "response": self.response_counts}
+        parts = " and ".join(part for part, counts in measured.items() if counts is not None)
+        qubits = "1 qubit" if len(self.qubits) == 1 else f"{len(self.qubits)} qubits"
+        return f"Calibration({self.backend}, {qubits}, {parts}, {self.created:%Y-%m-%d %H:%M} UTC)"
+
+    __str__ = __repr__
+
+    def _repr_html_(self) -> str:
+        from qcompile.report.calibration_values import calibration_html
+
+        return calibration_html(self)
+
+    def save(self, path: str | PathLike[str]) -> None:
         """Write it as JSON.
 
         Raises:
             OutputError: the file cannot be written.
         """
-        write_file(path, self.model_dump_json(indent=1).encode() + b"\n")
+        write_file(Path(path), self.model_dump_json(indent=1).encode() + b"\n")
 
 
-def load_calibration(path: Path) -> Calibration:
+def load_calibration(path: str | PathLike[str]) -> Calibration:
     """The calibration of a file.
 
     Raises:
         CalibrationError: there is no such file, or it is no calibration.
     """
+    path = Path(path)
     try:
         return Calibration.model_validate_json(read_json(path))
     except (OSError, ContentsError, ValidationError) as error:

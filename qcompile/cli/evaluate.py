@@ -141,9 +141,8 @@ def command(
     results.json, results.csv and a picture for each policy. Ctrl-C keeps every finished cell; the
     same command resumes from there.
     """
-    from qcompile.report.progress import progress_bar
     from qcompile.report.tables import print_grid
-    from qcompile.sweep.evaluation import evaluate, evaluate_paper
+    from qcompile.verbs.evaluate import evaluate, evaluate_paper
 
     sides = {
         "policies": policies,
@@ -160,25 +159,23 @@ def command(
         )
     if page is not None and not paper:
         raise click.UsageError("--page is the page of --paper.")
-    with progress_bar("evaluate", 1) as show:
-        shared: dict[str, Any] = {
-            "episodes": episodes,
-            "seed": seed,
-            "out": out,
-            "engine": engine,
-            "address": address,
-            "workers": workers,
-            "on_progress": lambda finished, count, words: show(finished / count, words),
-            "on_loss": echo_note,
-        }
-        if paper:
-            result = evaluate_paper(page=page, **shared)
-        else:
-            result = evaluate(**named, greedy=greedy, on_note=echo_note, **shared)
+    shared: dict[str, Any] = {
+        "episodes": episodes,
+        "seed": seed,
+        "out": out,
+        "engine": engine,
+        "address": address,
+        "workers": workers,
+        "on_note": echo_note,
+    }
+    if paper:
+        result = evaluate_paper(page=page, **shared)
+    else:
+        result = evaluate(**named, greedy=greedy, **shared)
     if as_json:
         echo_json(result.to_dict())
     else:
-        print_grid(result.summaries)
+        print_grid(result.cells)
         paths = ", ".join(map(str, result.paths))
         click.echo(f"{result.played} cells played, {result.there} were there; written: {paths}")
     result.check_complete()

@@ -5,8 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Callable, Container, Mapping
-from datetime import UTC, datetime
+from collections.abc import Callable
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
@@ -14,10 +13,8 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 import click
 
 from qcompile.limits import MAX_SHOTS
-from qcompile.output import resolved
 
 if TYPE_CHECKING:
-    from qcompile.calibration import Calibration
     from qcompile.mitigation.measure import Part
 
 PARTS: tuple[Part, ...] = ("readout", "response")
@@ -35,18 +32,21 @@ class Decorator(Protocol):
     def __call__(self, function: Function, /) -> Function: ...
 
 
-class Shots(click.ParamType[int | None]):
-    """A number of shots, or "exact" for expectations without shot noise (None)."""
+class Shots(click.ParamType[int | str | None]):
+    """A number of shots, or "exact" for expectations without shot noise, which is `exact`."""
 
     name = "n|exact"
 
+    def __init__(self, exact: str | None = None):
+        self.exact = exact
+
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> int | None:
+    ) -> int | str | None:
         if value is None or isinstance(value, int):
             return value
         if value == "exact":
-            return None
+            return self.exact
         try:
             shots = int(value)
         except ValueError:
@@ -154,24 +154,6 @@ class Several(click.ParamType[tuple[Any, ...]]):
         return tuple(self.inner.convert(part, param, ctx) for part in parts)
 
 
-def check_distinct(
-    named: Mapping[str, Path | None], allowed: Container[frozenset[str]] = ()
-) -> dict[Path, str]:
-    """The options by the files they name, if no two name the same one but those of `allowed`.
-
-    Raises:
-        click.BadParameter: two name the same file, by whatever path.
-    """
-    taken: dict[Path, str] = {}
-    for option, path in named.items():
-        if path is None:
-            continue
-        other = taken.setdefault(resolved(path), option)
-        if other != option and frozenset({other, option}) not in allowed:
-            raise click.BadParameter(f"{path} is the file of {other}.", param_hint=f"'{option}'")
-    return taken
-
-
 def once(
     ctx: click.Context, param: click.Parameter, values: tuple[tuple[Any, ...], ...]
 ) -> tuple[Any, ...]:
@@ -235,14 +217,6 @@ json_option: Decorator = click.option(
 def echo_json(values: Any) -> None:
     """Print `values` as the one JSON document of a command."""
     click.echo(json.dumps(values, indent=1, allow_nan=False))
-
-
-def report_age(path: Path, calibration: Calibration) -> None:
-    """Say so on standard error where the calibration of a file is old."""
-    from qcompile.calibration import age_words
-
-    for words in age_words(str(path), calibration, datetime.now(UTC)):
-        echo_note(words)
 
 
 def echo_note(words: str) -> None:

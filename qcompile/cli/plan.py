@@ -81,73 +81,32 @@ def command(
     The episodes are played on the backend's noise model first: they may last longer or shorter on
     the machine.
     """
-    for option, value in (("--account", account), ("--instance", instance)):
-        if value is not None and not live:
-            raise click.UsageError(f"{option} is for --live.")
-    from qcompile.errors import DeviceError
-    from qcompile.execution import load_backend
-    from qcompile.live.connection import Connection
-    from qcompile.live.plan import copies_that_fit, forecast, strategies
-    from qcompile.live.play import RunTask
-    from qcompile.policy import load_policy
-    from qcompile.policy.files import policy_values
     from qcompile.report.tables import plural, print_table
+    from qcompile.verbs.plan import plan
 
-    device = (
-        Connection(backend, account, instance).device() if live else load_backend(backend).device
+    planned = plan(
+        policy,
+        backend,
+        shots=shots,
+        episodes=episodes,
+        seed=seed,
+        level=level,
+        mitigation=mitigation,
+        copies=copies,
+        max_steps=max_steps,
+        usd_per_second=usd_per_second,
+        live=live,
+        account=account,
+        instance=instance,
     )
-    if device.is_ideal:
-        raise DeviceError(
-            "ideal is no machine: it costs nothing.",
-            "Name a device; `qcompile backends` lists some.",
-        )
-    task = RunTask.model_validate(
-        {
-            "backend": device.name,
-            "device": device,
-            "policy": policy_values(load_policy(policy)),
-            "shots": shots,
-            "episodes": episodes,
-            "seed": seed,
-            "level": level,
-            "mitigation": mitigation,
-            "max_steps": max_steps,
-            "copy_of": "episode",
-        }
-    )
-    task = task.model_copy(update={"copies": copies or copies_that_fit(task)})
-    forecasted = forecast(task)
-    rows = [way.values(usd_per_second) for way in strategies(task, forecasted)]
+    values = planned.to_dict()
     if as_json:
-        echo_json(
-            {
-                "policy": task.policy.name,
-                "backend": device.name,
-                "shots": shots,
-                "episodes": episodes,
-                "copies": task.copies,
-                "env_steps": forecasted.env_steps,
-                "usd_per_second": usd_per_second,
-                "free_seconds": FREE_SECONDS,
-                "strategies": rows,
-            }
-        )
+        echo_json(values)
         return
     print_table(
-        ["way", "jobs", "executions", "QPU seconds", "USD", "of free plan"],
-        [
-            [
-                row["name"],
-                f"{row['jobs']:,}",
-                f"{row['executions']:,}",
-                f"{row['qpu_seconds']:,.1f}",
-                f"{row['price_usd']:,.0f}",
-                f"{100 * row['share_of_free_plan']:,.0f} %",
-            ]
-            for row in rows
-        ],
-        f"{task.policy.name} on {device.name}: {plural(episodes, 'episode')}, {shots} shots, "
-        f"{forecasted.env_steps} steps",
+        *planned.table,
+        f"{values['policy']} on {values['backend']}: {plural(episodes, 'episode')}, {shots} shots, "
+        f"{values['env_steps']} steps",
         right=range(1, 6),
         tight=True,
     )
@@ -155,6 +114,6 @@ def command(
         f"seconds: IBM's published estimate, {SECONDS_PER_JOB:g} for a job and "
         f"{SECONDS_PER_EXECUTION:g} for an execution; the free plan has {FREE_SECONDS:g} in "
         f"28 days\nprice: {usd_per_second:g} USD a second\n"
-        f"lockstep, {plural(task.copies or 1, 'episode')} side by side, is what `run --live` does; "
+        f"lockstep, {plural(values['copies'], 'episode')} side by side, is what `run --live` does; "
         "the twin plays any number of episodes"
     )

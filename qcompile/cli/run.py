@@ -118,4 +118,4 @@ def command(
         echo_json(result.to_dict())
     else:
         print_run(result.to_dict())
-    result.check_complete(episodes)
+    result.check_complete()

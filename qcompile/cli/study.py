@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +11,6 @@ from qcompile.cli.options import MarkdownPath, echo_json, echo_note, engine_opti
 
 if TYPE_CHECKING:
     from qcompile.sweep.engine import Engine
-    from qcompile.sweep.study.summary import RowSummary
 
 
 @click.command("study")
@@ -25,7 +23,7 @@ if TYPE_CHECKING:
     help="Only this figure: cartpole, reuse, cartpole-v0, acrobot or lunarlander; repeatable.",
 )
 @click.option(
-    "--row", "only", multiple=True, metavar="NAME", help="Only rows whose name begins with this."
+    "--row", "rows", multiple=True, metavar="NAME", help="Only rows whose name begins with this."
 )
 @click.option("--seeds", type=click.IntRange(1, 1000), help="Seeds of each row.  [default: 5, 10]")
 @click.option(
@@ -56,7 +54,7 @@ if TYPE_CHECKING:
 def command(
     name: str,
     figures: tuple[str, ...],
-    only: tuple[str, ...],
+    rows: tuple[str, ...],
     seeds: int | None,
     episodes: int | None,
     evaluation: int,
@@ -73,73 +71,38 @@ def command(
     Writes results.csv, curves.csv, a picture for each figure and reproduction.md. Ctrl-C keeps
     every finished training; the same command resumes from there.
     """
-    from qcompile.report.progress import progress_bar
-    from qcompile.sweep.study import study, study_rows
+    from qcompile.report.tables import print_table
+    from qcompile.verbs.study import study, study_rows
 
     choice: dict[str, Any] = {
         "figures": figures,
-        "rows": only,
+        "rows": rows,
         "seeds": seeds,
         "episodes": episodes,
         "evaluation": evaluation,
         "out": out,
     }
     if listing:
-        _list(study_rows(name, **choice), as_json)
+        members = study_rows(name, **choice)
+        if as_json:
+            echo_json(members)
+        else:
+            columns = ["row", "environment", "seeds", "left"]
+            print_table(columns, [[*row.values()] for row in members])
         return
-    with progress_bar(f"study {name}", 1) as show:
-        result = study(
-            name,
-            **choice,
-            page=page,
-            engine=engine,
-            address=address,
-            workers=workers,
-            on_progress=lambda finished, count, words: show(finished / count, words),
-            on_loss=echo_note,
-        )
+    result = study(
+        name,
+        **choice,
+        page=page,
+        engine=engine,
+        address=address,
+        workers=workers,
+        on_note=echo_note,
+    )
     if as_json:
         echo_json(result.to_dict())
         return
-    _show(result.summaries)
+    print_table(*result.table, right=(1, 2, 3))
     click.echo(
         f"{result.trained} trainings done, {result.there} were there; written up in {result.page}"
-    )
-
-
-def _list(rows: Sequence[Mapping[str, Any]], as_json: bool) -> None:
-    from qcompile.report.tables import print_table
-
-    if as_json:
-        echo_json(rows)
-    else:
-        print_table(["row", "environment", "seeds", "left"], [[*row.values()] for row in rows])
-
-
-def _show(summaries: Sequence[RowSummary]) -> None:
-    from qcompile.report.tables import print_table
-    from qcompile.sweep.study.summary import spread
-
-    print_table(
-        [
-            "row",
-            "seeds",
-            "parameters",
-            "target",
-            "mean at target",
-            "last average",
-            "fresh episodes",
-        ],
-        [
-            [
-                summary.row.name,
-                len(summary.results),
-                summary.parameters,
-                summary.row.target,
-                summary.mean_first or "never",
-                spread(summary.final),
-                spread(summary.evaluation),
-            ]
-            for summary in summaries
-        ],
     )

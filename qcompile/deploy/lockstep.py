@@ -64,7 +64,7 @@ def lockstep(
         on_step(rows)
         length += 1
         following = np.empty_like(observations)
-        ended = np.zeros(len(living), dtype=bool)
+        over: list[int] = []
         rewards: list[float] = []
         for i, (stepper, action) in enumerate(zip(living, actions, strict=True)):
             following[i], reward, terminated, truncated = stepper.step(action)
@@ -72,11 +72,11 @@ def lockstep(
             if stepper is filmed and on_frame is not None:
                 on_frame(stepper.environment.render(), fps)  # type: ignore[arg-type]
             if terminated or truncated or length == max_steps:
-                ended[i] = True
+                over.append(i)
                 on_episode(Episode(stepper.seed, stepper.reward, length))
         check_finite(living, following)
-        if ended.any():
-            living = [stepper for stepper, over in zip(living, ended, strict=True) if not over]
-            following, numbers = following[~ended], numbers[~ended]
+        if over:
+            living = [stepper for i, stepper in enumerate(living) if i not in over]
+            following, numbers = np.delete(following, over, axis=0), np.delete(numbers, over)
         observations = following
         on_rewards(rewards)

@@ -9,7 +9,7 @@ from qcompile.calibration import Calibration
 from qcompile.deploy.rows import Rows, packed
 from qcompile.deploy.settings import RunSettings
 from qcompile.errors import CalibrationError
-from qcompile.execution import Executor, Workload, exact, expectation_from_ones
+from qcompile.execution import Executor, Workload, exact
 from qcompile.ir import Program
 from qcompile.mitigation import (
     CALIBRATION_SHOTS,
@@ -135,5 +135,5 @@ class Measurement:
             z = exact(self._prepared).expectation(x, theta)
         else:
             rng = None if draws is None or rows is None else draws.rows(rows.episode, rows.decision)
-            z = expectation_from_ones(self._prepared.ones(x, theta, shots, rng), shots)
+            z = np.subtract(1.0, self._prepared.ones(x, theta, shots, rng) * (2.0 / shots))
         return z if self._mitigation is None else self._mitigation.apply(z)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -22,27 +23,36 @@ class Run:
     """Episodes played with a deployment; `episodes` are those that finished.
 
     `threshold` is the mean reward at which the environment counts as solved, if it has one;
-    `steps` counts the steps of the lockstep, `env_steps` those of every environment, `load` the
-    jobs and executions for them: those of the fullest copy, step by step.
+    `env_steps` counts the steps of every environment.
     """
 
     deployment: Deployment
     threshold: float | None = None
     episodes: list[Episode] = field(default_factory=list)
-    load: Workload = field(default_factory=Workload)
-    steps: int = 0
+    programs: Counter[int] = field(default_factory=Counter)
+    """How many steps took so many executions of the program, by that number."""
     env_steps: int = 0
     wall_seconds: float = 0.0
     interrupted: bool = False
 
     def count_step(self, rows: Rows) -> None:
         """Count a step of these episodes: one job, or more where a job cannot hold it."""
-        deployment = self.deployment
-        self.steps += 1
         self.env_steps += len(rows.episode)
-        programs = executions(rows, deployment.copies)
+        self.programs[executions(rows, self.deployment.copies)] += 1
+
+    @property
+    def steps(self) -> int:
+        """The steps of the lockstep."""
+        return self.programs.total()
+
+    @property
+    def load(self) -> Workload:
+        """Jobs and executions of the episodes."""
+        deployment, load = self.deployment, Workload()
         rounds, shots = deployment.executable.round_count, deployment.settings.shots or 0
-        self.load += Workload.of_batch(programs, rounds, shots)
+        for programs, steps in self.programs.items():
+            load += Workload.of_batch(programs, rounds, shots) * steps
+        return load
 
     @property
     def rewards(self) -> FloatArray:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from qcompile.arrays import IntArray
 
 
-@dataclass(frozen=True, eq=False)
-class Rows:
+class Rows(NamedTuple):
     """The episode and the decision of each row, two integer arrays of one shape, both from 0.
 
     `order` is what a row's copy follows from: its episode, unless it is said otherwise.
@@ -48,5 +47,7 @@ def packed(rows: Rows, copies: int) -> IntArray:
 
 def executions(rows: Rows, copies: int) -> int:
     """How many executions it takes to measure the rows: those of the fullest copy."""
+    if copies == 1:
+        return len(rows.episode)
     order = rows.episode if rows.order is None else rows.order
     return int(np.bincount(order % copies, minlength=copies).max(initial=0))

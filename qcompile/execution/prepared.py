@@ -14,7 +14,7 @@ from qcompile.passes import Executable
 
 
 class Binomial(Protocol):
-    """Where counts are drawn from: a generator of numpy's, or the draws of a batch's rows."""
+    """Where counts are drawn from: the draws of a batch's rows. p may pass [0, 1] by rounding."""
 
     def binomial(self, n: int, p: FloatArray, /) -> CountArray: ...
 
@@ -71,10 +71,14 @@ class ExactPrepared(Prepared):
     def ones(
         self, x: FloatArray, theta: FloatArray, shots: int, rng: Binomial | None = None
     ) -> CountArray:
-        return draw_ones(rng or self._rng, check_shots(shots), self.p_one(x, theta))
+        check_shots(shots)
+        p_one = self.p_one(x, theta)
+        if rng is None:
+            return draw_ones(self._rng, shots, p_one)
+        return rng.binomial(shots, p_one)
 
 
-def draw_ones(rng: Binomial, shots: int, p_one: FloatArray) -> CountArray:
+def draw_ones(rng: np.random.Generator, shots: int, p_one: FloatArray) -> CountArray:
     """Ones in `shots` shots, of the shape of `p_one`: binomial draws, as nothing is entangled."""
     return rng.binomial(shots, np.minimum(np.maximum(p_one, 0.0), 1.0))
 

@@ -11,11 +11,12 @@ from typing import Any, Literal
 from qcompile.errors import CircuitError
 from qcompile.ir.angle import Angle, check_symbol
 from qcompile.ir.gate import Gate
+from qcompile.notebook import count, html_table, shortened
 
 _GATE_TEXT = re.compile(r"\s*([A-Za-z]\w*)\s*(?:\(([^()]*(?:\([^()]*\)[^()]*)*)\))?")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Circuit:
     """Gates on one qubit that starts in |0> and is measured in Z at the end."""
 
@@ -91,6 +92,9 @@ class Circuit:
     def __str__(self) -> str:
         return " ".join(map(str, self.gates))
 
+    def __repr__(self) -> str:
+        return f"Circuit({shortened(str(self))})"
+
 
 EulerPart = Literal["first", "polar", "last"]
 
@@ -112,7 +116,7 @@ class LateAngle:
         return f"{self.name} = {self.part}{{{self.block}}}"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Program:
     """Circuits side by side; circuit i is bit i.
 
@@ -258,6 +262,17 @@ class Program:
 
     def __len__(self) -> int:
         return len(self.circuits)
+
+    def __repr__(self) -> str:
+        parts = [count(len(self), "circuit"), count(len(self.inputs), "input")]
+        parts.append(count(len(self.parameters), "parameter"))
+        if self.late_angles:
+            parts.append(count(len(self.late_angles), "late angle"))
+        return f"Program({', '.join(parts)})"
+
+    def _repr_html_(self) -> str:
+        rows = [[str(i), str(circuit)] for i, circuit in enumerate(self.circuits)]
+        return html_table(["circuit", "gates"], rows, repr(self))
 
     def __str__(self) -> str:
         lines = [f"inputs {' '.join(self.inputs)}", f"parameters {' '.join(self.parameters)}"]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -95,7 +94,7 @@ class Recorder:
         step = self._journal.steps.at(self._number)
         self._say(f"step {self._number + 1}")
         if self._copy_of == "place":
-            rows = replace(rows, order=np.arange(len(observations)))
+            rows = rows._replace(order=np.arange(len(observations)))
         if step is None:
             actions = act(observations, rows)
             self._journal.steps.note_actions(self._number, observations, actions)

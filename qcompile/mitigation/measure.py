@@ -34,7 +34,7 @@ _NOTHING = np.zeros((1, 0)), np.zeros(0)
 
 def calibrate(
     executor: Executor,
-    qubits: IntArray,
+    qubits: Sequence[int] | IntArray,
     shots: int | None = CALIBRATION_SHOTS,
     *,
     parts: Sequence[Part] = ("readout", "response"),
@@ -55,15 +55,7 @@ def calibrate(
         CalibrationError: no qubit, or one that the device lacks.
         CountsError: shots out of range.
     """
-    qubits = np.unique(qubits)
-    known = len(executor.device.qubits)
-    if not qubits.size or (known and qubits[-1] >= known):
-        raise CalibrationError(
-            f"{executor.device.name} has no qubit {qubits[-1]}."
-            if qubits.size
-            else "There is no qubit to calibrate.",
-            f"Its qubits are 0 to {known - 1}." if known else "Name one at least.",
-        )
+    qubits = check_qubits(executor.device, qubits)
     angles_rad = angle_orders(angles_rad, qubits) if angles_rad.ndim == 1 else angles_rad
     prepared = patterns(len(qubits))
     of = len(prepared) * ("readout" in parts) + len(angles_rad) * ("response" in parts)
@@ -91,6 +83,24 @@ def calibrate(
             readout_counts=readout_counts,
             response_counts=response_counts,
         )
+    )
+
+
+def check_qubits(device: Device, qubits: Sequence[int] | IntArray) -> IntArray:
+    """The qubits, sorted, each once.
+
+    Raises:
+        CalibrationError: there is none, or one that the device lacks.
+    """
+    numbers: IntArray = np.unique(np.asarray(qubits, dtype=np.intp))
+    known = len(device.qubits)
+    if numbers.size and (not known or numbers[-1] < known):
+        return numbers
+    raise CalibrationError(
+        f"{device.name} has no qubit {numbers[-1]}."
+        if numbers.size
+        else "There is no qubit to calibrate.",
+        f"Its qubits are 0 to {known - 1}." if known else "Name one at least.",
     )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from qcompile.arrays import FloatArray, IntArray
 from qcompile.errors import PolicyError
+from qcompile.notebook import count, html_table
 
 
 def _clip(values: FloatArray) -> FloatArray:
@@ -33,7 +34,7 @@ MOST_BIT = 52
 MOST_SCALE = 1e9
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Encoder:
     """x_i = gain_i * function_i(scale_i * (observation[f] - mean[f]) / std[f]), f = feature_i.
 
@@ -120,6 +121,15 @@ class Encoder:
         """The inputs of each function."""
         names = np.array(self.functions)
         return {name: np.flatnonzero(names == name) for name in dict.fromkeys(self.functions)}
+
+    def __repr__(self) -> str:
+        functions = " ".join(dict.fromkeys(self.functions))
+        inputs, features = count(len(self.feature), "input"), count(self.features, "feature")
+        return f"Encoder({functions}, {inputs} of {features})"
+
+    def _repr_html_(self) -> str:
+        rows = [[f"x{i}", self.formula(i)] for i in range(len(self.feature))]
+        return html_table(["input", "of an observation"], rows)
 
     def formula(self, index: int) -> str:
         """Input `index` as a text, such as "0.5*arctan(2 * (observation[3] - 1) / 4)"."""

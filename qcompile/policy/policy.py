@@ -12,6 +12,7 @@ import numpy as np
 from qcompile.arrays import FloatArray, IntArray
 from qcompile.errors import PolicyError
 from qcompile.ir import Program
+from qcompile.notebook import count, html_table
 from qcompile.policy.encoder import Encoder, check_arrays
 
 
@@ -26,7 +27,7 @@ def _odds(logits: FloatArray) -> FloatArray:
     return np.asarray(np.exp(logits - np.maximum.reduce(logits, axis=1, keepdims=True)))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Policy:
     """What is deployed: k actions from n circuits.
 
@@ -70,6 +71,22 @@ class Policy:
     @property
     def actions(self) -> int:
         return len(self.bias)
+
+    def __repr__(self) -> str:
+        return f"Policy({self.name}, {', '.join(self._lines.values())})"
+
+    def _repr_html_(self) -> str:
+        return html_table(["policy", self.name], [[*line] for line in self._lines.items()])
+
+    @property
+    def _lines(self) -> dict[str, str]:
+        """What it is, in a few words."""
+        return {
+            "environment": self.environment,
+            "circuits": count(len(self.program), "circuit"),
+            "parameters": count(self.parameter_count, "parameter"),
+            "actions": count(self.actions, "action"),
+        }
 
     @property
     def parameter_count(self) -> int:

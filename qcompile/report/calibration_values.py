@@ -10,6 +10,7 @@ import numpy as np
 from qcompile.calibration import Calibration, ReadoutFit, ResponseFit
 from qcompile.mitigation.misfit import misfits, p_values
 from qcompile.mitigation.polar import polar_curves
+from qcompile.notebook import html_table
 from qcompile.report.tables import plural, print_table
 
 
@@ -71,8 +72,8 @@ def _response(calibration: Calibration) -> dict[str, list[float]]:
     }
 
 
-def print_calibration(values: dict[str, Any]) -> None:
-    """Print the table of `calibration_values`; a fit has its chi-square of its expectation."""
+def calibration_table(values: dict[str, Any]) -> tuple[list[str], list[list[str]]]:
+    """Columns and rows of `calibration_values`; a fit has its chi-square of its expectation."""
     first = values["qubits"][0]
     columns = ["qubit"]
     if "p10" in first:
@@ -80,22 +81,32 @@ def print_calibration(values: dict[str, Any]) -> None:
     if "offset" in first:
         columns += ["offset", "contrast", "tilt, mrad"]
     columns += [f"{part} fit" for part in ("readout", "response") if f"{part}_degrees" in first]
-    print_table(
-        columns,
-        [list(_cells(row, bad_fits(values))) for row in values["qubits"]],
-        f"{values['backend']}: "
-        + (
-            "exact probabilities"
-            if values["shots"] == "exact"
-            else f"{plural(values['shots'], 'shot')} of each circuit, "
-            f"{values['executions']:,} executions"
-        ),
-        tight=True,
-    )
+    bad = bad_fits(values)
+    return columns, [list(_cells(row, bad)) for row in values["qubits"]]
 
 
-def _cells(row: dict[str, Any], bad: set[tuple[int, str]]) -> Iterator[object]:
-    yield row["qubit"]
+def calibration_title(values: dict[str, Any]) -> str:
+    """Of which device it is, and how many shots it took."""
+    if values["shots"] == "exact":
+        return f"{values['backend']}: exact probabilities"
+    shots = plural(values["shots"], "shot")
+    return f"{values['backend']}: {shots} of each circuit, {values['executions']:,} executions"
+
+
+def calibration_html(calibration: Calibration) -> str:
+    """The table of a calibration in HTML."""
+    values = calibration_values(calibration)
+    return html_table(*calibration_table(values), calibration_title(values))
+
+
+def print_calibration(values: dict[str, Any]) -> None:
+    """Print the table of `calibration_values`."""
+    columns, rows = calibration_table(values)
+    print_table(columns, rows, calibration_title(values), tight=True, right=(0,))
+
+
+def _cells(row: dict[str, Any], bad: set[tuple[int, str]]) -> Iterator[str]:
+    yield str(row["qubit"])
     for name in ("p10", "p01"):
         if name in row:
             error = 100 * row[f"{name}_error"]

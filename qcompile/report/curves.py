@@ -5,9 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from io import BytesIO
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 # Okabe and Ito's colours, which colour-blind readers tell apart.
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
@@ -30,11 +34,14 @@ class Curve:
 
 
 def draw_curves(
-    title: str, curves: Sequence[Curve], target: float, most_episodes: int | None = None
+    title: str,
+    curves: Sequence[Curve],
+    target: float | None = None,
+    most_episodes: int | None = None,
 ) -> bytes:
     """The curves over the number of episodes, as the bytes of a PNG file.
 
-    `target` is drawn across; the picture ends at `most_episodes`.
+    `target`, if any, is drawn across; the picture ends at `most_episodes`.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -47,17 +54,8 @@ def draw_curves(
         style = "--" if curve.dashed else "-"
         axes.plot(curve.episodes, curve.mean, style, color=colour, label=curve.label, linewidth=1.6)
         axes.fill_between(curve.episodes, curve.low, curve.high, color=colour, alpha=0.1, lw=0)
-    axes.axhline(target, color="0.5", linewidth=0.8, linestyle=":")
-    axes.annotate(
-        f"{target:g}",
-        (1.0, target),
-        xycoords=("axes fraction", "data"),
-        xytext=(4, 0),
-        textcoords="offset points",
-        va="center",
-        color="0.4",
-        annotation_clip=False,
-    )
+    if target is not None:
+        _draw_target(axes, target)
     longest = max(int(curve.episodes[-1]) for curve in curves)
     axes.set_xlim(0, min(longest, most_episodes or longest))
     axes.set_title(title, loc="left", fontsize=11)
@@ -69,3 +67,17 @@ def draw_curves(
     picture = BytesIO()
     figure.savefig(picture, format="png", dpi=120, metadata={"Software": None})
     return picture.getvalue()
+
+
+def _draw_target(axes: Axes, target: float) -> None:
+    axes.axhline(target, color="0.5", linewidth=0.8, linestyle=":")
+    axes.annotate(
+        f"{target:g}",
+        (1.0, target),
+        xycoords=("axes fraction", "data"),
+        xytext=(4, 0),
+        textcoords="offset points",
+        va="center",
+        color="0.4",
+        annotation_clip=False,
+    )

@@ -163,8 +163,7 @@ def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
 
 def print_grid(objects: Sequence[Mapping[str, Any]]) -> None:
     """Print the results of `qcompile evaluate --json`, a table for each policy."""
-    levels = len({values["level"] for values in objects}) > 1
-    header = ["backend", "shots", "mitigation", *["level"] * levels, "mean ± std", "95 % interval"]
+    levels = _has_levels(objects)
     for policy in dict.fromkeys(values["policy"] for values in objects):
         results = [values for values in objects if values["policy"] == policy]
         played = plural(len(results[0]["episodes"]), "episode")
@@ -172,15 +171,27 @@ def print_grid(objects: Sequence[Mapping[str, Any]]) -> None:
         if not levels:
             title += f", level {results[0]['level']}"
         title += ", greedy" * results[0]["greedy"]
-        print_table(
-            [*header, "to ideal", "solved"],
-            [_grid_row(values, levels) for values in results],
-            title,
-            tight=True,
-        )
+        rows = [_grid_row(values, levels) for values in results]
+        print_table(_grid_columns(levels), rows, title, tight=True)
         for values in results:
             for words in misfit_words(values.get("calibration_misfits", [])):
                 _console().print(escape(f"{values['backend']}: {words}"))
+
+
+def grid_table(objects: Sequence[Mapping[str, Any]]) -> tuple[list[str], list[list[str]]]:
+    """Columns and rows of the same, all policies in one table."""
+    levels = _has_levels(objects)
+    rows = [[values["policy"], *map(str, _grid_row(values, levels))] for values in objects]
+    return ["policy", *_grid_columns(levels)], rows
+
+
+def _has_levels(objects: Sequence[Mapping[str, Any]]) -> bool:
+    return len({values["level"] for values in objects}) > 1
+
+
+def _grid_columns(levels: bool) -> list[str]:
+    settings = ["backend", "shots", "mitigation", *["level"] * levels]
+    return [*settings, "mean ± std", "95 % interval", "to ideal", "solved"]
 
 
 def _grid_row(values: Mapping[str, Any], levels: bool) -> list[object]:

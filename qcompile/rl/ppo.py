@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from torch.nn.functional import cross_entropy, mse_loss
 
 from qcompile.errors import TrainingError
+from qcompile.notebook import count
 from qcompile.policy import Policy
 from qcompile.rl.acting_noise import ActingNoise
 from qcompile.rl.advantage import ReturnScale, generalised_advantage
@@ -28,7 +29,7 @@ from qcompile.version import versions
 _LEAST_RATE = 0.02
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class TrainingResult:
     """The trained model and every finished episode; `interrupted` says if Ctrl-C ended it.
 
@@ -40,6 +41,11 @@ class TrainingResult:
     episodes: list[FinishedEpisode]
     steps: int
     interrupted: bool
+
+    def __repr__(self) -> str:
+        episodes, steps = count(len(self.episodes), "episode"), count(self.steps, "step")
+        ended = ", interrupted" * self.interrupted
+        return f"TrainingResult({self.policy}, {episodes}, {steps}{ended})"
 
 
 class Trainer:
@@ -66,6 +72,10 @@ class Trainer:
         if isinstance(self.actor, SVQC) and (settings.backend, settings.shots) != ("ideal", None):
             self._noise = ActingNoise(self.actor, settings, seeds[3])
         self.last_update: Update | None = None
+
+    def __repr__(self) -> str:
+        done = f"{count(len(self.history), 'episode')}, {self.progress:.0%} of the training"
+        return f"Trainer({self.environment}, {self.settings.model}, seed {self.seed}, {done})"
 
     @property
     def steps(self) -> int:

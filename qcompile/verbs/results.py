@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from html import escape
 from pathlib import Path
 from typing import Any
 
+from qcompile.notebook import html_table, text_table
 from qcompile.output import write_file
 from qcompile.report.figure import Figure
 from qcompile.sweep.arguments import Name
@@ -42,18 +42,7 @@ class Result:
         raise NotImplementedError
 
     def __repr__(self) -> str:
-        columns, rows = self.table
-        lines = [columns, *rows]
-        widths = [max(len(line[k]) for line in lines) for k in range(len(columns))]
-        return "\n".join(
-            "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip()
-            for line in lines
-        )
+        return text_table(*self.table)
 
     def _repr_html_(self) -> str:
-        columns, rows = self.table
-        head = "".join(f"<th>{escape(name)}</th>" for name in columns)
-        body = "".join(
-            "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows
-        )
-        return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+        return html_table(*self.table)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import nullcontext
 from datetime import UTC, datetime
 from os import PathLike
@@ -36,6 +36,10 @@ Words = Callable[[str], None]
 
 class RunResult(Result):
     """What a run found. Of an interrupted one the shortest episodes alone are there."""
+
+    def __init__(self, values: Mapping[str, Any], episodes: int):
+        super().__init__(values)
+        self._asked = episodes
 
     @property
     def episodes(self) -> list[dict[str, Any]]:
@@ -73,15 +77,15 @@ class RunResult(Result):
         columns = ["policy", "backend", "kind", "shots", "mitigation", "episodes"]
         return [*columns, "mean reward", "95 % interval"], [row]
 
-    def check_complete(self, episodes: int) -> None:
-        """Nothing, if all of so many episodes were played.
+    def check_complete(self) -> None:
+        """Nothing, if all episodes were played.
 
         Raises:
             QcompileError: Ctrl-C came before.
         """
         if self.to_dict()["interrupted"]:
             raise QcompileError(
-                f"Interrupted: {len(self.episodes)} of {episodes} episodes were finished.",
+                f"Interrupted: {len(self.episodes)} of {self._asked} episodes were finished.",
                 "These are the shortest ones, so their mean is no estimate of the policy's score.",
                 "Fewer --episodes end sooner.",
             )
@@ -145,7 +149,8 @@ def run(
             on_note(words)
     settings = RunSettings.of(settings, calibration=calibration)
     if live is not None:
-        return RunResult(_run_live(loaded, backend, settings, episodes, live, on_note))
+        values = _run_live(loaded, backend, settings, episodes, live, on_note)
+        return RunResult(values, episodes)
     opened = load_backend(backend, sampler=sampler)
     bar = bars.progress_bar(f"{loaded.name} on {opened.device.name}", episodes, enabled=progress)
     with nullcontext() if video is None else Film(Path(video)) as film, bar as show:
@@ -165,7 +170,7 @@ def run(
     if film is not None:
         words = f"film of the first episode in {video}"
         on_note(words if film.frames else "no step was played: there is no film")
-    return RunResult(result.summary())
+    return RunResult(result.summary(), episodes)
 
 
 def _settings(

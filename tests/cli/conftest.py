@@ -94,3 +94,11 @@ def ctrl_c(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
 def left() -> Callable[[], list[str]]:
     """The names of everything in the folder, hidden and temporary files included."""
     return lambda: sorted(str(path) for path in Path().rglob("*"))
+
+
+@pytest.fixture
+def nothing_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    def calibrate(*_: object, **__: object) -> None:
+        pytest.fail("measured before the words were checked")
+
+    monkeypatch.setattr("qcompile.verbs.calibrate.measure_qubits", calibrate)

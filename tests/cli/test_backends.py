@@ -29,28 +29,6 @@ def test_a_device_is_shown(qcompile: Call) -> None:
     assert (found["name"], len(found["qubits"])) == ("ibm_lima", 5)
 
 
-def test_json_before_the_subcommand_is_wrong_usage(qcompile: Call) -> None:
-    answer = qcompile("backends", "--json", "show", "ibm_lima")
-    assert (answer.code, answer.out) == (2, "")
-    assert answer.err.endswith("--json goes behind the name: backends show NAME --json\n")
-
-
-def test_a_broken_device_file_is_named(qcompile: Call) -> None:
-    Path("hardware").mkdir()
-    Path("hardware/mine.json").write_text('{"format": "qcompile-device-1"}')
-    answer = qcompile("backends")
-    assert (answer.code, answer.out) == (1, "")
-    assert (
-        answer.err
-        == """\
-Error: hardware/mine.json is no device file.
-  name: field required (found {'format': 'qcompile-device-1'})
-  source: field required (found {'format': 'qcompile-device-1'})
-  basis_gates: field required (found {'format': 'qcompile-device-1'})
-"""
-    )
-
-
 @pytest.mark.parametrize("contents", ["{}", "[1, 2]", "no JSON", '{"format": "another"}'])
 def test_files_of_others_in_hardware_are_ignored(qcompile: Call, contents: str) -> None:
     before = qcompile("backends", "--json").out

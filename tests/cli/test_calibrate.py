@@ -1,11 +1,8 @@
-"""`qcompile calibrate`: what it measures, shows, writes, compares and refuses."""
+"""`qcompile calibrate`: what it measures, shows and writes, and kept counts fitted anew."""
 
 from __future__ import annotations
 
-import json
-import signal
 from collections.abc import Callable
-from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -14,38 +11,11 @@ import pytest
 
 from qcompile.calibration import load_calibration
 from qcompile.device import load_device
-from qcompile.execution import OfflineExecutor
-from qcompile.mitigation import calibrate
-from qcompile.mitigation.measure import RESPONSE_ANGLES_RAD
 from qcompile.noise import unusable
 
 Call = Callable[..., Any]
 
 LIMA = ("calibrate", "--backend", "fake_lima", "--seed", 1)
-
-
-@pytest.fixture
-def nothing_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:
-    def calibrate(*_: object, **__: object) -> None:
-        pytest.fail("measured before the words were checked")
-
-    monkeypatch.setattr("qcompile.mitigation.calibrate", calibrate)
-
-
-def changed(name: str, **values: float) -> str:
-    """A device file of fake_lima whose qubit 3 has other values, under the same device's name."""
-    device = json.loads(load_device("fake_lima").to_json())
-    device["qubits"][3] |= values
-    Path(name).write_text(json.dumps(device))
-    return name
-
-
-def aged(name: str, hours: float) -> str:
-    """The calibration of a file, as if it had been measured `hours` ago."""
-    values = json.loads(Path(name).read_text())
-    values["created"] = (datetime.now(UTC) - timedelta(hours=hours)).isoformat()
-    Path(name).write_text(json.dumps(values))
-    return name
 
 
 def test_help_says_what_it_is_for(qcompile: Call) -> None:
@@ -147,6 +117,17 @@ def test_a_bad_fit_is_told_in_words(qcompile: Call, monkeypatch: pytest.MonkeyPa
     assert answer.out.count("p-value") == 1
 
 
+def test_qubits_that_are_not_measured_are_named(qcompile: Call) -> None:
+    answer = qcompile("calibrate", "--backend", "fake_lagos", "--shots", 100, "--json")
+    assert answer.code == 0
+    reasons = unusable(load_device("fake_lagos"))
+    for qubit, why in reasons.items():
+        assert f"{qubit} {why}" in " ".join(answer.err.split())
+    assert not {row["qubit"] for row in answer.json()["qubits"]} & set(reasons)
+    words = ("--qubits", "0", "--force", "--json")
+    assert qcompile("calibrate", "--backend", "fake_lagos", *words).err == ""
+
+
 # Kept counts.
 
 
@@ -162,7 +143,9 @@ def test_counts_whose_fits_failed_are_fitted_anew(
         answer = qcompile(*words, "--out", "paid.json")
     assert answer.code == 1
     assert "No solver finds the response curve of qubit" in answer.err
-    monkeypatch.setattr("qcompile.mitigation.calibrate", lambda *_, **__: pytest.fail("measured"))
+    monkeypatch.setattr(
+        "qcompile.verbs.calibrate.measure_qubits", lambda *_, **__: pytest.fail("measured")
+    )
     answer = qcompile("calibrate", "--from", "paid.json", "--plot", "a.png", "--json")
     assert (answer.code, answer.err) == (0, "")
     assert left() == ["a.png", "ideal-calibration.json", "paid.json"]
@@ -214,214 +197,6 @@ def test_what_has_no_counts_is_not_fitted(qcompile: Call) -> None:
     answer = qcompile("calibrate")
     assert (answer.code, answer.out) == (2, "")
     assert "--backend names what to measure" in answer.err
-
-
-# Checks.
-
-
-def test_a_calibration_that_holds_passes(qcompile: Call, left: Call) -> None:
-    qcompile(*LIMA, "--out", "old.json")
-    before = Path("old.json").read_bytes()
-    words = ("calibrate", "--backend", "fake_lima", "--check", "old.json", "--seed", 2)
-    answer = qcompile(*words)
-    assert (answer.code, answer.err) == (0, "")
-    assert answer.out.endswith("old.json is 0.0 hours old; drifted qubits: none\n")
-    assert left() == ["old.json"]
-    assert Path("old.json").read_bytes() == before
-    found = qcompile(*words, "--json").json()
-    assert found["file"] is None
-    assert (found["check"]["file"], found["check"]["drifted"]) == ("old.json", [])
-
-
-def test_a_file_of_version_0_1_is_checked_with_its_own_circuits(qcompile: Call) -> None:
-    """All qubits turned alike: else what depends on neighbours would read as drift."""
-    lima = OfflineExecutor(load_device("fake_lima"), 5)
-    alike = np.repeat(RESPONSE_ANGLES_RAD[:, None], 5, axis=1)
-    values = calibrate(lima, np.arange(5), 1000, angles_rad=alike).model_dump(mode="json")
-    values["response_counts"]["angles_rad"] = RESPONSE_ANGLES_RAD.tolist()
-    Path("old.json").write_text(json.dumps(values))
-    words = ("--check", "old.json", "--qubits", "1,3", "--seed", 2, "--out", "new.json", "--json")
-    answer = qcompile("calibrate", "--backend", "fake_lima", *words)
-    assert (answer.code, answer.err) == (0, "")
-    assert answer.json()["check"]["degrees"] == 2 + 8
-    fresh = load_calibration(Path("new.json")).response_counts
-    assert fresh is not None
-    np.testing.assert_array_equal(fresh.angles, alike[:, :2])
-
-
-def test_a_qubit_that_moved_is_found(qcompile: Call) -> None:
-    qcompile(*LIMA, "--out", "old.json")
-    worse = changed("now.json", p01=0.12)
-    words = ("calibrate", "--backend", worse, "--check", "old.json", "--seed", 2, "--json")
-    answer = qcompile(*words, "--out", "new.json")
-    assert answer.code == 1
-    assert answer.json()["check"]["drifted"] == [3]
-    assert answer.err.startswith("Error: old.json no longer holds.\n  Drifted: 3 (")
-    assert load_calibration(Path("new.json")).qubits == (0, 1, 2, 3, 4)
-
-
-def test_an_old_calibration_does_not_pass(qcompile: Call) -> None:
-    qcompile(*LIMA, "--out", "old.json")
-    words = ("calibrate", "--backend", "fake_lima", "--check", aged("old.json", 30), "--seed", 2)
-    answer = qcompile(*words)
-    assert answer.code == 1
-    assert "\n  It is 30.0 hours old, more than 24.\n" in answer.err
-    assert qcompile(*words, "--max-age-hours", 31).code == 0
-
-
-def test_a_calibration_from_the_future_does_not_pass(qcompile: Call) -> None:
-    qcompile(*LIMA, "--out", "old.json")
-    words = ("calibrate", "--backend", "fake_lima", "--check", aged("old.json", -3), "--seed", 2)
-    answer = qcompile(*words)
-    assert answer.code == 1
-    assert "\n  It is from the future, by 3.0 hours: a clock is wrong.\n" in answer.err
-
-
-@pytest.mark.parametrize(
-    ("words", "text"),
-    [
-        (("--backend", "ibm_lima"), "The calibration is of fake_lima, the backend is ibm_lima."),
-        (("--qubits", "0,4"), "Qubit 4 has no calibration.\n  Calibrated on fake_lima: 0 1."),
-        (("--parts", "response"), "The calibration has no counts of the response.\n  It has: re"),
-    ],
-)
-def test_what_cannot_be_compared_is_refused_at_once(
-    qcompile: Call, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...], text: str
-) -> None:
-    qcompile(*LIMA, "--out", "old.json", "--qubits", "0,1", "--parts", "readout")
-    monkeypatch.setattr("qcompile.mitigation.calibrate", lambda *_, **__: pytest.fail("measured"))
-    answer = qcompile(*LIMA, "--check", "old.json", *words)
-    assert (answer.code, answer.out) == (1, "")
-    assert answer.err.startswith(f"Error: {text}")
-
-
-# What is refused.
-
-
-@pytest.mark.usefixtures("nothing_is_measured")
-@pytest.mark.parametrize(
-    ("words", "text"),
-    [
-        (("--qubits", "0", "--policy", "x"), "--qubits and --policy exclude each other"),
-        (("--qubits", "0,x"), "'0,x' is no list of qubits such as 0,1,5."),
-        (("--qubits", "-1"), "'-1' is no list of qubits such as 0,1,5."),
-        (("--parts", "all"), "'all' is neither readout nor response."),
-        (("--plot", "a.pdf"), "a.pdf must end with .png."),
-        (("--check", "a.json", "--shots", "exact"), "--shots exact has none"),
-        (("--shots", "0"), "0 shots cannot be run"),
-        (("--max-age-hours", "0"), "0.0 is not in the range x>0"),
-        (("--max-age-hours", "nan"), "'nan' is not a number of hours."),
-        (("--max-age-hours", "2"), "--max-age-hours is for --check"),
-        (("--check", "a.json", "--force"), "--check writes none without --out"),
-        (("--out", "a.png", "--plot", "x/../a.png"), "x/../a.png is the file of --out."),
-        (("--check", "a.png", "--plot", "a.png"), "a.png is the file of --check."),
-    ],
-)
-def test_wrong_usage(qcompile: Call, words: tuple[str, ...], text: str) -> None:
-    answer = qcompile(*LIMA, *words)
-    assert (answer.code, answer.out) == (2, "")
-    assert text in answer.err
-
-
-@pytest.mark.usefixtures("nothing_is_measured")
-def test_a_file_that_is_there_is_kept(qcompile: Call) -> None:
-    Path("fake_lima-calibration.json").write_text("paid for")
-    answer = qcompile(*LIMA)
-    assert (answer.code, answer.out) == (1, "")
-    assert (
-        answer.err
-        == """\
-Error: fake_lima-calibration.json is there already.
-  It may have been paid for: choose another with --out, or overwrite it with --force.
-"""
-    )
-
-
-def test_force_overwrites(qcompile: Call) -> None:
-    Path("a.json").write_text("old")
-    assert qcompile(*LIMA, "--out", "a.json", "--force", "--shots", 100).code == 0
-    assert load_calibration(Path("a.json")).backend == "fake_lima"
-
-
-@pytest.mark.usefixtures("nothing_is_measured")
-@pytest.mark.parametrize(
-    ("words", "text"),
-    [
-        (("--qubits", "0,7"), "fake_lima has no qubit 7.\n  Its qubits are 0 to 4.\n"),
-        (("--backend", "nosuch"), "Unknown backend 'nosuch'.\n"),
-        (("--policy", "nosuch"), "Unknown policy 'nosuch'.\n"),
-        (("--check", "bad.json"), "bad.json is no calibration.\n  It is not JSON: line 1"),
-        (("--backend", "bad.json"), "bad.json is no calibration.\n  It is not JSON: line 1"),
-        (("--check", "nosuch.json"), "nosuch.json is no calibration.\n"),
-        (("--out", "bad.json/a.json"), "Cannot write bad.json/a.json.\n"),
-        (("--plot", "bad.json/a.png"), "Cannot write bad.json/a.png.\n"),
-    ],
-)
-def test_what_cannot_work_is_explained_at_once(
-    qcompile: Call, left: Call, words: tuple[str, ...], text: str
-) -> None:
-    Path("bad.json").write_text('{"format": "qcompile-calibration-1", "backend": ')
-    answer = qcompile(*LIMA, *words)
-    assert (answer.code, answer.out) == (1, "")
-    assert answer.err.startswith(f"Error: {text}")
-    assert left() == ["bad.json"]
-
-
-def test_too_few_shots_are_refused_and_kept(qcompile: Call, left: Call) -> None:
-    answer = qcompile(*LIMA, "--shots", 2)
-    assert (answer.code, answer.out) == (1, "")
-    assert answer.err.startswith("Error: Not everything could be fitted. The counts are in fake_")
-    assert "\n  Too few shots: the readout of qubit 0 (0." in answer.err
-    assert "\n  Too few shots: the response of qubit 0 (0." in answer.err
-    assert left() == ["fake_lima-calibration.json"]
-    kept = json.loads(Path("fake_lima-calibration.json").read_text())
-    assert kept["readout"] is kept["response"] is None
-    assert len(kept["response_counts"]["ones"]) == 8
-    answer = qcompile(
-        "run", "cartpole", "--backend", "fake_lima", "--calibration", "fake_lima-calibration.json"
-    )
-    assert answer.code == 1
-    assert answer.err.startswith("Error: The calibration holds no assignment matrices.\n  Too few")
-    assert "mitigation response" not in answer.err, "it has no response either"
-    answer = qcompile("calibrate", "--backend", "fake_lima", "--check", left()[0])
-    assert (answer.code, answer.out) == (1, "")
-    assert answer.err.startswith("Error: The calibration has no fit of its readout")
-    assert "\n  Too few shots: the readout of qubit 0 (0." in answer.err
-
-
-def test_ctrl_c_writes_nothing(qcompile: Call, left: Call, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fit(*_: object) -> None:
-        signal.raise_signal(signal.SIGINT)
-
-    monkeypatch.setattr("qcompile.mitigation.measure.fit_readout", fit)
-    answer = qcompile(*LIMA, "--plot", "a.png")
-    assert (answer.code, answer.out) == (1, "")
-    assert answer.err == "Error: Interrupted: nothing was written.\n"
-    assert left() == []
-
-
-def test_ctrl_c_while_the_picture_is_drawn_keeps_the_calibration(
-    qcompile: Call, left: Call, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def draw(*_: object) -> None:
-        signal.raise_signal(signal.SIGINT)
-
-    monkeypatch.setattr("qcompile.report.calibration.draw_calibration", draw)
-    answer = qcompile(*LIMA, "--plot", "a.png", "--out", "a.json")
-    assert (answer.code, answer.out) == (1, "")
-    assert answer.err == "Error: Interrupted: a.png was not drawn. The calibration is in a.json.\n"
-    assert left() == ["a.json"]
-
-
-def test_qubits_that_are_not_measured_are_named(qcompile: Call) -> None:
-    answer = qcompile("calibrate", "--backend", "fake_lagos", "--shots", 100, "--json")
-    assert answer.code == 0
-    reasons = unusable(load_device("fake_lagos"))
-    for qubit, why in reasons.items():
-        assert f"{qubit} {why}" in " ".join(answer.err.split())
-    assert not {row["qubit"] for row in answer.json()["qubits"]} & set(reasons)
-    words = ("--qubits", "0", "--force", "--json")
-    assert qcompile("calibrate", "--backend", "fake_lagos", *words).err == ""
 
 
 # Other commands.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -133,14 +132,6 @@ Error: Cannot write in.qasm/out.qasm.
 """
     )
     assert left() == ["in.qasm"]
-
-
-def test_a_missing_parser_is_explained(qcompile: Call, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "openqasm3.parser", None)
-    answer = qcompile("compile", "in.qasm")
-    assert (answer.code, answer.out) == (1, "")
-    assert answer.err.startswith("Error: A package that qcompile needs cannot be loaded: ")
-    assert answer.err.endswith("  Install it with: pip install qcompile\n")
 
 
 def test_a_policy_is_shown(qcompile: Call, policy: Call) -> None:

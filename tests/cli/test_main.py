@@ -13,7 +13,6 @@ import click
 import pytest
 
 from qcompile import __version__
-from qcompile.cli import COMMANDS
 from qcompile.cli.group import cli
 
 Call = Callable[..., Any]
@@ -39,23 +38,8 @@ def test_every_command_has_help(
     assert command.help
 
 
-def test_the_list_of_commands_says_what_each_one_is_for(qcompile: Call) -> None:
-    answer = qcompile("--help")
-    assert answer.code == 0
-    for name, purpose in COMMANDS.items():
-        assert f"{name} " in answer.out
-        assert purpose in answer.out
-
-
 def test_the_version(qcompile: Call) -> None:
     assert qcompile("--version").out == f"qcompile, version {__version__}\n"
-
-
-@pytest.mark.parametrize("words", [(), ("nosuch",), ("--nosuch",), ("backends", "nosuch")])
-def test_wrong_usage_exits_with_2(qcompile: Call, words: tuple[str, ...]) -> None:
-    answer = qcompile(*words)
-    assert (answer.code, answer.out) == (2, "")
-    assert "Usage: qcompile" in answer.err
 
 
 def test_a_traceback_is_shown_when_asked_for(qcompile: Call) -> None:

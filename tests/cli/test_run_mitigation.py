@@ -136,24 +136,6 @@ def test_a_device_whose_bits_are_swapped_is_undone(
 @pytest.mark.parametrize(
     ("words", "text"),
     [
-        (("--predistort", "--mitigation", "readout"), "--predistort and --mitigation readout excl"),
-        (("--calibration", "lima.json", "--mitigation", "none"), "--calibration needs --mitigati"),
-        (("--calibration", "lima.json"), "--calibration needs --mitigation"),  # ideal has none
-        (("--copies", "0"), "0 is not in the range 1<=x<=10000"),
-        (("--copies", "4", "--episodes", "3"), "--copies 4 are more than the --episodes 3"),
-    ],
-)
-def test_contradictions_are_wrong_usage(
-    qcompile: Call, policy: Call, words: tuple[str, ...], text: str
-) -> None:
-    answer = qcompile("run", policy(), *words)
-    assert (answer.code, answer.out) == (2, "")
-    assert text in answer.err
-
-
-@pytest.mark.parametrize(
-    ("words", "text"),
-    [
         (
             ("--backend", "ibm_lima", "--calibration", "lima.json"),
             "The calibration is of fake_lima, the backend is ibm_lima.\n  Measure one with",

@@ -258,17 +258,6 @@ def test_all_that_a_run_holds(qcompile: Call) -> None:
     assert json.loads(Path("all.json").read_text()) == values
 
 
-@pytest.mark.parametrize("words", [("runs", "show"), ("runs", "export"), ("resume",)])
-def test_an_unknown_run_is_explained(qcompile: Call, words: tuple[str, ...]) -> None:
-    made = journal()
-    answer = qcompile(*words, "nosuch")
-    assert (answer.code, answer.out) == (1, "")
-    assert answer.err == (
-        f"Error: There is no run 'nosuch' in runs.\n  It holds 1: {made.id}.\n"
-        "  `qcompile runs` lists them; --runs names another folder.\n"
-    )
-
-
 def test_a_run_that_goes_on_elsewhere_is_left_alone(qcompile: Call) -> None:
     made = Journal.create(Path("runs"), "validate", "cart", settings(), VERSIONS, 9.0)
     with made.held():
@@ -288,13 +277,6 @@ def test_a_run_of_a_newer_version_is_explained(qcompile: Call) -> None:
         in answer.err
     )
     assert "Traceback" not in answer.err
-
-
-def test_json_goes_behind_the_name(qcompile: Call) -> None:
-    journal()
-    answer = qcompile("runs", "--json", "show", "last")
-    assert (answer.code, answer.out) == (2, "")
-    assert "--json goes behind the name: runs show ID --json" in answer.err
 
 
 def test_a_limit_of_nan_is_none(qcompile: Call) -> None:

@@ -88,25 +88,6 @@ def test_the_documentation_shows_what_is_printed(qcompile: Call) -> None:
     assert {line.strip() for line in shown} - {"..."} <= printed
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("in.qasm",), "--surrogate is for a policy; in.qasm is a program"),
-        (("tiny.json", "--backend", "ibm_lima"), "--surrogate and --backend exclude each other"),
-        (("tiny.json", "--level", "2"), "--surrogate and --level exclude each other"),
-    ],
-)
-@pytest.mark.parametrize("as_json", [(), ("--json",)])
-def test_wrong_usage(
-    qcompile: Call, policy: Call, words: tuple[str, ...], message: str, as_json: tuple[str, ...]
-) -> None:
-    policy()
-    Path("in.qasm").write_text("OPENQASM 3.0;\nqubit q;\n")
-    answer = qcompile("show", *words, "--surrogate", *as_json)
-    assert (answer.code, answer.out) == (2, "")
-    assert f"Error: {message}" in answer.err
-
-
 def test_a_policy_with_too_many_terms_is_explained(qcompile: Call, policy: Call) -> None:
     gates = [["h"], *([name, f"x{i}"] for i in range(12) for name in ("ry", "rz"))]
     encoder = {"function": "arctan", "feature": [0] * 12, "scale": [i + 1.0 for i in range(12)]}

@@ -123,7 +123,10 @@ def test_an_output_that_cannot_be_written_is_refused(qcompile: Call, left: Call,
     [
         (("--out", "mine.txt"), "mine.txt must end with .pt or .json."),
         (("--out", "folder.pt"), "File 'folder.pt' is a directory."),
-        (("--out", "mine.json", "--log", "./mine.json"), "mine.json is the file of --out."),
+        (
+            ("--out", "mine.json", "--log", "./mine.json"),
+            "mine.json is the file of out and of log.",
+        ),
         (("--out", "mine.pt", "--reuse", "0"), "0 is not in the range 1<=x<=1000."),
         (("--out", "mine.pt", "--steps", "0"), "0 is not in the range x>=1."),
         (("--out", "mine.pt", "--preset", "magic"), "'magic' is not one of 'paper', 'tuned'."),

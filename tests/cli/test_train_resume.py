@@ -40,7 +40,7 @@ def killed(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
         counted = 0
 
         @contextmanager
-        def bar(title: str, total: float) -> Iterator[Callable[[float, str], None]]:
+        def bar(*_: object, **__: object) -> Iterator[Callable[[float, str], None]]:
             def show(done: float, words: str) -> None:
                 nonlocal counted
                 counted += 1
@@ -79,7 +79,7 @@ def test_a_model_without_a_policy_goes_on_from_its_own_file(
     words = ("train", "CartPole-v1", *NETWORKS[what])
     answer = qcompile(*words, "--out", "whole.pt")
     assert answer.code == 0
-    assert answer.out.endswith("is no one-qubit circuits and does not run on a device.\n")
+    assert answer.out.endswith("is not made of one-qubit circuits and does not run on a device.\n")
     ctrl_c(4)
     answer = qcompile(*words, "--out", "net.pt")
     assert answer.code == 1
@@ -145,7 +145,7 @@ def test_a_killed_training_goes_on_from_the_last_checkpoint(
 def test_checkpoints_are_ten_seconds_apart(qcompile: Call, monkeypatch: pytest.MonkeyPatch) -> None:
     """The clock of each episode is 4 seconds on: written after the 3rd and the 6th, and at the
     end."""
-    from qcompile.report import watch
+    from qcompile.rl import watch
 
     now, saved = [0.0], []
 
@@ -254,8 +254,9 @@ def test_settings_beside_a_checkpoint_are_refused(
 ) -> None:
     answer = qcompile("train", "CartPole-v1", "--resume", state, *words, "--out", "p.pt")
     assert (answer.code, answer.out) == (2, "")
-    wanted = f"{words[0]} cannot be given with --resume: settings come from the checkpoint.\n"
-    assert answer.err.endswith(wanted)
+    option = {"--set": "settings"}.get(words[0], words[0].removeprefix("--"))
+    wanted = f"Error: {option} cannot be given with resume: the checkpoint has the settings.\n"
+    assert answer.err == wanted
 
 
 @pytest.mark.parametrize(
@@ -285,11 +286,11 @@ def test_no_file_and_a_policy_are_refused(qcompile: Call, state: str) -> None:
     ("words", "text"),
     [
         (("--out", "./state"), "state must end with .pt or .json."),
-        (("--out", "p.pt", "--log", "state"), "'--log': state is the file of --resume."),
-        (("--out", "p.pt", "--checkpoint", "p.pt"), "'--checkpoint': p.pt is the file of --out."),
+        (("--out", "p.pt", "--log", "state"), "state is the file of checkpoint and of log."),
+        (("--out", "p.pt", "--checkpoint", "p.pt"), "p.pt is the file of out and of checkpoint."),
         (
             ("--out", "p.pt", "--checkpoint", "b", "--log", "b"),
-            "'--log': b is the file of --checkpoint.",
+            "b is the file of checkpoint and of log.",
         ),
     ],
 )

@@ -55,15 +55,15 @@ def test_set_reads_lists_of_lists_and_none(settings: Call) -> None:
 @pytest.mark.parametrize(
     ("words", "text"),
     [
-        (("--set", "clp=1"), "Unknown setting 'clp'. Did you mean clip?"),
+        (("--set", "clp=1"), "Unknown setting 'clp'.\n  Did you mean clip?"),
         (("--set", "clip"), "'clip' is no NAME=VALUE, such as clip=0.2."),
-        (("--set", "model=fcn"), "'model' decides which preset is taken; use --model."),
-        (("--set", "layout=serial"), "'layout' decides which preset is taken; use --layout."),
+        (("--set", "model=fcn"), "'model' decides which preset is taken."),
+        (("--set", "layout=serial"), "'layout' decides which preset is taken."),
         (("--set", "clip=1", "--set", "clip=2"), "'clip' is set twice."),
-        (("--set", "reuse=3", "--reuse", "2"), "'reuse' is set by --reuse too."),
+        (("--set", "reuse=3", "--reuse", "2"), "reuse is both an option and one of the settings."),
         (("--set", "hidden=[1"), "hidden=[1 is no JSON list: "),
-        (("--evaluate-episodes", "3"), "--evaluate-episodes needs --evaluate-every."),
-        (("--model", "fcn"), "p.json must end with .pt: model 'fcn' is no one-qubit circuits"),
+        (("--evaluate-episodes", "3"), "evaluate-episodes needs evaluate-every:"),
+        (("--model", "fcn"), "p.json must end with .pt: model 'fcn' is not made of one-"),
     ],
 )
 def test_wrong_usage_is_refused(

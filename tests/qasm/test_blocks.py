@@ -67,29 +67,6 @@ def test_a_box_is_its_statements():
     assert circuits("qubit q;\nbox {\n  h q;\n  x q;\n}\n") == ["h x"]
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("qubit q;\nfor uint i in [0:2] {\n  h q;\n  nope q;\n}\n", "p:6: Unknown gate 'nope'."),
-        ("qubit[2] q;\nfor uint i in [0:2] h q[i];\n", "p:4: Index 2 of q[i] is out of range."),
-        ("qubit[2] q;\nfor uint i in [0:1] {\n\n  cx q[0], q[1];\n}\n", "p:6: cx q[0], q[1]"),
-        ("qubit q;\nint i;\nfor uint i in [0:1] h q;\n", "p:5: for uint i in [0:1]: 'i' cannot be"),
-        ("qubit q;\nfor uint i in [0:0:1] h q;\n", "p:4: The step of"),
-        ("qubit q;\nfor uint i in [0:1] { int k = i; }\nrx(k) q;\n", "p:5: Unknown name 'k'."),
-        ("qubit q;\nfor uint i in [0:99999999999] { }\n", "p:4: Definitions and loops take more"),
-        ("def f(qubit a) {\n  f(a);\n}\nqubit q;\nf(q);\n", "p:4: Subroutine 'f' calls itself."),
-        ("def f(qubit a, float t) { x a; }\nqubit q;\nf(q);\n", "p:5: f takes 2 arguments"),
-        ("def f(qubit[2] a) { x a; }\nqubit[3] q;\nf(q);\n", "p:5: 'q' does not fit"),
-        ("def f(creg c[3]) { }\nbit[3] c;\nqubit q;\nf(c);\n", "p:6: Subroutine 'f' cannot be"),
-        ("def f(qubit a) {\n  x a;\n  nope a;\n}\nqubit q;\nf(q);\n", "p:5: Unknown gate 'nope'."),
-        ("qubit q;\nwhile (true) { x q; }\n", "p:4: The statement 'while (true)' is"),
-        ("array[int, 2] a = {1, 2};\n", "p:3: The statement 'array[int, 2] a"),
-    ],
-)  # fmt: skip
-def test_refusals_name_the_line_within_the_body(text, message):
-    assert refused(text).startswith(message)
-
-
 def test_what_a_loop_makes_is_limited_as_everything_is():
     text = "qubit[1000] q;\nfor uint i in [0:999999] { x q; }\n"
     assert "more than 1000000 gates" in refused(text)

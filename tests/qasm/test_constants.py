@@ -122,32 +122,6 @@ def test_variables_have_the_value_that_they_were_last_given():
     assert source.program.circuits == (Circuit.parse("rx(2*x) rx(1.5*x-0.5)"),)
 
 
-@pytest.mark.parametrize(
-    ("declarations", "expression", "message"),
-    [
-        ("int[8] a = 200;", "a", "'200': 200 does not fit int[8]."),
-        ("uint a = -1;", "a", "'-1': -1 does not fit uint."),
-        ("int a = 2.5;", "a", "'2.5': A value of type float cannot become int."),
-        ("angle a = pi;\nint n = a;", "n", "'a': A value of type angle cannot become int."),
-        ("uint[8] a = 3;", "a - 5", "'a - 5' is -2, which does not fit uint[8]; readers differ"),
-        ("float a;", "a", "'a' has no value yet."),
-        ("float a = 1;\nb = 2;", "a", "'b' is not a variable."),
-        ("const float a = 1;\na = 2;", "a", "'a' is not a variable."),
-        ("bool a = true;", "a", "'a' is a bool, not an angle."),
-        ("input float x;\nangle a = x;", "a", "'x': An angle variable cannot depend on an input"),
-        ("input float x;\nconst float a = x;", "a", "'x' is not a constant."),
-        ("angle a = pi;", "a / -2", "'a / -2' is not an affine angle."),
-        ("float[8] a = 1;", "a", "float[8] is not a type here."),
-        ("int[2000] a = 1;", "a", "int[2000] is not a type here."),
-        ("", "2**100000", "'2 ** 100000' is not a finite real number."),
-        ('bit[2] b = "01";', "1", 'bit[2] b = "01" sets bits to 1.'),
-        ("float v = 1;\ngate g a { rz(v) a; }\nqubit r;\ng r;", "1", "Unknown name 'v'."),
-    ],
-)
-def test_what_has_no_agreed_value_is_refused(declarations, expression, message):
-    assert message in refusal(declarations, expression)
-
-
 def test_the_parameters_of_a_gate_are_real_numbers():
     gate = "gate g(t) a { rz(t/2) a; }\nconst angle[32] w = 2.5*pi;"
     source = read(f'include "stdgates.inc";\n{gate}\nqubit q;\ng(2.5*pi) q;\ng(w) q;\n')

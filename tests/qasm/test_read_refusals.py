@@ -167,15 +167,6 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize("case", REFUSED)
-def test_refusals_say_where_what_and_what_to_do(case, capsys):
-    text, message = REFUSED[case]
-    with pytest.raises(ProgramFileError) as caught:
-        read(text, "program.qasm")
-    assert str(caught.value) == message
-    assert capsys.readouterr().err == ""
-
-
 @pytest.mark.parametrize(
     "statement",
     [

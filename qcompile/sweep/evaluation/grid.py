@@ -149,16 +149,22 @@ def _why_not(backend: Backend, shots: int | None, mitigation: str, level: int) -
 def rename_duplicates(words: Sequence[str], policies: Sequence[Policy]) -> list[Policy]:
     """The policies, once each; where different ones share a name they are called by `words`.
 
-    `words` are what the policies were asked for with, one for each.
+    `words` are what the policies were asked for with, one for each; where these are the same too,
+    the second is "NAME (2)".
     """
     contents: dict[str, set[str]] = {}
     for policy in policies:
         contents.setdefault(policy.name, set()).add(policy_sha256(policy))
-    named: dict[tuple[str, str], Policy] = {}
+    named: dict[str, list[str]] = {}
+    different = []
     for word, policy in zip(words, policies, strict=True):
         name = policy.name if len(contents[policy.name]) == 1 else word
-        named.setdefault((name, policy_sha256(policy)), replace(policy, name=name))
-    return list(named.values())
+        hashes, own = named.setdefault(name, []), policy_sha256(policy)
+        if own not in hashes:
+            hashes.append(own)
+            number = f" ({len(hashes)})" * (len(hashes) > 1)
+            different.append(replace(policy, name=f"{name}{number}"))
+    return different
 
 
 def policy_sha256(policy: Policy) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import chain
-from os import PathLike, fspath
+from os import fspath
 from pathlib import Path
 from typing import Any, Literal
 
@@ -14,8 +14,8 @@ from qcompile.calibration import Calibration, age_words, load_calibration
 from qcompile.deploy.environments import check_fit, make_environments
 from qcompile.deploy.settings import MITIGATIONS
 from qcompile.device import Device
-from qcompile.errors import CalibrationError, StudyError
-from qcompile.execution import Backend, DeviceBackend, load_backend
+from qcompile.errors import CalibrationError, DeviceError, StudyError
+from qcompile.execution import Backend, Executor, load_backend
 from qcompile.output import check_writable
 from qcompile.policy import Policy, load_policy
 from qcompile.sweep.arguments import Name, ignore, no_progress, several
@@ -67,7 +67,7 @@ class Evaluation:
 
 def evaluate(
     policies: Name | Policy | Sequence[Name | Policy] = ("lunarlander",),
-    backends: Name | Device | Backend | Sequence[Name | Device | Backend] = ("ibm_lima",),
+    backends: Name | Device | Backend | Any | Sequence[Any] = ("ibm_lima",),
     *,
     shots: Shots | Sequence[Shots] = (1024, 8192),
     mitigations: str | Sequence[str] = ("none", "readout"),
@@ -205,10 +205,19 @@ def _known_mitigation(name: str) -> str:
     return name
 
 
-def _backend(backend: Name | Device | Backend) -> Backend:
-    if isinstance(backend, str | PathLike):
-        return load_backend(fspath(backend))
-    return DeviceBackend(backend) if isinstance(backend, Device) else backend
+def _backend(backend: Any) -> Backend:
+    """The backend that a name, a file or an object stands for.
+
+    Raises:
+        DeviceError: it is an executor, whose draws depend on what it ran before.
+    """
+    loaded: Backend | Executor = load_backend(backend)
+    if isinstance(loaded, Executor):
+        raise DeviceError(
+            f"A grid is not played on an executor, found {loaded!r}.",
+            "Every cell opens its own: give the device, or a backend of load_backend.",
+        )
+    return loaded
 
 
 def _calibration_file(calibration: Name | Calibration) -> CalibrationFile:

@@ -47,22 +47,26 @@ def write_figures(objects: Sequence[Mapping[str, Any]], folder: Path) -> list[Pa
 
 
 def _figure(objects: Sequence[Mapping[str, Any]]) -> bytes:
-    """The mean rewards of one policy: a panel for each level."""
+    """The mean rewards of one policy."""
     first = objects[0]
+    episodes = plural(len(first["episodes"]), "episode")
+    title = f"{first['policy']} in {first['environment']}, {episodes}{', greedy' * first['greedy']}"
+    return draw_intervals(title, panels(objects))
+
+
+def panels(objects: Sequence[Mapping[str, Any]], title: str = "") -> list[Panel]:
+    """The mean rewards of one policy: a panel for each level, below the title."""
     played = [values for values in objects if not values["reference"]] or list(objects)
     levels = sorted({values["level"] for values in played})
-    panels = [
+    return [
         Panel(
-            f"level {level}" if len(levels) > 1 else "",
+            ", ".join(part for part in (title, f"level {level}" * (len(levels) > 1)) if part),
             [interval(values) for values in played if values["level"] == level],
             reference_line(objects),
-            first["threshold"],
+            objects[0]["threshold"],
         )
         for level in levels
     ]
-    episodes = plural(len(first["episodes"]), "episode")
-    title = f"{first['policy']} in {first['environment']}, {episodes}{', greedy' * first['greedy']}"
-    return draw_intervals(title, panels)
 
 
 def interval(values: Mapping[str, Any]) -> Interval:

@@ -43,15 +43,22 @@ def write_up(stored: Sequence[RowSummary], folder: Path, page_path: Path) -> lis
         folder / "results.csv": results_csv(stored).encode(),
         folder / "curves.csv": curves_csv(stored).encode(),
     }
+    pictures = draw_figures(stored)
+    files |= {folder / f"{name}.png": picture for name, picture in pictures.items()}
+    files[page_path] = page(stored, link(folder, page_path), _versions(stored)).encode()
+    return write_files(files)
+
+
+def draw_figures(stored: Sequence[RowSummary]) -> dict[str, bytes]:
+    """The learning curves of each figure that has trainings, as PNG files by its name."""
+    pictures = {}
     for name, figure in figures().items():
         members = [summary for summary in stored if belongs(summary.row, name)]
         if members:
-            curves = [_curve(summary) for summary in members]
-            files[folder / f"{name}.png"] = draw_curves(
-                figure.title, curves, members[0].row.target, _LAST_EPISODES.get(name)
-            )
-    files[page_path] = page(stored, link(folder, page_path), _versions(stored)).encode()
-    return write_files(files)
+            curves, target = [_curve(summary) for summary in members], members[0].row.target
+            last = _LAST_EPISODES.get(name)
+            pictures[name] = draw_curves(figure.title, curves, target, last)
+    return pictures
 
 
 def _curve(summary: RowSummary) -> Curve:

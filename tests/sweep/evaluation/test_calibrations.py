@@ -79,8 +79,14 @@ def test_a_calibrated_cell_is_a_run(cell: MakeCell) -> None:
     result = run_cell(mitigated)
     assert isinstance(result, CellResult)
     options: Any = {"shots": 16, "mitigation": "readout", "seed": 5}
-    deployment = Deployment(mitigated.policy, "ibm_lima", calibration=file.calibration, **options)
-    run = play(deployment, 3).summary("cal/lima.json")
+    deployment = Deployment(
+        mitigated.policy,
+        "ibm_lima",
+        calibration=file.calibration,
+        calibration_file="cal/lima.json",
+        **options,
+    )
+    run = play(deployment, 3).summary()
     assert result.summary | {"wall_seconds": 0} == run | {"wall_seconds": 0}
     assert result.summary["executions"] == 16 * result.summary["env_steps"]
 

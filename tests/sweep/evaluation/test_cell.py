@@ -13,7 +13,7 @@ from scipy import stats
 
 from qcompile.deploy.deployment import Deployment
 from qcompile.deploy.play import play
-from qcompile.deploy.result import RunResult
+from qcompile.deploy.result import Run
 from qcompile.errors import CalibrationError, OutputError
 from qcompile.execution import DeviceBackend
 from qcompile.policy import Policy
@@ -60,7 +60,7 @@ def test_every_cell_resets_with_the_same_seeds(cell: MakeCell) -> None:
 
 def test_half_a_cell_is_no_result(cell: MakeCell, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
-        module, "play", lambda deployment, episodes: RunResult(deployment, interrupted=True)
+        module, "play", lambda deployment, episodes: Run(deployment, interrupted=True)
     )
     with pytest.raises(KeyboardInterrupt):
         run_cell(cell())

@@ -91,7 +91,9 @@ def test_a_greedy_cell_is_a_greedy_run(cell: MakeCell, tmp_path: Path) -> None:
     assert greedy.settings() == sampled.settings() | {"greedy": True}
     result = run_cell(greedy)
     assert isinstance(result, CellResult)
-    deployment = Deployment(greedy.policy, "ibm_lima", greedy=True, seed=5)
+    deployment = Deployment(
+        greedy.policy, "ibm_lima", shots=None, mitigation="none", greedy=True, seed=5
+    )
     run = play(deployment, 3).summary()
     assert figures([result.summary]) == figures([run])
     folder = folder_of(tmp_path)

@@ -1,0 +1,49 @@
+"""Options of the form NAME=VALUE."""
+
+from __future__ import annotations
+
+import json
+from typing import Any, get_args, get_origin, get_type_hints
+
+import click
+
+
+class Assignment(click.ParamType[tuple[str, Any]]):
+    """A setting of a training and its value, as `qcompile.train` takes them.
+
+    "none" is None where the setting may be None; a setting of several values takes a list in JSON,
+    or values with commas between them. All else stays a text, which the settings read.
+    """
+
+    name = "NAME=VALUE"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[str, Any]:
+        from qcompile.rl.settings import Settings
+
+        name, sign, text = (part.strip() for part in str(value).partition("="))
+        if not sign:
+            self.fail(f"{value!r} is no NAME=VALUE, such as clip=0.2.", param, ctx)
+        hint = get_type_hints(Settings).get(name)
+        if text == "none" and type(None) in get_args(hint):
+            return name, None
+        if get_origin(hint) is not tuple:
+            return name, text
+        if not text.startswith("["):
+            return name, [part.strip() for part in text.split(",")]
+        try:
+            return name, json.loads(text)
+        except ValueError as error:
+            self.fail(f"{name}={text} is no JSON list: {error}.", param, ctx)
+
+
+def as_mapping(
+    ctx: click.Context, param: click.Parameter, values: tuple[tuple[str, Any], ...]
+) -> dict[str, Any]:
+    """The values of a repeated option by their names, each of which stands once."""
+    names = [name for name, _ in values]
+    for name in names:
+        if names.count(name) > 1:
+            raise click.BadParameter(f"{name!r} is set twice.", ctx, param)
+    return dict(values)

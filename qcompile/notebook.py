@@ -1,0 +1,38 @@
+"""Small tables as text and as HTML: what objects show of themselves, in Python and in notebooks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+
+Rows = Sequence[Sequence[str]]
+
+
+def count(number: int, noun: str) -> str:
+    """1 circuit, 2 circuits."""
+    return f"{number:,} {noun}" if number == 1 else f"{number:,} {noun}s"
+
+
+def shortened(text: str, most: int = 100) -> str:
+    """The beginning of a text that is longer than `most` letters."""
+    return text if len(text) <= most else f"{text[:most].rsplit(' ', 1)[0]} ..."
+
+
+def text_table(columns: Sequence[str], rows: Rows) -> str:
+    """A header and a line for each row, in columns."""
+    lines = [columns, *rows]
+    widths = [max(len(line[k]) for line in lines) for k in range(len(columns))]
+    return "\n".join(
+        "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip()
+        for line in lines
+    )
+
+
+def html_table(columns: Sequence[str], rows: Rows, title: str = "") -> str:
+    """The same as an HTML table, below a title."""
+    head = "".join(f"<th>{escape(name)}</th>" for name in columns)
+    body = "".join(
+        "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows
+    )
+    caption = f"<p>{escape(title)}</p>" if title else ""
+    return f"{caption}<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"

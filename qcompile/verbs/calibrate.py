@@ -1,0 +1,269 @@
+"""Measure the readout and the response of a device's qubits: what `qcompile calibrate` does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from qcompile.arrays import FloatArray, IntArray
+from qcompile.calibration import Calibration, load_calibration, load_counts
+from qcompile.device import Device
+from qcompile.errors import CalibrationError, OptionError
+from qcompile.execution import Backend, Executor, open_executor
+from qcompile.limits import CALIBRATION_HOURS
+from qcompile.live.measure import CalibrateTask
+from qcompile.mitigation import calibrate as measure_qubits
+from qcompile.mitigation import fit_counts, measure_drift
+from qcompile.mitigation.measure import (
+    LIVE_ANGLES_RAD,
+    RESPONSE_ANGLES_RAD,
+    Part,
+)
+from qcompile.mitigation.orders import angle_orders
+from qcompile.output import resolved
+from qcompile.policy import Policy
+from qcompile.report import progress as bars
+from qcompile.report.calibration_values import calibration_values
+from qcompile.report.live import result_values
+from qcompile.sweep.arguments import Name, ignore
+from qcompile.verbs.calibrations import (
+    CalibrationOutputs,
+    CalibrationResult,
+    DriftCheck,
+    comparable,
+)
+from qcompile.verbs.live import Live, spend
+from qcompile.verbs.measurement import PARTS, Measurement
+
+
+def calibrate(
+    backend: Name | Device | Calibration | Backend | Executor | Any,
+    qubits: Sequence[int] | IntArray | None = None,
+    shots: int | None = 8192,
+    *,
+    policy: Name | Policy | None = None,
+    parts: Part | Sequence[Part] | None = None,
+    seed: int | None = None,
+    live: Live | None = None,
+    progress: bool = True,
+    on_note: Callable[[str], None] = ignore,
+) -> Calibration:
+    """Measure the readout and the response of a device's qubits, and fit them.
+
+    The backend is a name, a file or an object. `qubits` are by default those that can be used, or
+    those on which the circuits of `policy` are placed. Each circuit is run for `shots`; None fits
+    exact probabilities. `parts` are "readout", "response" or both, the default. The same `seed`
+    draws the same shots.
+
+    With `live` IBM's machine of that name is measured, which costs money: see `Live`; the default
+    is then the response alone, and the run's journal keeps it. `on_note` is told what a person
+    should read. Counts that cannot be fitted are kept: the calibration's `unfitted` says why.
+
+    Raises:
+        OptionError: options contradict each other.
+        QcompileError: a name, a file, or a qubit that cannot be measured; Ctrl-C.
+    """
+    measurement = Measurement(backend, qubits, shots, policy, parts, seed, live, progress, on_note)
+    result = _measure(measurement)
+    for words in result.calibration.unfitted:
+        on_note(words)
+    return result.calibration
+
+
+def calibrate_into(
+    measurement: Measurement,
+    out: Name | None = None,
+    *,
+    force: bool = False,
+    plot: Name | None = None,
+) -> CalibrationResult:
+    """Measure as `calibrate` does, into a file and a picture.
+
+    The file is by default BACKEND-calibration.json; one that is there is overwritten with `force`
+    alone. `plot` is a .png file, which is overwritten.
+
+    Raises:
+        OutputError: a file is there already, or cannot be written.
+        QcompileError: as `calibrate`; not everything could be fitted: the counts are in the file.
+    """
+    return _measure(measurement, CalibrationOutputs(_path(out), force, _path(plot)))
+
+
+def check_calibration(
+    old: Name | Calibration,
+    measurement: Measurement,
+    *,
+    max_age_hours: float | None = None,
+    out: Name | None = None,
+    force: bool = False,
+    plot: Name | None = None,
+) -> DriftCheck:
+    """Measure afresh, and compare with an older calibration: its qubits and parts by default.
+
+    It holds where no qubit drifted and it is not older than `max_age_hours` (24). The fresh
+    calibration is written to `out`, if that is named.
+
+    Raises:
+        CalibrationError: the two cannot be compared.
+        QcompileError: as `calibrate_into`.
+    """
+    if measurement.shots is None:
+        raise OptionError("A check compares counts: shots exact has none.")
+    if force and out is None:
+        raise OptionError("force overwrites a file: a check writes none unless out names one.")
+    outputs = CalibrationOutputs(_path(out), force, _path(plot))
+    file = None if isinstance(old, Calibration) else Path(old)
+    outputs.check_words(check=file)
+    measurement.check_words()
+    known = old if isinstance(old, Calibration) else load_calibration(Path(old))
+    result = _measure(measurement, outputs, known)
+    drift = measure_drift(known, result.calibration)
+    check = {
+        "file": f"the calibration of {known.backend}" if file is None else str(file),
+        "age_hours": known.age_hours(datetime.now(UTC)),
+        "drifted": drift.drifted,
+        "degrees": drift.degrees_of_freedom,
+        "chi_square": drift.chi_square.tolist(),
+        "p_value": drift.p_value.tolist(),
+    }
+    return DriftCheck(
+        result.calibration,
+        result.to_dict() | {"check": check},
+        result.file,
+        max_age_hours=CALIBRATION_HOURS if max_age_hours is None else max_age_hours,
+        backend=measurement.backend if isinstance(measurement.backend, str) else known.backend,
+    )
+
+
+def refit(
+    counted: Name,
+    qubits: Sequence[int] | IntArray | None = None,
+    *,
+    out: Name | None = None,
+    force: bool = False,
+    plot: Name | None = None,
+) -> CalibrationResult:
+    """Fit the counts of a calibration's file anew, of all its qubits or of these alone.
+
+    Nothing is measured, and nothing is spent. Files are written as by `calibrate_into`.
+
+    Raises:
+        CalibrationError: there are no counts, or not everything can be fitted.
+        OutputError: a file is there already, or cannot be written.
+    """
+    file = Path(counted)
+    outputs = CalibrationOutputs(_path(out), force, _path(plot))
+    outputs.check_words(**{"from": file})
+    counts = load_counts(file)
+    outputs = outputs.into(counts.backend)
+    outputs.check_files()
+    calibration = fit_counts(counts, None if qubits is None else list(qubits))
+    return _save(calibration, outputs)
+
+
+def _measure(
+    measurement: Measurement,
+    outputs: CalibrationOutputs | None = None,
+    old: Calibration | None = None,
+) -> CalibrationResult:
+    """The calibration, measured and written to the outputs, with the circuits of `old`, if any."""
+    if old is None:
+        measurement.check_words()
+        if outputs is not None:
+            outputs.check_words()
+    live = measurement.live
+    connection = executor = None
+    if live is not None:
+        connection = live.connection(measurement.backend)
+        device = connection.device()
+    else:
+        executor = open_executor(measurement.backend, measurement.seed)
+        device = executor.device
+    qubits = measurement.qubits_on(device, old)
+    angles_rad = angle_orders(RESPONSE_ANGLES_RAD if live is None else LIVE_ANGLES_RAD, qubits)
+    parts = measurement.asked
+    if old is not None:
+        parts = comparable(old, device, qubits.tolist(), parts)
+        if old.response_counts is not None:
+            angles_rad = old.response_counts.angles[:, old.rows(qubits)]
+    elif outputs is not None:
+        outputs = outputs.into(device.name)
+    if outputs is not None:
+        outputs.check_files()
+    if executor is not None:
+        calibration = _offline(measurement, executor, qubits, parts or PARTS, angles_rad)
+        return _save(calibration, outputs)
+    assert live is not None
+    assert connection is not None
+    assert measurement.shots is not None
+    out = None if outputs is None else outputs.out
+    task = CalibrateTask(
+        backend=measurement.backend,
+        device=device,
+        qubits=tuple(qubits.tolist()),
+        shots=measurement.shots,
+        parts=parts or ("response",),
+        angles_rad=tuple(map(tuple, angles_rad.tolist())),
+        out=None if out is None else str(resolved(out)),
+        force=outputs is not None and outputs.force,
+        **live.where,
+    )
+    answer = spend(task, task.load, live, connection, measurement.on_note)
+    if out is not None and str(resolved(out)) != answer["file"]:  # a file came in between
+        out = Path(answer["file"])
+    calibration = Calibration.model_validate(answer["calibration"])
+    return _finish(calibration, result_values("calibrate", answer), out, outputs)
+
+
+def _offline(
+    measurement: Measurement,
+    executor: Executor,
+    qubits: IntArray,
+    parts: Sequence[Part],
+    angles_rad: FloatArray,
+) -> Calibration:
+    title = f"calibrate {executor.device.name}"
+    try:
+        with bars.progress_bar(title, 1, enabled=measurement.progress) as show:
+            return measure_qubits(
+                executor,
+                qubits,
+                measurement.shots,
+                parts=parts,
+                angles_rad=angles_rad,
+                on_circuit=lambda done, of: show(done / of, f"circuit {done} of {of}"),
+            )
+    except KeyboardInterrupt:
+        raise CalibrationError("Interrupted: nothing was written.") from None
+
+
+def _save(calibration: Calibration, outputs: CalibrationOutputs | None) -> CalibrationResult:
+    """The calibration in its file, if it has one."""
+    out = None if outputs is None else outputs.out
+    if out is not None:
+        calibration.save(out)
+    values = calibration_values(calibration) | {"file": None if out is None else str(out)}
+    return _finish(calibration, values, out, outputs)
+
+
+def _finish(
+    calibration: Calibration,
+    values: dict[str, Any],
+    file: Path | None,
+    outputs: CalibrationOutputs | None,
+) -> CalibrationResult:
+    """The result, once its picture is drawn; with outputs everything must be fitted."""
+    if outputs is not None:
+        if calibration.unfitted:
+            where = "Nothing was kept" if file is None else f"The counts are in {file}"
+            raise CalibrationError(
+                f"Not everything could be fitted. {where}.", *calibration.unfitted
+            )
+        outputs.draw(calibration, file)
+    return CalibrationResult(calibration, values, file)
+
+
+def _path(name: Name | None) -> Path | None:
+    return None if name is None else Path(name)

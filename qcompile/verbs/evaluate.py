@@ -1,0 +1,194 @@
+"""Play a grid of policies, backends, shots and mitigations: what `qcompile evaluate` does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from qcompile.calibration import Calibration
+from qcompile.device import Device
+from qcompile.errors import StudyError
+from qcompile.execution import Backend
+from qcompile.policy import Policy
+from qcompile.report import progress as bars
+from qcompile.report.figure import Figure
+from qcompile.report.intervals import draw_intervals
+from qcompile.report.tables import grid_table, plural
+from qcompile.sweep.arguments import Name, ignore
+from qcompile.sweep.complete import CellFailure
+from qcompile.sweep.engine import Engine
+from qcompile.sweep.evaluation import run as grids
+from qcompile.sweep.evaluation.run import Shots
+from qcompile.sweep.evaluation.write_up import panels
+from qcompile.verbs.results import Result
+
+Words = Callable[[str], None]
+
+
+class EvaluationResult(Result):
+    """A grid that was played: `cells` has an object for each cell, as in `qcompile run --json`.
+
+    `played` counts the cells that were played now, `there` those that the folder had; `failures`
+    are those that could not be played. `paths` are the files written besides the cells.
+    """
+
+    def __init__(self, evaluation: grids.Evaluation, paths: Sequence[Path]):
+        super().__init__(evaluation.to_dict())
+        self.played, self.there, self.paths = evaluation.played, evaluation.there, [*paths]
+        self._evaluation = evaluation
+
+    @property
+    def cells(self) -> list[dict[str, Any]]:
+        """The results, each policy's ideal reference first."""
+        cells: list[dict[str, Any]] = self.to_dict()["results"]
+        return cells
+
+    @property
+    def failures(self) -> tuple[CellFailure, ...]:
+        """Why cells could not be played."""
+        return self._evaluation.failures
+
+    def check_complete(self) -> None:
+        """Nothing, if every cell could be played.
+
+        Raises:
+            StudyError: some could not; the message says why.
+        """
+        self._evaluation.check_complete()
+
+    def plot(self, policy: str | None = None) -> Figure:
+        """Mean rewards and their 95 % intervals, a panel for each policy, or of this one alone.
+
+        Raises:
+            StudyError: there is no such policy.
+        """
+        names = list(dict.fromkeys(values["policy"] for values in self.cells))
+        if policy is not None and policy not in names:
+            raise StudyError(
+                f"No policy of the grid is called {policy!r}.", f"It has: {', '.join(names)}."
+            )
+        shown = names if policy is None else [policy]
+        drawing = [
+            panel
+            for name in shown
+            for panel in panels([cell for cell in self.cells if cell["policy"] == name], name)
+        ]
+        episodes = plural(len(self.cells[0]["episodes"]), "episode")
+        environments = {cell["environment"] for cell in self.cells if cell["policy"] in shown}
+        title = f"{' and '.join(sorted(environments))}, {episodes}"
+        return Figure(draw_intervals(title, drawing, same_scale=len(environments) == 1))
+
+    @property
+    def table(self) -> tuple[list[str], list[list[str]]]:
+        return grid_table(self.cells)
+
+
+def evaluate(
+    policies: Name | Policy | Sequence[Name | Policy] = ("lunarlander",),
+    backends: Name | Device | Backend | Any | Sequence[Any] = ("ibm_lima",),
+    *,
+    shots: Shots | Sequence[Shots] = (1024, 8192),
+    mitigations: str | Sequence[str] = ("none", "readout"),
+    calibrations: Name | Calibration | Sequence[Name | Calibration] = (),
+    levels: int | Sequence[int] = (2,),
+    episodes: int = 100,
+    seed: int = 0,
+    greedy: bool = False,
+    out: Name | None = None,
+    engine: Engine = "processes",
+    address: str | None = None,
+    workers: int | None = None,
+    progress: bool = True,
+    on_note: Words = ignore,
+) -> EvaluationResult:
+    """Play every combination of policy, backend, shots, mitigation and level.
+
+    Policies and backends are names, files or objects, one or several; shots None or "exact" are
+    exact expectations. Every cell plays the same `episodes`: episode i resets with `seed` + i, and
+    is compared with its policy's on `ideal` with exact expectations. `calibrations` mitigate,
+    instead of a fresh one, on every backend of their device. `greedy` takes the likeliest action.
+
+    With the folder `out` cells, results.json, results.csv and a picture for each policy are written
+    to it, and cells that it holds are not played again; the command writes to `evaluation`. Without
+    it nothing is written. Cells are played side by side by `engine`: "processes", "dask" or "ray",
+    the cluster at `address`, with so many `workers`. `on_note` is told what a person should read.
+
+    Raises:
+        QcompileError: a name, a file or a combination that cannot be played; an output that cannot
+            be written; Ctrl-C. Cells that fail by themselves are in `failures` instead.
+    """
+    with _folder(out) as folder, bars.progress_bar("evaluate", 1, enabled=progress) as show:
+        evaluation = grids.evaluate(
+            policies,
+            backends,
+            shots=shots,
+            mitigations=mitigations,
+            calibrations=calibrations,
+            levels=levels,
+            episodes=episodes,
+            seed=seed,
+            greedy=greedy,
+            out=folder,
+            engine=engine,
+            address=address,
+            workers=workers,
+            on_progress=lambda finished, count, words: show(finished / count, words),
+            on_note=on_note,
+            on_loss=on_note,
+        )
+    return EvaluationResult(evaluation, () if out is None else evaluation.paths)
+
+
+def evaluate_paper(
+    *,
+    episodes: int = 100,
+    seed: int = 0,
+    out: Name = "evaluation",
+    page: Name | None = None,
+    engine: Engine = "processes",
+    address: str | None = None,
+    workers: int | None = None,
+    progress: bool = True,
+    on_note: Words = ignore,
+) -> EvaluationResult:
+    """Play the paper's device tests as `evaluate` plays a grid, and write them up.
+
+    Writes devices.png and the Markdown page, by default devices.md in `out`, if every cell could be
+    played.
+
+    Raises:
+        QcompileError: as `evaluate`.
+    """
+    with bars.progress_bar("evaluate", 1, enabled=progress) as show:
+        evaluation = grids.evaluate_paper(
+            episodes=episodes,
+            seed=seed,
+            out=out,
+            page=page,
+            engine=engine,
+            address=address,
+            workers=workers,
+            on_progress=lambda finished, count, words: show(finished / count, words),
+            on_loss=on_note,
+        )
+    return EvaluationResult(evaluation, evaluation.paths)
+
+
+@contextmanager
+def _folder(out: Name | None) -> Iterator[Path]:
+    """The folder of an evaluation; a temporary one is removed, with what Ctrl-C leaves there."""
+    if out is not None:
+        yield Path(out)
+        return
+    with TemporaryDirectory(prefix="qcompile-") as folder:
+        try:
+            yield Path(folder)
+        except StudyError as error:
+            if not isinstance(error.__context__, KeyboardInterrupt):
+                raise
+            raise StudyError(
+                str(error).splitlines()[0], "With out=FOLDER what is finished would be kept."
+            ) from None

@@ -1,0 +1,27 @@
+"""Files that a verb writes, checked before anything long is run."""
+
+from __future__ import annotations
+
+from collections.abc import Container, Mapping
+from pathlib import Path
+
+from qcompile.errors import OptionError
+from qcompile.output import resolved
+
+
+def check_distinct(
+    named: Mapping[str, Path | None], allowed: Container[frozenset[str]] = ()
+) -> dict[Path, str]:
+    """The options by the files they name, if no two name the same one but those of `allowed`.
+
+    Raises:
+        OptionError: two name the same file, by whatever path.
+    """
+    taken: dict[Path, str] = {}
+    for option, path in named.items():
+        if path is None:
+            continue
+        other = taken.setdefault(resolved(path), option)
+        if other != option and frozenset({other, option}) not in allowed:
+            raise OptionError(f"{path} is the file of {other} and of {option}.")
+    return taken

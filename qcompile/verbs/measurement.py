@@ -1,0 +1,88 @@
+"""What a calibration is to measure, checked before anything is run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from qcompile.arrays import IntArray
+from qcompile.calibration import Calibration
+from qcompile.device import Device
+from qcompile.errors import CalibrationError, OptionError
+from qcompile.mitigation.measure import Part, check_qubits
+from qcompile.noise import unusable, usable
+from qcompile.passes import compile
+from qcompile.policy import Policy, load_policy
+from qcompile.report.placement import left_out_words
+from qcompile.sweep.arguments import Name, ignore, several
+from qcompile.verbs.live import Live
+
+PARTS: tuple[Part, ...] = ("readout", "response")
+"""What of a device can be measured."""
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """What to measure: the arguments of `calibrate`."""
+
+    backend: Any
+    qubits: Sequence[int] | IntArray | None = None
+    shots: int | None = 8192
+    policy: Name | Policy | None = None
+    parts: Part | Sequence[Part] | None = None
+    seed: int | None = None
+    live: Live | None = None
+    progress: bool = True
+    on_note: Callable[[str], None] = ignore
+
+    def check_words(self) -> None:
+        """Nothing, if the arguments fit each other.
+
+        Raises:
+            OptionError: they contradict each other.
+        """
+        if self.qubits is not None and self.policy is not None:
+            raise OptionError("qubits and policy exclude each other: both name the qubits.")
+        for part in self.asked:
+            if part not in PARTS:
+                raise OptionError(f"{part!r} is neither readout nor response.")
+        if self.live is None:
+            return
+        for option, given in (("seed", self.seed is not None), ("shots exact", self.shots is None)):
+            if given:
+                raise OptionError(f"{option} and live exclude each other.")
+        if not isinstance(self.backend, str):
+            raise OptionError("A live calibration needs the name of a machine of IBM's.")
+
+    @property
+    def asked(self) -> tuple[Part, ...]:
+        """The parts that are asked for, in their order; none for the default."""
+        parts = [] if self.parts is None else several(self.parts)
+        return tuple(sorted(set(parts), reverse=False, key=[*PARTS, *parts].index))
+
+    def qubits_on(self, device: Device, old: Calibration | None = None) -> IntArray:
+        """The qubits to measure: asked for, of the policy, of `old`, or those that can be used.
+
+        Raises:
+            CalibrationError: there is none, the device lacks one, or it has no errors.
+        """
+        if self.qubits is not None:
+            return check_qubits(device, self.qubits)
+        if device.is_ideal and old is None:
+            raise CalibrationError(
+                f"{device.name} needs no calibration: it has no errors.",
+                "To measure some of its perfect qubits all the same, name them with --qubits.",
+            )
+        if self.policy is not None:
+            named = self.policy
+            policy = named if isinstance(named, Policy) else load_policy(named)
+            placed = compile(policy.trained_program, device, 2, policy.importance)
+            return check_qubits(device, placed.qubits)
+        if old is not None:
+            return np.array(old.qubits)
+        if reasons := unusable(device):
+            self.on_note(left_out_words(reasons))
+        return check_qubits(device, sorted(usable(device)))

@@ -1,0 +1,123 @@
+"""What is trained: settings from a preset and what changes it, or from a checkpoint."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from os import fspath
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from qcompile.catalogue import nearest
+from qcompile.device import IDEAL_NAME, load_device
+from qcompile.errors import OptionError, TrainingError
+from qcompile.sweep.arguments import Name
+
+if TYPE_CHECKING:
+    from qcompile.rl.ppo import Trainer
+    from qcompile.rl.settings import Settings
+
+NOISY_SHOTS = 1024
+"""Shots on a backend with noise where none are named."""
+MODEL, PRESET, LAYOUT, SEED = "svqc", "tuned", "parallel", 0
+"""What is trained where nothing is named."""
+
+_PRESET_OF = ("model", "layout")
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainingRequest:
+    """The arguments of `train` that say what is trained; None where nothing is named."""
+
+    environment: str
+    model: str | None = None
+    preset: str | None = None
+    layout: str | None = None
+    reuse: int | None = None
+    seed: int | None = None
+    episodes: int | None = None
+    steps: int | None = None
+    backend: Name | None = None
+    shots: int | Literal["exact"] | None = None
+    mitigation: str | None = None
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+    def trainer(self) -> Trainer:
+        """A new trainer of the preset's settings, with what is named beside it.
+
+        Raises:
+            OptionError: a setting is unknown, or named twice.
+            QcompileError: the settings do not fit each other, or there is no such device.
+        """
+        from qcompile.rl.ppo import Trainer
+
+        return Trainer(self.environment, self._settings(), SEED if self.seed is None else self.seed)
+
+    def _settings(self) -> Settings:
+        from qcompile.rl.presets import settings_for
+
+        settings = settings_for(
+            self.preset or PRESET, self.environment, self.model or MODEL, self.layout or LAYOUT
+        )
+        changed = self._named_settings()
+        if self.episodes is not None or self.steps is not None:
+            changed = {"episodes": self.episodes, "steps": self.steps} | changed
+        if self.backend is not None:
+            noisy = not load_device(fspath(self.backend)).is_ideal
+            changed["backend"] = fspath(self.backend) if noisy else IDEAL_NAME
+            if noisy:
+                changed = {"shots": NOISY_SHOTS, "mitigation": "readout"} | changed
+        if self.shots is not None:
+            changed["shots"] = None if self.shots == "exact" else self.shots
+        for name in ("reuse", "mitigation"):
+            if (value := getattr(self, name)) is not None:
+                changed[name] = value
+        return settings.changed(**changed)
+
+    def _named_settings(self) -> dict[str, Any]:
+        """The settings that are named one by one, which `Settings.changed` looks into."""
+        from qcompile.rl.settings import SETTING_NAMES
+
+        for name in self.settings:
+            if name not in SETTING_NAMES:
+                raise OptionError(f"Unknown setting {name!r}.", nearest(name, SETTING_NAMES))
+            if name in _PRESET_OF:
+                raise OptionError(
+                    f"The setting {name!r} decides which preset is taken.",
+                    f"It is the option {name}, not one of the settings.",
+                )
+            if getattr(self, name, None) is not None:
+                raise OptionError(f"{name} is both an option and one of the settings.")
+        return dict(self.settings)
+
+    def resumed(self, checkpoint: Path, on_note: Callable[[str], None]) -> Trainer:
+        """The trainer of a checkpoint; what is named besides must agree with it.
+
+        Raises:
+            OptionError: something that is named would change settings.
+            TrainingError: it is no checkpoint, or of another environment, model or seed.
+        """
+        from qcompile.rl.checkpoint import load_checkpoint
+
+        names = ("environment", "model", "seed")
+        options = [name for name, value in vars(self).items() if value and name not in names]
+        if options:
+            raise OptionError(
+                f"{' and '.join(options)} cannot be given with resume: "
+                "the checkpoint has the settings."
+            )
+        trainer, differ = load_checkpoint(checkpoint)
+        saved = (trainer.environment, trainer.settings.model, trainer.seed)
+        for name, value in zip(names, saved, strict=True):
+            asked = getattr(self, name)
+            if asked is not None and asked != value:
+                raise TrainingError(
+                    f"Checkpoint {checkpoint} has the {name} {value!r}, found {asked!r}.",
+                    f"Name {value}, or resume another checkpoint.",
+                )
+        if differ:
+            on_note(
+                f"Warning: {checkpoint} was made with other versions ({'; '.join(differ)}). "
+                "The training may not go on bit for bit."
+            )
+        return trainer

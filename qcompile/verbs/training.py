@@ -1,0 +1,155 @@
+"""What a training gives: the policy, its episodes, and how it went."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from qcompile.errors import QcompileError
+from qcompile.report.curves import Curve, draw_curves
+from qcompile.report.figure import Figure
+from qcompile.verbs.results import Result
+
+if TYPE_CHECKING:
+    from qcompile.policy import Policy
+    from qcompile.rl.ppo import Trainer
+    from qcompile.rl.watch import Watch
+    from qcompile.verbs.train_outputs import TrainingOutputs
+
+_AVERAGED = 20
+
+
+class Training(Result):
+    """A training that ended: `to_dict` is the document of `qcompile train --json`.
+
+    `policy` is what can be played and deployed, None for a model that is not made of one-qubit
+    circuits: `save_policy` writes it to a file, `save` writes the document. `model` is the trained
+    torch module. `interrupted` says that Ctrl-C, or `failure`, ended it.
+    """
+
+    def __init__(
+        self,
+        *,
+        trainer: Trainer,
+        policy: Policy | None,
+        watch: Watch,
+        outputs: TrainingOutputs,
+        preset: str | None,
+        interrupted: bool,
+        failure: QcompileError | None,
+    ):
+        settings = trainer.settings
+        checkpoint, out = outputs.checkpoint, outputs.out
+        count = trainer.parameter_count if policy is None else policy.parameter_count
+        super().__init__(
+            {
+                "environment": trainer.environment,
+                "model": settings.model,
+                "preset": preset,
+                "seed": trainer.seed,
+                "backend": settings.backend,
+                "shots": "exact" if settings.shots is None else settings.shots,
+                "mitigation": settings.mitigation,
+                "episodes": len(trainer.history),
+                "steps": trainer.steps,
+                "parameters": count,
+                "last_20_mean_reward": watch.averages.last,
+                "best_20_mean_reward": watch.averages.best,
+                "evaluations": [vars(evaluation) for evaluation in watch.evaluations],
+                "checkpoint": None if checkpoint is None else str(checkpoint),
+                "out": None if out is None else str(out),
+                "interrupted": interrupted,
+            }
+        )
+        self.policy, self.failure, self.interrupted = policy, failure, interrupted
+        self.model = trainer.actor
+        self._history, self._environments = trainer.history, settings.environments
+
+    @property
+    def episodes(self) -> list[dict[str, Any]]:
+        """Number, reward and, of all environments, the steps by its end, of each episode."""
+        return [vars(episode) for episode in self._history]
+
+    @property
+    def rewards(self) -> list[float]:
+        """The reward of each episode, in the order in which they began."""
+        from qcompile.rl.order import in_order_of_start
+
+        ended = [(episode.steps, episode.reward) for episode in self._history]
+        return list(in_order_of_start(ended, self._environments))
+
+    def plot(self) -> Figure:
+        """The learning curve: average rewards of the last 20 episodes, and their scatter.
+
+        Raises:
+            QcompileError: no episode was finished.
+        """
+        rewards = np.array(self.rewards)
+        if not len(rewards):
+            raise QcompileError("No episode was finished: there is no curve.")
+        last = [rewards[max(0, end - _AVERAGED) : end] for end in range(1, len(rewards) + 1)]
+        mean, spread = (np.array([of(part) for part in last]) for of in (np.mean, np.std))
+        values = self.to_dict()
+        curve = Curve(
+            f"{values['model']}, mean and standard deviation",
+            values["model"],
+            False,
+            np.arange(1, len(rewards) + 1),
+            mean,
+            mean - spread,
+            mean + spread,
+        )
+        return Figure(draw_curves(f"{values['environment']}, seed {values['seed']}", [curve]))
+
+    @property
+    def table(self) -> tuple[list[str], list[list[str]]]:
+        values = self.to_dict()
+        averages = [values["last_20_mean_reward"], values["best_20_mean_reward"]]
+        columns = ["environment", "model", "seed", "episodes", "steps", "parameters"]
+        row = [str(values[column]) for column in columns]
+        row += ["-" if average is None else f"{average:.1f}" for average in averages]
+        row.append("failed" if self.failure else "interrupted" if self.interrupted else "complete")
+        return [*columns, "last 20", "best 20", "training"], [row]
+
+    @property
+    def words(self) -> str:
+        """What was trained, how it did, and where it is."""
+        values = self.to_dict()
+        words = [f"{values['episodes']} episodes, {values['steps']} steps"]
+        if not values["episodes"]:
+            words.append("no episode finished")
+        averages = {name: values[f"{name}_20_mean_reward"] for name in ("last", "best")}
+        words += [f"{name} 20: {mean:.1f}" for name, mean in averages.items() if mean is not None]
+        if values["evaluations"]:
+            words.append(f"evaluation: {values['evaluations'][-1]['mean_reward']:.1f}")
+        line = f"{', '.join(words)}; {values['parameters']} parameters"
+        if values["out"] is None:
+            return line
+        line += f" in {values['out']}"
+        if self.policy is None:
+            line += (
+                f"\n{values['out']} is a checkpoint: `qcompile train --resume` reads it, but this "
+                "model is not made of one-qubit circuits and does not run on a device."
+            )
+        return line
+
+    def check_complete(self) -> None:
+        """Nothing, if the training came to its end.
+
+        Raises:
+            QcompileError: an environment failed, or Ctrl-C ended it; the message says what is kept.
+        """
+        values = self.to_dict()
+        out, what = values["out"], "model" if self.policy is None else "policy"
+        if self.failure is not None:
+            kept = f"The {what} as it was after the last whole update is in {out}."
+            raise self.failure if out is None else self.failure.with_hints(kept)
+        if not self.interrupted:
+            return
+        hints = [] if out is None else [f"The {what} as it was by then is in {out}."]
+        state = values["checkpoint"] or (out if self.policy is None else None)
+        if state is not None:
+            environment = values["environment"]
+            hints.append(f"Go on with: qcompile train {environment} --resume {state} --out {out}")
+        raise QcompileError("Interrupted.", *hints)
