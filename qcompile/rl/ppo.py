@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from copy import deepcopy
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -21,31 +20,13 @@ from qcompile.rl.draw import draw_actions
 from qcompile.rl.flat import FlatParameters
 from qcompile.rl.models import SVQC, SurrogateModel, make_critic, make_model, parameter_count
 from qcompile.rl.pause import Pause
+from qcompile.rl.result import TrainingResult
 from qcompile.rl.rollout import Collector, FinishedEpisode, Rollout
 from qcompile.rl.settings import PACKAGES, Settings, plain
 from qcompile.rl.training_log import Update
 from qcompile.version import versions
 
 _LEAST_RATE = 0.02
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class TrainingResult:
-    """The trained model and every finished episode; `interrupted` says if Ctrl-C ended it.
-
-    `policy` is what can be deployed: None where the model is no one-qubit circuits.
-    """
-
-    actor: torch.nn.Module
-    policy: Policy | None
-    episodes: list[FinishedEpisode]
-    steps: int
-    interrupted: bool
-
-    def __repr__(self) -> str:
-        episodes, steps = count(len(self.episodes), "episode"), count(self.steps, "step")
-        ended = ", interrupted" * self.interrupted
-        return f"TrainingResult({self.policy}, {episodes}, {steps}{ended})"
 
 
 class Trainer:

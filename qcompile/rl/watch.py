@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from qcompile.rl.checkpoint import save_checkpoint
-from qcompile.rl.ppo import Trainer, TrainingResult
+from qcompile.rl.ppo import Trainer
+from qcompile.rl.result import TrainingResult
 from qcompile.rl.rollout import FinishedEpisode
 from qcompile.rl.score import score
 from qcompile.rl.training_log import Averages, EpisodeLog, Scalars, Update

@@ -12,7 +12,8 @@ from qcompile.deploy.deployment import Deployment
 from qcompile.device import load_device
 from qcompile.rl.acting_noise import ActingNoise
 from qcompile.rl.models import SVQC
-from qcompile.rl.ppo import Trainer, TrainingResult
+from qcompile.rl.ppo import Trainer
+from qcompile.rl.result import TrainingResult
 from qcompile.rl.settings import Settings
 
 SHOTS = 4000

@@ -12,8 +12,9 @@ import torch
 
 from qcompile.errors import OutputError
 from qcompile.rl.checkpoint import load_checkpoint, save_checkpoint
-from qcompile.rl.ppo import Trainer, TrainingResult
+from qcompile.rl.ppo import Trainer
 from qcompile.rl.presets import settings_for
+from qcompile.rl.result import TrainingResult
 from qcompile.rl.settings import Settings
 
 SavedAt = Callable[..., None]

@@ -12,8 +12,9 @@ import torch
 
 from qcompile.errors import EnvironmentMismatchError, TrainingError
 from qcompile.policy import Policy
-from qcompile.rl.ppo import Trainer, TrainingResult
+from qcompile.rl.ppo import Trainer
 from qcompile.rl.presets import settings_for
+from qcompile.rl.result import TrainingResult
 from qcompile.rl.rollout import FinishedEpisode
 from qcompile.rl.settings import Settings
 

@@ -1,0 +1,30 @@
+"""What a training comes to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+
+from qcompile.notebook import count
+from qcompile.policy import Policy
+from qcompile.rl.rollout import FinishedEpisode
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class TrainingResult:
+    """The trained model and every finished episode; `interrupted` says if Ctrl-C ended it.
+
+    `policy` is what can be deployed: None where the model is no one-qubit circuits.
+    """
+
+    actor: torch.nn.Module
+    policy: Policy | None
+    episodes: list[FinishedEpisode]
+    steps: int
+    interrupted: bool
+
+    def __repr__(self) -> str:
+        episodes, steps = count(len(self.episodes), "episode"), count(self.steps, "step")
+        ended = ", interrupted" * self.interrupted
+        return f"TrainingResult({self.policy}, {episodes}, {steps}{ended})"
