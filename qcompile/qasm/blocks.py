@@ -9,7 +9,7 @@ from typing import Any
 from openqasm3 import ast
 
 from qcompile.errors import CircuitError
-from qcompile.qasm.expressions import shown
+from qcompile.qasm.expressions import source_of
 from qcompile.qasm.gates import require_count
 from qcompile.qasm.registers import Reference, Registers
 from qcompile.qasm.values import BOOL, INT, Value
@@ -51,7 +51,9 @@ class Blocks:
         scope, name = self._variables.scope, statement.identifier.name
         type = scope.type_of(statement.type)
         if type is None or name in self._declared:
-            raise CircuitError(f"{shown(statement)}: {name!r} cannot be the variable of this loop.")
+            raise CircuitError(
+                f"{source_of(statement)}: {name!r} cannot be the variable of this loop."
+            )
         for value in self._values(statement.set_declaration):
             self._step()
             with self._variables.block():
@@ -64,12 +66,12 @@ class Blocks:
             return iter([scope.value(value) for value in node.values])
         if not isinstance(node, ast.RangeDefinition) or node.start is None or node.end is None:
             raise CircuitError(
-                f"A loop over {shown(node)!r} is not supported.",
+                f"A loop over {source_of(node)!r} is not supported.",
                 "Loops run over [first:last], [first:step:last] or {a, b, c}.",
             )
         step = 1 if node.step is None else scope.whole_number(node.step)
         if step == 0:
-            raise CircuitError(f"The step of {shown(node)!r} is 0.")
+            raise CircuitError(f"The step of {source_of(node)!r} is 0.")
         first, last = scope.whole_number(node.start), scope.whole_number(node.end)
         return (Value(INT, i) for i in range(first, last + (1 if step > 0 else -1), step))
 
@@ -119,14 +121,16 @@ class Blocks:
         reference = self._registers.resolve(given, scope, "qubit")
         size = None if argument.size is None else scope.whole_number(argument.size)
         if reference.single != (size is None) or len(reference.positions) != (size or 1):
-            raise CircuitError(f"{shown(given)!r} does not fit the argument {shown(argument)!r}.")
+            raise CircuitError(
+                f"{source_of(given)!r} does not fit the argument {source_of(argument)!r}."
+            )
         return reference
 
     def _number(self, argument: Any, given: Any) -> tuple[str, Any, Value]:
         scope = self._variables.scope
         type = scope.type_of(argument.type)
         if type is None:
-            raise CircuitError(f"An argument {shown(argument)!r} is not supported.")
+            raise CircuitError(f"An argument {source_of(argument)!r} is not supported.")
         return argument.name.name, type, scope.value(given).to(type)
 
     @contextmanager

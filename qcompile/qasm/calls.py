@@ -11,7 +11,7 @@ from openqasm3 import ast
 
 from qcompile.errors import CircuitError
 from qcompile.ir import Angle, Gate
-from qcompile.qasm.expressions import Scope, shown
+from qcompile.qasm.expressions import Scope, source_of
 from qcompile.qasm.gates import ENTANGLING_GATES, lacking_phase, require_count, standard
 from qcompile.qasm.modifiers import Unitary
 from qcompile.qasm.work import Work
@@ -102,7 +102,9 @@ class GateCalls:
             unitary = Unitary([[] for _ in statement.qubits], phase)
         else:
             if statement.duration is not None:
-                raise CircuitError(f"{shown(statement)} has a duration.", "Gates take none here.")
+                raise CircuitError(
+                    f"{source_of(statement)} has a duration.", "Gates take none here."
+                )
             angles = [scope.evaluate(argument) for argument in statement.arguments]
             unitary = self.call(statement.name.name, angles, len(statement.qubits))
         for modifier in reversed(statement.modifiers):
@@ -152,11 +154,11 @@ class GateCalls:
         for operand in operands:
             if operand not in parts:
                 raise CircuitError(
-                    f"{shown(statement)!r} names what is not a qubit of the gate.",
+                    f"{source_of(statement)!r} names what is not a qubit of the gate.",
                     f"The gate has {', '.join(parts)}.",
                 )
         if len(set(operands)) != len(operands):
-            raise CircuitError(f"{shown(statement)} uses a qubit twice.")
+            raise CircuitError(f"{source_of(statement)} uses a qubit twice.")
         return operands
 
     def _modify(self, unitary: Unitary, modifier: Any, statement: Any, scope: Scope) -> Unitary:
@@ -166,7 +168,7 @@ class GateCalls:
         if name == "pow":
             power = scope.evaluate(modifier.argument)
             if not power.is_constant:
-                raise CircuitError(f"{shown(modifier.argument)!r} is not a constant.")
+                raise CircuitError(f"{source_of(modifier.argument)!r} is not a constant.")
             multiple = unitary.multiple(power.constant)
             if multiple is None and power.constant.is_integer():
                 self._work.require_room(unitary.size * int(abs(power.constant)))
@@ -179,7 +181,7 @@ class GateCalls:
             or unitary.size
         ):
             raise CircuitError(
-                f"{shown(statement)}: {name} @ needs a qubit more than the gate.",
+                f"{source_of(statement)}: {name} @ needs a qubit more than the gate.",
                 "Only that of gphase is a gate on one qubit.",
             )
         return unitary.controlled(on_one=name == "ctrl")
@@ -197,6 +199,6 @@ def joins(statement: Any, entangling: Set[str]) -> bool:
 
 def unsupported(statement: Any) -> CircuitError:
     return CircuitError(
-        f"The statement {shown(statement)!r} is not supported.",
+        f"The statement {source_of(statement)!r} is not supported.",
         "qcompile reads gates, barriers, and one measurement of each qubit at the end.",
     )

@@ -26,7 +26,7 @@ CONSTANTS = {
 _SHOWN_CHARACTERS = 60
 
 
-def shown(node: Any) -> str:
+def source_of(node: Any) -> str:
     """A node as one short line of source, for messages."""
     try:
         lines = openqasm3.dumps(node).strip().splitlines() or [""]
@@ -65,7 +65,7 @@ class Scope:
         """
         value = self.value(node)
         if value.type.kind in ("bool", "bit"):
-            raise CircuitError(f"{shown(node)!r} is a {value.type}, not an angle.")
+            raise CircuitError(f"{source_of(node)!r} is a {value.type}, not an angle.")
         return value.radians
 
     def whole_number(self, node: Any) -> int:
@@ -76,7 +76,7 @@ class Scope:
         """
         number = self.evaluate_whole(node)
         if number is None:
-            raise CircuitError(f"{shown(node)!r} is not a constant whole number.")
+            raise CircuitError(f"{source_of(node)!r} is not a constant whole number.")
         return number
 
     def evaluate_whole(self, node: Any) -> int | None:
@@ -109,13 +109,13 @@ class Scope:
             raise _not_affine(node) from error
         except operators.AmbiguousError as error:
             what, hint = error.args
-            raise CircuitError(f"{shown(node)!r} {what}.", hint) from error
+            raise CircuitError(f"{source_of(node)!r} {what}.", hint) from error
         except ZeroDivisionError as error:
-            raise CircuitError(f"{shown(node)!r} divides by zero.") from error
+            raise CircuitError(f"{source_of(node)!r} divides by zero.") from error
         except (OverflowError, ValueError) as error:
             if isinstance(error, CircuitError):
                 raise
-            raise CircuitError(f"{shown(node)!r} is not a finite real number.") from error
+            raise CircuitError(f"{source_of(node)!r} is not a finite real number.") from error
 
     def named(self, name: str) -> Value:
         """The value that a name stands for.
@@ -186,9 +186,9 @@ class Scope:
 def _not_affine(node: Any) -> CircuitError:
     if isinstance(node, ast.BinaryExpression) and node.op.name == "^":
         return CircuitError(
-            f"{shown(node)!r} is an exclusive or in OpenQASM 3.", "Write ** for a power."
+            f"{source_of(node)!r} is an exclusive or in OpenQASM 3.", "Write ** for a power."
         )
     return CircuitError(
-        f"{shown(node)!r} is not an affine angle.",
+        f"{source_of(node)!r} is not an affine angle.",
         "An angle is a number, or a sum of number*input and numbers, like 0.5*x1+theta2-pi/2.",
     )

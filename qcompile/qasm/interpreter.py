@@ -13,7 +13,7 @@ from qcompile.errors import CircuitError
 from qcompile.ir import Angle, Circuit, Gate, Program
 from qcompile.qasm.blocks import Blocks
 from qcompile.qasm.calls import GateCalls, joins, unsupported
-from qcompile.qasm.expressions import shown
+from qcompile.qasm.expressions import source_of
 from qcompile.qasm.grammar import OpaqueGate, UnreadSubroutine
 from qcompile.qasm.layout import Layout
 from qcompile.qasm.marks import Mark
@@ -183,7 +183,7 @@ class Interpreter:
         value = self._scope.value(statement.init_expression)
         if value.number not in (0, Angle()):
             raise CircuitError(
-                f"{shown(statement)} sets bits to 1.",
+                f"{source_of(statement)} sets bits to 1.",
                 "Bits that are not measured stay 0 here.",
             )
 
@@ -196,7 +196,7 @@ class Interpreter:
         width = max(2, len(statement.qubits))
         count = 1 + self._joining_later()
         return CircuitError(
-            f"{shown(statement)} {verb} {_COUNTS.get(width, width)} qubits.",
+            f"{source_of(statement)} {verb} {_COUNTS.get(width, width)} qubits.",
             f"qcompile compiles circuits without entangling gates; this one has {count}.",
             "Compile it with Qiskit's transpile, or remove the gate.",
         )
@@ -207,13 +207,13 @@ class Interpreter:
         sizes = {len(operand.positions) for operand in operands if not operand.single}
         if len(sizes) > 1:
             raise CircuitError(
-                f"{shown(statement)} joins registers of {' and '.join(map(str, sorted(sizes)))}.",
+                f"{source_of(statement)} joins registers of {' and '.join(map(str, sorted(sizes)))}.",
                 "Registers that a gate is spread over need one size.",
             )
         for repetition in range(sizes.pop() if sizes else 1):
             targets = [o.positions[0 if o.single else repetition] for o in operands]
             if len(set(targets)) != len(targets):
-                raise CircuitError(f"{shown(statement)} uses a qubit twice.")
+                raise CircuitError(f"{source_of(statement)} uses a qubit twice.")
             for target, gates in zip(targets, parts, strict=True):
                 if not self.append(gates, (target,)):
                     raise self._measured_before(target, statement)
@@ -251,7 +251,7 @@ class Interpreter:
         for qubit in self._resolve(statement.qubits, "qubit").positions:
             if self._circuits[qubit] or qubit in self._bit_of:
                 raise CircuitError(
-                    f"{shown(statement)} comes after a gate or a measurement of its qubit.",
+                    f"{source_of(statement)} comes after a gate or a measurement of its qubit.",
                     "qcompile compiles circuits that start in |0>; a reset can only come first.",
                 )
             self._keep(Mark("reset", (qubit,), (0,)))
@@ -285,6 +285,6 @@ class Interpreter:
     def _measured_before(self, qubit: int, statement: Any) -> CircuitError:
         name = self._registers.name("qubit", qubit)
         return CircuitError(
-            f"{shown(statement)} follows the measurement of {name}.",
+            f"{source_of(statement)} follows the measurement of {name}.",
             "qcompile measures every qubit once, at the end.",
         )

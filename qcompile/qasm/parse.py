@@ -14,10 +14,13 @@ from qcompile.qasm.grammar import OpaqueGate, UnreadSubroutine, parse_2, parse_3
 from qcompile.qasm.messages import HINTS
 from qcompile.qasm.statements import BLANK, Span
 from qcompile.qasm.terms import WORDS_2, WORDS_3, ParseError, unexpected
+from qcompile.terminal import one_line
 
 LONGEST_STATEMENT = 5_000_000
 _LONGEST_FOR_ANTLR = 100_000
 """Characters of one statement; the full parser takes about a kilobyte for each."""
+
+_LONGEST_QUOTE = 63
 
 _ONLY_3 = WORDS_3 - WORDS_2 - {"gphase"}
 _HEADER = re.compile(r"OPENQASM\s+([0-9]+)(?:\.[0-9]+)?\s*;")
@@ -114,9 +117,11 @@ def _parse_fully(text: str, line: int) -> Any:
             node = UnreadSubroutine(ast.Identifier(subroutine[1]))
             node.span = ast.Span(line, 0, line, 0)
             return node
-        raise ParseError(line, f"The statement {_shortened(text)!r} cannot be read.") from error
+        raise ParseError(
+            line, f"The statement {one_line(text, _LONGEST_QUOTE)!r} cannot be read."
+        ) from error
     if len(statements) != 1:
-        raise ParseError(line, f"The statement {_shortened(text)!r} cannot be read.")
+        raise ParseError(line, f"The statement {one_line(text, _LONGEST_QUOTE)!r} cannot be read.")
     _move(statements[0], line - 1)
     return statements[0]
 
@@ -147,8 +152,3 @@ def _move(node: Any, lines: int) -> None:
         for inner in value if isinstance(value, list) else ():
             if isinstance(inner, ast.Statement):
                 _move(inner, lines)
-
-
-def _shortened(text: str) -> str:
-    first = " ".join(text.split())
-    return first if len(first) <= 60 else f"{first[:60]}..."

@@ -12,7 +12,7 @@ from openqasm3 import ast
 
 from qcompile.catalogue import nearest
 from qcompile.errors import CircuitError
-from qcompile.qasm.expressions import Scope, shown
+from qcompile.qasm.expressions import Scope, source_of
 from qcompile.qasm.layout import Layout, Register, Slot
 
 MOST_QUBITS = 100_000
@@ -120,15 +120,15 @@ class Registers:
             case ast.Concatenation():
                 left, right = self.resolve(node.lhs, scope), self.resolve(node.rhs, scope)
                 if left.kind != right.kind:
-                    raise CircuitError(f"{shown(node)!r} joins qubits and bits.")
+                    raise CircuitError(f"{source_of(node)!r} joins qubits and bits.")
                 both = (*left.positions, *right.positions)
                 if len(set(both)) != len(both):
-                    raise CircuitError(f"{shown(node)!r} holds a {left.kind} twice.")
+                    raise CircuitError(f"{source_of(node)!r} holds a {left.kind} twice.")
                 reference = Reference(left.kind, both, single=False)
             case _:
-                raise CircuitError(f"{shown(node)!r} is not a qubit or bit.")
+                raise CircuitError(f"{source_of(node)!r} is not a qubit or bit.")
         if kind is not None and reference.kind != kind:
-            raise CircuitError(f"{shown(node)!r} is a {reference.kind}, not a {kind}.")
+            raise CircuitError(f"{source_of(node)!r} is a {reference.kind}, not a {kind}.")
         return reference
 
     def _lookup(self, name: str) -> Reference:
@@ -148,12 +148,12 @@ class Registers:
 
 def _index(base: Reference, index: Any, node: Any, scope: Scope) -> Reference:
     if base.single:
-        raise CircuitError(f"{shown(node)!r} indexes a single {base.kind}.")
+        raise CircuitError(f"{source_of(node)!r} indexes a single {base.kind}.")
     positions, single = base.positions, False
     if isinstance(index, ast.DiscreteSet):
         picked = [positions[_in_range(i, positions, node, scope)] for i in index.values]
     elif len(index) != 1:
-        raise CircuitError(f"{shown(node)!r} has more than one index.")
+        raise CircuitError(f"{source_of(node)!r} has more than one index.")
     elif isinstance(index[0], ast.RangeDefinition):
         picked = [positions[i] for i in _range(index[0], positions, node, scope)]
     else:
@@ -165,7 +165,7 @@ def _in_range(index_node: Any, positions: Sequence[int], node: Any, scope: Scope
     index = scope.whole_number(index_node)
     if not -len(positions) <= index < len(positions):
         raise CircuitError(
-            f"Index {index} of {shown(node)} is out of range.",
+            f"Index {index} of {source_of(node)} is out of range.",
             f"The register has {len(positions)}, the last is {len(positions) - 1}.",
         )
     return index % len(positions)
@@ -174,7 +174,7 @@ def _in_range(index_node: Any, positions: Sequence[int], node: Any, scope: Scope
 def _range(range_node: Any, positions: Sequence[int], node: Any, scope: Scope) -> range:
     step = 1 if range_node.step is None else scope.whole_number(range_node.step)
     if step == 0:
-        raise CircuitError(f"The step of {shown(node)} is 0.")
+        raise CircuitError(f"The step of {source_of(node)} is 0.")
     first, last = (0, len(positions) - 1)[:: 1 if step > 0 else -1]
     if range_node.start is not None:
         first = _in_range(range_node.start, positions, node, scope)

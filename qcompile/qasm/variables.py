@@ -11,7 +11,7 @@ from typing import Any
 
 from qcompile.errors import CircuitError
 from qcompile.ir import Angle
-from qcompile.qasm.expressions import CONSTANTS, Scope, shown
+from qcompile.qasm.expressions import CONSTANTS, Scope, source_of
 from qcompile.qasm.operators import AmbiguousError, NoOperationError, binary
 from qcompile.qasm.values import FLOAT, Type, Value
 
@@ -38,7 +38,7 @@ class Variables:
         """
         value = self._converted(expression, type)
         if isinstance(value.number, Angle) and not value.number.is_constant:
-            raise CircuitError(f"{shown(expression)!r} is not a constant.")
+            raise CircuitError(f"{source_of(expression)!r} is not a constant.")
         if self._depth:
             self.scope.variables[name] = value
         else:
@@ -96,7 +96,7 @@ class Variables:
             value = binary(operator[:-1], before, operand, to_whole=type.is_whole)
         except (NoOperationError, AmbiguousError, ArithmeticError) as error:
             raise CircuitError(
-                f"'{name} {operator} {shown(expression)}' has no value here."
+                f"'{name} {operator} {source_of(expression)}' has no value here."
             ) from error
         self.scope.variables[name] = value.to(type)
 
@@ -105,4 +105,4 @@ class Variables:
         try:
             return value.to(type)
         except CircuitError as error:
-            raise CircuitError(f"{shown(expression)!r}: {error}") from error
+            raise CircuitError(f"{source_of(expression)!r}: {error}") from error
