@@ -206,8 +206,9 @@ class Interpreter:
         operands = [self._resolve(qubit, "qubit") for qubit in statement.qubits]
         sizes = {len(operand.positions) for operand in operands if not operand.single}
         if len(sizes) > 1:
+            listed = " and ".join(map(str, sorted(sizes)))
             raise CircuitError(
-                f"{source_of(statement)} joins registers of {' and '.join(map(str, sorted(sizes)))}.",
+                f"{source_of(statement)} joins registers of {listed}.",
                 "Registers that a gate is spread over need one size.",
             )
         for repetition in range(sizes.pop() if sizes else 1):
