@@ -77,7 +77,7 @@ _READERS = {"open", "read_text", "read_bytes", "load", "loadtxt", "genfromtxt", 
 _READERS |= {"memmap", "fdopen", "ZipFile", "Unpickler"}
 _OTHERS = {
     ("cli/__init__.py", "open"): "os.devnull, written to",
-    ("live/opening.py", "open"): "a folder, to have its names on the disk",
+    ("output.py", "open"): "a folder, to have its names on the disk",
     ("output.py", "fdopen"): "written to",
     ("rl/training_log.py", "open"): "written to",
     ("report/film.py", "read_bytes"): "the film it has just made",
