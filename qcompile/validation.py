@@ -49,6 +49,7 @@ _SHORT = _JsonRepr()
 _SHORT.maxlevel = 3
 _SHORT.maxstring = _SHORT.maxlong = _SHORT.maxother = 60
 
+Finite = Annotated[float, Field(allow_inf_nan=False)]
 Line = Annotated[str, Field(pattern=r"^[^\x00-\x1f\x7f-\x9f]+$", max_length=500)]
 """A text of one line that a terminal can show as it stands."""
 

@@ -9,12 +9,11 @@ from pydantic import Field, model_validator
 
 from qcompile.arrays import FloatArray
 from qcompile.limits import MAX_SHOTS
-from qcompile.validation import Many, Record
+from qcompile.validation import Finite, Many, Record
 
 ROUNDING = 1e-6
 
 Count = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
 Shots = Annotated[int, Field(ge=1, le=MAX_SHOTS)]
 
 

@@ -91,7 +91,7 @@ def command(
     fits counts again that are there.
     """
     from qcompile.verbs.calibrate import calibrate_into, check_calibration, refit
-    from qcompile.verbs.measurement import Measurement
+    from qcompile.verbs.calibration_request import CalibrationRequest
 
     if from_file is not None:
         _refuse_measuring(ctx)
@@ -102,14 +102,14 @@ def command(
         raise click.UsageError("--backend names what to measure; --from FILE fits kept counts.")
     if max_age_hours is not None and check is None:
         raise click.UsageError("--max-age-hours is for --check: nothing else looks at the age.")
-    measurement = Measurement(
+    request = CalibrationRequest(
         backend, qubits, shots, policy, parts, seed, live=live, on_note=echo_note
     )
     if check is None:
-        _show(calibrate_into(measurement, out, force=force, plot=plot), plot, as_json)
+        _show(calibrate_into(request, out, force=force, plot=plot), plot, as_json)
         return
     checked = check_calibration(
-        check, measurement, max_age_hours=max_age_hours, out=out, force=force, plot=plot
+        check, request, max_age_hours=max_age_hours, out=out, force=force, plot=plot
     )
     _show(checked, plot, as_json)
     checked.check_holds()

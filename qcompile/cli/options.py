@@ -17,8 +17,6 @@ from qcompile.limits import MAX_SHOTS
 if TYPE_CHECKING:
     from qcompile.mitigation.measure import Part
 
-PARTS: tuple[Part, ...] = ("readout", "response")
-"""What of a device can be measured."""
 BACKEND_HELP = (
     "Device by name or file (`qcompile backends` lists them), calibration file, or qiskit:NAME."
 )
@@ -114,11 +112,13 @@ class Parts(click.ParamType["tuple[Part, ...]"]):
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> tuple[Part, ...]:
-        asked = [part.strip() for part in str(value).split(",")]
-        for part in asked:
+        from qcompile.mitigation.measure import PARTS
+
+        named = [part.strip() for part in str(value).split(",")]
+        for part in named:
             if part not in PARTS:
                 self.fail(f"{part!r} is neither readout nor response.", param, ctx)
-        return tuple(part for part in PARTS if part in asked)
+        return tuple(part for part in PARTS if part in named)
 
 
 class MarkdownPath(click.Path):

@@ -13,9 +13,8 @@ from qcompile.deploy.settings import RunSettings
 from qcompile.device import Device
 from qcompile.execution import Backend, Executor, open_executor
 from qcompile.policy import Policy
+from qcompile.policy.policy import NO_THETA
 from qcompile.streams import Draws
-
-_NO_THETA = np.zeros(0)
 
 
 class Deployment:
@@ -67,7 +66,7 @@ class Deployment:
 
         Without `rows` shots come from the executor's own generator.
         """
-        return self._measure(self.policy.encode(observations), _NO_THETA, rows, self._draws)
+        return self._measure(self.policy.encode(observations), NO_THETA, rows, self._draws)
 
     def act(self, observations: FloatArray, rows: Rows | None = None) -> IntArray:
         """An action for each of the observations (B, features).

@@ -23,8 +23,8 @@ from qcompile.errors import CountsError
 from qcompile.limits import MAX_EPISODES
 
 
-class Record(Protocol):
-    """Keeps the steps of a run."""
+class Recorder(Protocol):
+    """Records the steps of a run."""
 
     def act(self, act: Act, observations: FloatArray, rows: Rows) -> IntArray:
         """The actions (B,) for observations (B, features), which `act` may be asked for."""
@@ -43,7 +43,7 @@ def play(
     deployment: Deployment,
     episodes: int | Sequence[int],
     *,
-    record: Record | None = None,
+    recorder: Recorder | None = None,
     on_episode: Callable[[Episode], None] = lambda episode: None,
     on_frame: Callable[[Frame, float], None] | None = None,
 ) -> Run:
@@ -51,7 +51,7 @@ def play(
 
     Episode i resets with the deployment's seed + i and draws from streams of its own. All living
     episodes step together: one batch of circuits, one job. Ctrl-C ends the run and keeps what is
-    finished; `record` sees every step. `on_frame` gets the frames of the first episode, (height,
+    finished; `recorder` sees every step. `on_frame` gets the frames of the first episode, (height,
     width, 3), and how many of them make a second.
 
     Raises:
@@ -71,7 +71,7 @@ def play(
     try:
         check_fit(policy, environments[0])
         environments += make(len(numbers) - 1)
-        return _play(deployment, numbers, environments, record, on_episode, on_frame)
+        return _play(deployment, numbers, environments, recorder, on_episode, on_frame)
     finally:
         close_environments(environments)
 
@@ -80,7 +80,7 @@ def _play(
     deployment: Deployment,
     episodes: Sequence[int],
     environments: list[Environment],
-    record: Record | None,
+    recorder: Recorder | None,
     on_episode: Callable[[Episode], None],
     on_frame: Callable[[Frame, float], None] | None,
 ) -> Run:
@@ -93,13 +93,13 @@ def _play(
     started = time.perf_counter()
     try:
         lockstep(
-            deployment.act if record is None else partial(record.act, deployment.act),
+            deployment.act if recorder is None else partial(recorder.act, deployment.act),
             environments,
             deployment.settings.seed,
             episodes=episodes,
             max_steps=deployment.settings.max_steps,
             on_step=result.count_step,
-            on_rewards=_drop if record is None else record.rewards,
+            on_rewards=_drop if recorder is None else recorder.rewards,
             on_episode=note,
             on_frame=on_frame,
         )

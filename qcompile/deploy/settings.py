@@ -109,9 +109,8 @@ class RunSettings(BaseModel):
                 "Nothing else reads it.",
             )
         if self.predistort or self.mitigation == "response":
-            check_response_level(
-                self.level, predistort=self.predistort
-            )  # before anything is measured
+            # Refused before anything is measured.
+            check_response_level(self.level, predistort=self.predistort)
         if self.copies is not None and self.copies < 1:
             raise CircuitError(
                 f"{self.copies} copies of a program cannot be placed.", "One is the least."

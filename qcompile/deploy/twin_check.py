@@ -14,7 +14,7 @@ from qcompile.arrays import FloatArray, IntArray
 from qcompile.calibration import Calibration
 from qcompile.deploy.deployment import Deployment
 from qcompile.deploy.lockstep import Act
-from qcompile.deploy.play import Record, play
+from qcompile.deploy.play import Recorder, play
 from qcompile.deploy.rows import Rows
 from qcompile.deploy.twin_power import EFFECT, TwinPrediction, twin_program
 from qcompile.errors import CalibrationError
@@ -22,8 +22,8 @@ from qcompile.execution import Executor, TwinExecutor, expectation_from_ones
 from qcompile.mitigation import Misfit, misfits
 from qcompile.mitigation.drift import contradicted
 from qcompile.policy import Policy
+from qcompile.policy.policy import NO_THETA
 
-_NO_THETA = np.zeros(0)
 _EPISODES = 4
 _STEPS = 500
 _MOST_PLAYED = 200
@@ -99,7 +99,7 @@ def check_twin(
     prediction = TwinPrediction.of(calibration, policy, observations)
     _, executable = twin_program(calibration, policy)
     executable = replace(executable, device=device)
-    ones = executor.run(executable, policy.encode(observations), _NO_THETA, shots)
+    ones = executor.run(executable, policy.encode(observations), NO_THETA, shots)
     residuals = expectation_from_ones(ones, shots) - prediction.expected
     chi_square = _chi_square(prediction, residuals, prediction.variance(shots))
     degrees = len(observations) * np.bincount(prediction.qubit_of)
@@ -137,17 +137,17 @@ def wide_observations(policy: Policy, calibration: Calibration, seed: int) -> Fl
     """
     twin = TwinExecutor(calibration, seed)
     deployment = Deployment(policy, twin, shots=1024, predistort=True, seed=seed, max_steps=_STEPS)
-    record = _Observations()
-    play(deployment, _EPISODES, record=record)
-    played = np.concatenate(record.observations)
+    recorder = _Observations()
+    play(deployment, _EPISODES, recorder=recorder)
+    played = np.concatenate(recorder.observations)
     rng = np.random.default_rng(seed)
     played = played[rng.choice(len(played), min(_MOST_PLAYED, len(played)), replace=False)]
     mixtures = [factor * rng.permuted(played, axis=0) for factor in _STRETCHES]
     return np.concatenate([played, *mixtures])
 
 
-class _Observations(Record):
-    """Keeps the observations of a run."""
+class _Observations(Recorder):
+    """Records the observations of a run alone."""
 
     def __init__(self) -> None:
         self.observations: list[FloatArray] = []

@@ -22,6 +22,7 @@ from qcompile.mitigation.drift import DRIFT_LEVEL
 from qcompile.mitigation.polar import polar_curves
 from qcompile.passes import Executable, compile
 from qcompile.policy import Policy
+from qcompile.policy.policy import NO_THETA
 
 EFFECT = 0.05
 """Validation by default looks for a p01 of a qubit that is raised by as much."""
@@ -34,7 +35,6 @@ _MOST_SHOTS = 4
 _MOST_EXECUTIONS = 60_000
 """Of a round: 21 seconds. More are not chosen unasked."""
 _WITHIN_REACH = 0.95
-_NO_THETA = np.zeros(0)
 
 
 def twin_program(calibration: Calibration, policy: Policy) -> tuple[TwinExecutor, Executable]:
@@ -78,14 +78,14 @@ class TwinPrediction:
         fit = calibration.response
         assert fit is not None  # the twin has curves
         x = policy.encode(observations)
-        angles = executable.bind(x, _NO_THETA)
+        angles = executable.bind(x, NO_THETA)
         qubits, qubit_of = np.unique(executable.qubits, return_inverse=True)
         rows = calibration.rows(qubits)
         contrast = polar_curves(fit, executable.device.native).contrast[rows]
         moves = -np.array(fit.curves)[rows] / contrast[:, None]
         moves[:, 0] = 1.0
         return cls(
-            expected=twin.expectation(executable, x, _NO_THETA),
+            expected=twin.expectation(executable, x, NO_THETA),
             design=np.stack([np.ones_like(angles), np.cos(angles), np.sin(angles)], axis=-1),
             qubits=qubits,
             qubit_of=qubit_of,

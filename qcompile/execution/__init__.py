@@ -3,10 +3,7 @@
 from qcompile.device import Kind
 from qcompile.execution.backend import Backend, DeviceBackend
 from qcompile.execution.cost import Workload, portions, qpu_seconds
-from qcompile.execution.executor import (
-    Executor,
-    expectation_from_ones,
-)
+from qcompile.execution.executor import Executor, expectation_from_ones
 from qcompile.execution.offline import OfflineExecutor
 from qcompile.execution.open import load_backend, open_device, open_executor
 from qcompile.execution.prepared import (

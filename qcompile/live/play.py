@@ -56,8 +56,8 @@ class RunTask(Task, RunSettings):
         """
         deployment = self.deploy(IBMExecutor(self.device, context.jobs))
         actions = len(deployment.policy.bias)
-        recorder = Recorder(context.jobs.journal, actions, self.copy_of, context.say)
-        run = play(deployment, self.episodes, record=recorder)
+        recorder = JournalRecorder(context.jobs.journal, actions, self.copy_of, context.say)
+        run = play(deployment, self.episodes, recorder=recorder)
         if run.interrupted:
             raise KeyboardInterrupt
         return run.summary()
@@ -67,7 +67,7 @@ class RunTask(Task, RunSettings):
         return Deployment(self.policy.policy(), backend, self.settings)
 
 
-class Recorder:
+class JournalRecorder:
     """Records the steps of a run; those that the journal has are played again and checked.
 
     A recorded step takes its recorded actions, which lie in [0, `actions`). The deployment is asked

@@ -9,9 +9,8 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from qcompile.calibration import Calibration
 from qcompile.live.journal import TaskKind
-from qcompile.validation import Line
+from qcompile.validation import Finite, Line
 
-Finite = Annotated[float, Field(allow_inf_nan=False)]
 Count = Annotated[int, Field(ge=0)]
 
 
@@ -26,7 +25,7 @@ class EpisodeFigures(_Figures):
 
 
 class RunFigures(_Figures):
-    """Those of `RunResult.summary`."""
+    """Those of `deploy.result.Run.summary`."""
 
     policy: Line
     environment: Line

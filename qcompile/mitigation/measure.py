@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,8 @@ from qcompile.mitigation.orders import angle_orders
 from qcompile.passes import Executable, compile
 
 Part = Literal["readout", "response"]
+PARTS: tuple[Part, ...] = get_args(Part)
+"""What of a device can be measured, in the order in which it is."""
 
 CALIBRATION_SHOTS = 8192
 RESPONSE_ANGLES_RAD = np.pi / 4 * np.array([0, 4, 0, 4, 1, 3, 5, 7])
@@ -37,7 +39,7 @@ def calibrate(
     qubits: Sequence[int] | IntArray,
     shots: int | None = CALIBRATION_SHOTS,
     *,
-    parts: Sequence[Part] = ("readout", "response"),
+    parts: Sequence[Part] = PARTS,
     angles_rad: FloatArray = RESPONSE_ANGLES_RAD,
     on_circuit: Callable[[int, int], None] = lambda done, of: None,
 ) -> Calibration:

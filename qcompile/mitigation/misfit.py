@@ -10,13 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qcompile.calibration import Calibration, ReadoutFit, ResponseFit
-from qcompile.mitigation.measure import Part
+from qcompile.mitigation.measure import PARTS, Part
 from qcompile.validation import listed
 
 MISFIT_LEVEL = 0.001
 """A calibration whose fits are all right is doubted this often, all its fits together."""
 
-_PARTS: tuple[Part, ...] = ("readout", "response")
 _FOUND: dict[Part, str] = {
     "readout": "depends on what the other qubits hold",
     "response": "is not a curve of its own angle alone",
@@ -53,7 +52,7 @@ def p_values(fit: ReadoutFit | ResponseFit) -> NDArray[np.float64]:
 
 
 def misfits(
-    calibration: Calibration, parts: Iterable[Part] = _PARTS, qubits: Iterable[int] | None = None
+    calibration: Calibration, parts: Iterable[Part] = PARTS, qubits: Iterable[int] | None = None
 ) -> list[Misfit]:
     """The misfits among `parts` of `qubits` (all: None), by part and qubit.
 
@@ -65,7 +64,7 @@ def misfits(
     level = MISFIT_LEVEL / max(len(fitted) * len(calibration.qubits), 1)
     wanted = set(calibration.qubits if qubits is None else qubits)
     contradicting = []
-    for part in sorted(set(parts), key=_PARTS.index):
+    for part in sorted(set(parts), key=PARTS.index):
         fit = fits[part]
         if fit is None:
             continue
@@ -84,7 +83,7 @@ def misfit_words(misfits: Sequence[Misfit | dict[str, Any]]) -> list[str]:
     """A few sentences for each part with misfits: which qubits, what it means, what helps."""
     plain = [one.values() if isinstance(one, Misfit) else one for one in misfits]
     lines = []
-    for part in _PARTS:
+    for part in PARTS:
         rows = [row for row in plain if row["part"] == part]
         if not rows:
             continue

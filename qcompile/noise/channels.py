@@ -34,7 +34,8 @@ def relaxation(qubit: Qubit, length_ns: float) -> Channel:
 
 def relaxation_error(qubit: Qubit, length_ns: float) -> float:
     """The average gate error, 1 - fidelity, of thermal relaxation alone."""
-    return _error(relaxation(qubit, length_ns))
+    relaxed = relaxation(qubit, length_ns)
+    return (3 - relaxed.along - 2 * relaxed.across) / 6
 
 
 def depolarising(calibration: GateCalibration, qubit: Qubit) -> float:
@@ -42,7 +43,13 @@ def depolarising(calibration: GateCalibration, qubit: Qubit) -> float:
 
     It is 0 where relaxation alone is worse than the stated error, and at most 4/3.
     """
-    return _depolarising(calibration.error, relaxation_error(qubit, calibration.length_ns))
+    error = min(calibration.error, 2 / 3)
+    relaxed = relaxation_error(qubit, calibration.length_ns)
+    if error <= relaxed:
+        return 0.0
+    if relaxed >= 0.5:  # nothing but |0> is left, whatever comes before
+        return 1.0
+    return min(2 * (error - relaxed) / (1 - 2 * relaxed), 4 / 3)
 
 
 def channel_after(gate: str, qubit: Qubit | None) -> Channel:
@@ -55,18 +62,5 @@ def channel_after(gate: str, qubit: Qubit | None) -> Channel:
     if calibration is None:
         return NOISELESS
     relaxed = relaxation(qubit, calibration.length_ns)
-    left = 1 - _depolarising(calibration.error, _error(relaxed))
+    left = 1 - depolarising(calibration, qubit)
     return Channel(left * relaxed.across, left * relaxed.along, relaxed.added)
-
-
-def _error(relaxed: Channel) -> float:
-    return (3 - relaxed.along - 2 * relaxed.across) / 6
-
-
-def _depolarising(error: float, relaxed: float) -> float:
-    error = min(error, 2 / 3)
-    if error <= relaxed:
-        return 0.0
-    if relaxed >= 0.5:  # nothing but |0> is left, whatever comes before
-        return 1.0
-    return min(2 * (error - relaxed) / (1 - 2 * relaxed), 4 / 3)

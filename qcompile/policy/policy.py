@@ -15,6 +15,9 @@ from qcompile.ir import Program
 from qcompile.notebook import count, html_table
 from qcompile.policy.encoder import Encoder, check_arrays
 
+NO_THETA = np.zeros(0)
+"""The parameters of a trained program: none is open."""
+
 
 def softmax(logits: FloatArray) -> FloatArray:
     """Logits (B, actions) to probabilities (B, actions)."""

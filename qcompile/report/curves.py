@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from qcompile.report.figure import COLOURS
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-# Okabe and Ito's colours, which colour-blind readers tell apart.
-_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +49,7 @@ def draw_curves(
     axes = figure.add_subplot()
     groups = list(dict.fromkeys(curve.group for curve in curves))
     for curve in curves:
-        colour = _COLOURS[groups.index(curve.group) % len(_COLOURS)]
+        colour = COLOURS[groups.index(curve.group) % len(COLOURS)]
         style = "--" if curve.dashed else "-"
         axes.plot(curve.episodes, curve.mean, style, color=colour, label=curve.label, linewidth=1.6)
         axes.fill_between(curve.episodes, curve.low, curve.high, color=colour, alpha=0.1, lw=0)

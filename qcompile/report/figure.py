@@ -8,6 +8,9 @@ from pathlib import Path
 
 from qcompile.output import write_file
 
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+"""Of Okabe and Ito, which colour-blind readers tell apart; black is the last."""
+
 
 @dataclass(frozen=True, repr=False)
 class Figure:

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from qcompile.report.figure import COLOURS
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# Okabe and Ito's colours, which colour-blind readers tell apart.
-_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 _MARKERS = "osD^vP"
 _GREY = "0.45"
 _SPREAD = 0.6
@@ -111,7 +111,7 @@ def _draw(
             axes.axvspan(index - 0.5, index + 0.5, color="0.965", lw=0, zorder=0)
         for interval, offset in zip(inside, offsets, strict=True):
             variant = variants.index(interval.variant)
-            colour = _GREY if interval.grey else _COLOURS[groups.index(interval.group) % 6]
+            colour = _GREY if interval.grey else COLOURS[groups.index(interval.group) % 6]
             axes.errorbar(
                 index + offset,
                 interval.mean,

@@ -95,7 +95,7 @@ def _widths(columns: Sequence[str], cells: Sequence[Sequence[str]], room: int) -
 
 
 def print_run(summary: dict[str, Any]) -> None:
-    """Print what a run found: `RunResult.summary`."""
+    """Print what a run found: `Run.summary`."""
     out = _console()
     backend = f"{summary['backend']} ({_KINDS.get(summary['kind'], summary['kind'])})"
     policy, environment = escape(summary["policy"]), escape(summary["environment"])

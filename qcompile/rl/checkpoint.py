@@ -24,7 +24,7 @@ from qcompile.rl.models import critic_size, model_size
 from qcompile.rl.ppo import Trainer
 from qcompile.rl.settings import PACKAGES, Settings, plain, restored
 from qcompile.terminal import first_line
-from qcompile.validation import Line, explain
+from qcompile.validation import Finite, Line, explain
 from qcompile.version import versions
 
 FORMAT = "qcompile-checkpoint-1"
@@ -33,7 +33,6 @@ _TENSORS = ("actor", "critic", "optimiser", "generator", "pause")
 
 
 Whole = Annotated[int, Field(ge=0, le=2**53)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 

@@ -10,6 +10,9 @@ from __future__ import annotations
 import heapq
 from collections.abc import Iterable, Iterator
 
+AVERAGED = 20
+"""Episodes of an average reward, as in the paper's learning curves."""
+
 
 class StartOrder:
     """Puts finished episodes of `environments` in the order in which they began.

@@ -16,7 +16,6 @@ from qcompile.validation import explain
 Model = Literal["svqc", "mvqc", "fcn", "cnn", "surrogate"]
 PACKAGES = ("torch", "numpy", "gymnasium")
 """A training repeats with the same versions of these."""
-MODELS: tuple[Model, ...] = ("svqc", "mvqc", "fcn", "cnn", "surrogate")
 
 Count = Annotated[int, Field(ge=1, le=1_000_000_000)]
 Size = Annotated[int, Field(ge=1, le=10_000)]
@@ -52,7 +51,7 @@ class Settings:
 
     # The model
     model: Model = "svqc"
-    """What is trained: a name of MODELS."""
+    """What is trained."""
     layout: Literal["parallel", "serial", "single"] = "parallel"
     """How features become circuits: a name of `qcompile.policy.layouts.LAYOUTS`."""
     scales: Annotated[tuple[Scale, ...], Field(min_length=1)] = (1.0,)

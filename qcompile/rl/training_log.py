@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING, Any, Self
 
 from qcompile.errors import MissingExtraError, OutputError
 from qcompile.output import check_writable
-from qcompile.rl.order import StartOrder
+from qcompile.rl.order import AVERAGED, StartOrder
 
 if TYPE_CHECKING:
     from qcompile.rl.rollout import FinishedEpisode
 
-_EPISODES = 20
 _FLUSH_SECONDS = 5
 
 
@@ -47,7 +46,7 @@ class Averages:
 
     def __init__(self, environments: int = 1, episodes: Iterable[FinishedEpisode] = ()):
         self._order = StartOrder(environments)
-        self._rewards: deque[float] = deque(maxlen=_EPISODES)
+        self._rewards: deque[float] = deque(maxlen=AVERAGED)
         self.last: float | None = None
         self.best: float | None = None
         for episode in episodes:
@@ -58,7 +57,7 @@ class Averages:
         for reward in self._order.add(episode.steps, episode.reward):
             self._rewards.append(reward)
             self.last = sum(self._rewards) / len(self._rewards)
-            if len(self._rewards) == _EPISODES:
+            if len(self._rewards) == AVERAGED:
                 self.best = self.last if self.best is None else max(self.best, self.last)
 
 

@@ -59,9 +59,9 @@ class Draws:
         places = p.reshape(scores.shape[1], self.circuits)
         return binomial_quantiles(shots, places, scores).reshape(p.shape)
 
-    def rows(self, episode: PlaceArray, decision: PlaceArray) -> Rows:
+    def rows(self, episode: PlaceArray, decision: PlaceArray) -> RowDraws:
         """A source of counts for these places, (rows, copies), in place of a Generator."""
-        return Rows(self, episode, decision)
+        return RowDraws(self, episode, decision)
 
     def _scores_ahead(self, shots: int) -> _Ahead:
         def draw(episode: PlaceArray, decision: PlaceArray) -> FloatArray:
@@ -70,7 +70,7 @@ class Draws:
         return _Ahead(draw, ARRAYS * self.circuits)
 
 
-class Rows(NamedTuple):
+class RowDraws(NamedTuple):
     """The draws at some episodes and decisions, both (rows, copies)."""
 
     draws: Draws

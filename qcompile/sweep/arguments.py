@@ -1,13 +1,15 @@
-"""What the arguments of both faces have in common."""
+"""What the arguments of verbs, studies and evaluations have in common."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from os import PathLike
 from typing import Any
 
 Name = str | PathLike[str]
 """A bare name or a path."""
+Words = Callable[[str], None]
+"""What is told something that a person should read."""
 
 
 def several(values: Any) -> list[Any]:

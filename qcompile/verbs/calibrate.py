@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -16,26 +16,23 @@ from qcompile.limits import CALIBRATION_HOURS
 from qcompile.live.measure import CalibrateTask
 from qcompile.mitigation import calibrate as measure_qubits
 from qcompile.mitigation import fit_counts, measure_drift
-from qcompile.mitigation.measure import (
-    LIVE_ANGLES_RAD,
-    RESPONSE_ANGLES_RAD,
-    Part,
-)
+from qcompile.mitigation.measure import LIVE_ANGLES_RAD, PARTS, RESPONSE_ANGLES_RAD, Part
 from qcompile.mitigation.orders import angle_orders
 from qcompile.output import resolved
 from qcompile.policy import Policy
 from qcompile.report import progress as bars
 from qcompile.report.calibration_values import calibration_values
 from qcompile.report.live import result_values
-from qcompile.sweep.arguments import Name, ignore
+from qcompile.sweep.arguments import Name, Words, ignore
+from qcompile.verbs.calibration_request import CalibrationRequest
 from qcompile.verbs.calibrations import (
     CalibrationOutputs,
     CalibrationResult,
     DriftCheck,
     comparable,
 )
+from qcompile.verbs.files import path_of
 from qcompile.verbs.live import Live, spend
-from qcompile.verbs.measurement import PARTS, Measurement
 
 
 def calibrate(
@@ -48,7 +45,7 @@ def calibrate(
     seed: int | None = None,
     live: Live | None = None,
     progress: bool = True,
-    on_note: Callable[[str], None] = ignore,
+    on_note: Words = ignore,
 ) -> Calibration:
     """Measure the readout and the response of a device's qubits, and fit them.
 
@@ -65,15 +62,17 @@ def calibrate(
         OptionError: options contradict each other.
         QcompileError: a name, a file, or a qubit that cannot be measured; Ctrl-C.
     """
-    measurement = Measurement(backend, qubits, shots, policy, parts, seed, live, progress, on_note)
-    result = _measure(measurement)
+    request = CalibrationRequest(
+        backend, qubits, shots, policy, parts, seed, live, progress, on_note
+    )
+    result = _measure(request)
     for words in result.calibration.unfitted:
         on_note(words)
     return result.calibration
 
 
 def calibrate_into(
-    measurement: Measurement,
+    request: CalibrationRequest,
     out: Name | None = None,
     *,
     force: bool = False,
@@ -88,12 +87,12 @@ def calibrate_into(
         OutputError: a file is there already, or cannot be written.
         QcompileError: as `calibrate`; not everything could be fitted: the counts are in the file.
     """
-    return _measure(measurement, CalibrationOutputs(_path(out), force, _path(plot)))
+    return _measure(request, CalibrationOutputs(path_of(out), force, path_of(plot)))
 
 
 def check_calibration(
     old: Name | Calibration,
-    measurement: Measurement,
+    request: CalibrationRequest,
     *,
     max_age_hours: float | None = None,
     out: Name | None = None,
@@ -109,16 +108,16 @@ def check_calibration(
         CalibrationError: the two cannot be compared.
         QcompileError: as `calibrate_into`.
     """
-    if measurement.shots is None:
+    if request.shots is None:
         raise OptionError("A check compares counts: shots exact has none.")
     if force and out is None:
         raise OptionError("force overwrites a file: a check writes none unless out names one.")
-    outputs = CalibrationOutputs(_path(out), force, _path(plot))
+    outputs = CalibrationOutputs(path_of(out), force, path_of(plot))
     file = None if isinstance(old, Calibration) else Path(old)
     outputs.check_words(check=file)
-    measurement.check_words()
+    request.check_words()
     known = old if isinstance(old, Calibration) else load_calibration(Path(old))
-    result = _measure(measurement, outputs, known)
+    result = _measure(request, outputs, known)
     drift = measure_drift(known, result.calibration)
     check = {
         "file": f"the calibration of {known.backend}" if file is None else str(file),
@@ -133,7 +132,7 @@ def check_calibration(
         result.to_dict() | {"check": check},
         result.file,
         max_age_hours=CALIBRATION_HOURS if max_age_hours is None else max_age_hours,
-        backend=measurement.backend if isinstance(measurement.backend, str) else known.backend,
+        backend=request.backend if isinstance(request.backend, str) else known.backend,
     )
 
 
@@ -154,7 +153,7 @@ def refit(
         OutputError: a file is there already, or cannot be written.
     """
     file = Path(counted)
-    outputs = CalibrationOutputs(_path(out), force, _path(plot))
+    outputs = CalibrationOutputs(path_of(out), force, path_of(plot))
     outputs.check_words(**{"from": file})
     counts = load_counts(file)
     outputs = outputs.into(counts.backend)
@@ -164,26 +163,26 @@ def refit(
 
 
 def _measure(
-    measurement: Measurement,
+    request: CalibrationRequest,
     outputs: CalibrationOutputs | None = None,
     old: Calibration | None = None,
 ) -> CalibrationResult:
     """The calibration, measured and written to the outputs, with the circuits of `old`, if any."""
     if old is None:
-        measurement.check_words()
+        request.check_words()
         if outputs is not None:
             outputs.check_words()
-    live = measurement.live
+    live = request.live
     connection = executor = None
     if live is not None:
-        connection = live.connection(measurement.backend)
+        connection = live.connection(request.backend)
         device = connection.device()
     else:
-        executor = open_executor(measurement.backend, measurement.seed)
+        executor = open_executor(request.backend, request.seed)
         device = executor.device
-    qubits = measurement.qubits_on(device, old)
+    qubits = request.qubits_on(device, old)
     angles_rad = angle_orders(RESPONSE_ANGLES_RAD if live is None else LIVE_ANGLES_RAD, qubits)
-    parts = measurement.asked
+    parts = request.asked
     if old is not None:
         parts = comparable(old, device, qubits.tolist(), parts)
         if old.response_counts is not None:
@@ -193,24 +192,24 @@ def _measure(
     if outputs is not None:
         outputs.check_files()
     if executor is not None:
-        calibration = _offline(measurement, executor, qubits, parts or PARTS, angles_rad)
+        calibration = _offline(request, executor, qubits, parts or PARTS, angles_rad)
         return _save(calibration, outputs)
     assert live is not None
     assert connection is not None
-    assert measurement.shots is not None
+    assert request.shots is not None
     out = None if outputs is None else outputs.out
     task = CalibrateTask(
-        backend=measurement.backend,
+        backend=request.backend,
         device=device,
         qubits=tuple(qubits.tolist()),
-        shots=measurement.shots,
+        shots=request.shots,
         parts=parts or ("response",),
         angles_rad=tuple(map(tuple, angles_rad.tolist())),
         out=None if out is None else str(resolved(out)),
         force=outputs is not None and outputs.force,
         **live.where,
     )
-    answer = spend(task, task.load, live, connection, measurement.on_note)
+    answer = spend(task, task.load, live, connection, request.on_note)
     if out is not None and str(resolved(out)) != answer["file"]:  # a file came in between
         out = Path(answer["file"])
     calibration = Calibration.model_validate(answer["calibration"])
@@ -218,7 +217,7 @@ def _measure(
 
 
 def _offline(
-    measurement: Measurement,
+    request: CalibrationRequest,
     executor: Executor,
     qubits: IntArray,
     parts: Sequence[Part],
@@ -226,11 +225,11 @@ def _offline(
 ) -> Calibration:
     title = f"calibrate {executor.device.name}"
     try:
-        with bars.progress_bar(title, 1, enabled=measurement.progress) as show:
+        with bars.progress_bar(title, 1, enabled=request.progress) as show:
             return measure_qubits(
                 executor,
                 qubits,
-                measurement.shots,
+                request.shots,
                 parts=parts,
                 angles_rad=angles_rad,
                 on_circuit=lambda done, of: show(done / of, f"circuit {done} of {of}"),
@@ -263,7 +262,3 @@ def _finish(
             )
         outputs.draw(calibration, file)
     return CalibrationResult(calibration, values, file)
-
-
-def _path(name: Name | None) -> Path | None:
-    return None if name is None else Path(name)

@@ -13,12 +13,11 @@ from qcompile.calibration import Calibration
 from qcompile.device import Device
 from qcompile.errors import CalibrationError, OptionError, OutputError
 from qcompile.limits import CLOCK_HOURS
-from qcompile.mitigation.measure import Part
+from qcompile.mitigation.measure import PARTS, Part
 from qcompile.output import check_writable
 from qcompile.report.calibration_values import calibration_table
 from qcompile.report.figure import Figure
 from qcompile.verbs.files import check_distinct
-from qcompile.verbs.measurement import PARTS
 from qcompile.verbs.results import Result
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -17,15 +17,13 @@ from qcompile.report import progress as bars
 from qcompile.report.figure import Figure
 from qcompile.report.intervals import draw_intervals
 from qcompile.report.tables import grid_table, plural
-from qcompile.sweep.arguments import Name, ignore
+from qcompile.sweep.arguments import Name, Words, ignore
 from qcompile.sweep.complete import CellFailure
 from qcompile.sweep.engine import Engine
 from qcompile.sweep.evaluation import run as grids
 from qcompile.sweep.evaluation.run import Shots
 from qcompile.sweep.evaluation.write_up import panels
 from qcompile.verbs.results import Result
-
-Words = Callable[[str], None]
 
 
 class EvaluationResult(Result):

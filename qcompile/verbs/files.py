@@ -7,6 +7,12 @@ from pathlib import Path
 
 from qcompile.errors import OptionError
 from qcompile.output import resolved
+from qcompile.sweep.arguments import Name
+
+
+def path_of(name: Name | None) -> Path | None:
+    """The path of a file that may not be named."""
+    return None if name is None else Path(name)
 
 
 def check_distinct(

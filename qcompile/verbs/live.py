@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,7 @@ from qcompile.live.perform import begin, complete, task_of
 from qcompile.live.task import Task
 from qcompile.report import progress as bars
 from qcompile.report.tables import plural
-from qcompile.sweep.arguments import Name, ignore
+from qcompile.sweep.arguments import Name, Words, ignore
 
 
 @dataclass(frozen=True)
@@ -37,7 +36,7 @@ class Live:
     batch: bool = False
     runs: Name = "runs"
     max_wait_s: float | None = None
-    confirm: Callable[[str], None] = ignore
+    confirm: Words = ignore
 
     @property
     def where(self) -> dict[str, Any]:
@@ -54,7 +53,7 @@ def spend(
     load: Workload,
     live: Live,
     connection: Connection,
-    on_note: Callable[[str], None],
+    on_note: Words,
 ) -> dict[str, Any]:
     """Tell what the task costs, have it confirmed, and do it; what it found.
 
@@ -92,7 +91,7 @@ def spend(
 def follow(
     journal: Journal,
     max_wait_s: float | None,
-    on_note: Callable[[str], None],
+    on_note: Words,
     *,
     out: Path | None = None,
     pay_again: bool = False,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import nullcontext
 from datetime import UTC, datetime
 from os import PathLike
@@ -27,11 +27,9 @@ from qcompile.report.figure import Figure
 from qcompile.report.film import SUFFIXES, Film
 from qcompile.report.rewards import draw_rewards
 from qcompile.report.tables import interval_words, plural
-from qcompile.sweep.arguments import Name, ignore
+from qcompile.sweep.arguments import Name, Words, ignore
 from qcompile.verbs.live import Live, spend
 from qcompile.verbs.results import Result
-
-Words = Callable[[str], None]
 
 
 class RunResult(Result):

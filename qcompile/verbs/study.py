@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from qcompile.errors import StudyError
 from qcompile.report import progress as bars
 from qcompile.report.figure import Figure
-from qcompile.sweep.arguments import Name, ignore
+from qcompile.sweep.arguments import Name, Words, ignore
 from qcompile.sweep.engine import Engine
 from qcompile.sweep.study import run as studies
 from qcompile.sweep.study.cell import EVALUATION_EPISODES
@@ -77,7 +77,7 @@ def study(
     address: str | None = None,
     workers: int | None = None,
     progress: bool = True,
-    on_note: Callable[[str], None] = ignore,
+    on_note: Words = ignore,
 ) -> StudyResult:
     """Train every row of a study with several seeds and write up all that the folder holds.
 

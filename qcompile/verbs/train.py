@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import ExitStack
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from qcompile.errors import EnvironmentStepError, OptionError, QcompileError, TrainingError
 from qcompile.report import progress as bars
-from qcompile.sweep.arguments import Name, ignore
+from qcompile.sweep.arguments import Name, Words, ignore
+from qcompile.verbs.files import path_of
 from qcompile.verbs.train_outputs import TrainingOutputs
 from qcompile.verbs.train_settings import PRESET, TrainingRequest
 from qcompile.verbs.training import Training
@@ -42,7 +42,7 @@ def train(
     resume: Name | None = None,
     out: Name | None = None,
     progress: bool = True,
-    on_note: Callable[[str], None] = ignore,
+    on_note: Words = ignore,
 ) -> Training:
     """Train a policy in an environment with PPO.
 
@@ -80,10 +80,10 @@ def train(
     )
     if evaluate_episodes is not None and evaluate_every is None:
         raise OptionError("evaluate-episodes needs evaluate-every: how often they are played.")
-    state = _path(resume)
+    state = path_of(resume)
     trainer = request.trainer() if state is None else request.resumed(state, on_note)
     outputs = TrainingOutputs(
-        _path(out), _path(checkpoint) or state, _path(log), state, _path(tensorboard)
+        path_of(out), path_of(checkpoint) or state, path_of(log), state, path_of(tensorboard)
     )
     outputs.check(trainer)
     from qcompile.rl.training_log import EpisodeLog, Scalars
@@ -144,7 +144,3 @@ def _environment_id(environment: str | EnvSpec) -> str:
             "Register yours under an id of its own, and give that.",
         )
     return str(name)
-
-
-def _path(name: Name | None) -> Path | None:
-    return None if name is None else Path(name)

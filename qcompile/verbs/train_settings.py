@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from os import fspath
 from pathlib import Path
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from qcompile.catalogue import nearest
 from qcompile.device import IDEAL_NAME, load_device
 from qcompile.errors import OptionError, TrainingError
-from qcompile.sweep.arguments import Name
+from qcompile.sweep.arguments import Name, Words
 
 if TYPE_CHECKING:
     from qcompile.rl.ppo import Trainer
@@ -90,7 +90,7 @@ class TrainingRequest:
                 raise OptionError(f"{name} is both an option and one of the settings.")
         return dict(self.settings)
 
-    def resumed(self, checkpoint: Path, on_note: Callable[[str], None]) -> Trainer:
+    def resumed(self, checkpoint: Path, on_note: Words) -> Trainer:
         """The trainer of a checkpoint; what is named besides must agree with it.
 
         Raises:

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from qcompile.rl.watch import Watch
     from qcompile.verbs.train_outputs import TrainingOutputs
 
-_AVERAGED = 20
-
 
 class Training(Result):
     """A training that ended: `to_dict` is the document of `qcompile train --json`.
@@ -85,10 +83,12 @@ class Training(Result):
         Raises:
             QcompileError: no episode was finished.
         """
+        from qcompile.rl.order import AVERAGED
+
         rewards = np.array(self.rewards)
         if not len(rewards):
             raise QcompileError("No episode was finished: there is no curve.")
-        last = [rewards[max(0, end - _AVERAGED) : end] for end in range(1, len(rewards) + 1)]
+        last = [rewards[max(0, end - AVERAGED) : end] for end in range(1, len(rewards) + 1)]
         mean, spread = (np.array([of(part) for part in last]) for of in (np.mean, np.std))
         values = self.to_dict()
         curve = Curve(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ from qcompile.live.validate import ValidateTask
 from qcompile.mitigation.misfit import misfit_words
 from qcompile.policy import Policy, load_policy
 from qcompile.policy.files import policy_values
-from qcompile.sweep.arguments import Name, ignore
+from qcompile.sweep.arguments import Name, Words, ignore
 from qcompile.verbs.live import Live, spend
 from qcompile.verbs.results import Result
 
@@ -78,7 +77,7 @@ def validate(
     seed: int = 0,
     backend: Name | Device | Backend | Executor | Any = None,
     live: Live | None = None,
-    on_note: Callable[[str], None] = ignore,
+    on_note: Words = ignore,
 ) -> Validation:
     """Run a policy's circuits and compare their counts with the twin of a calibration.
 
@@ -134,7 +133,7 @@ def _live(
     shots: int,
     effect: float,
     live: Live,
-    on_note: Callable[[str], None],
+    on_note: Words,
 ) -> dict[str, Any]:
     """What the machine's own counts say."""
     connection = live.connection(calibration.backend)

@@ -36,7 +36,7 @@ class Kept:
 def actions(episodes: int | list[int], backend: str = "ibm_toronto", **settings: Any) -> Actions:
     kept = Kept()
     chosen = {"shots": 32, "mitigation": "none", "max_steps": 40, **settings}
-    play(Deployment(load_policy("cartpole"), backend, **chosen), episodes, record=kept)
+    play(Deployment(load_policy("cartpole"), backend, **chosen), episodes, recorder=kept)
     return kept.actions
 
 

@@ -15,7 +15,7 @@ from qcompile.device import load_device
 from qcompile.errors import CalibrationError, OptionError
 from qcompile.execution import OfflineExecutor, load_backend
 from qcompile.verbs.calibrate import calibrate_into, check_calibration, refit
-from qcompile.verbs.measurement import Measurement
+from qcompile.verbs.calibration_request import CalibrationRequest
 
 LIMA = load_device("fake_lima")
 
@@ -70,12 +70,12 @@ def test_it_is_short_and_has_a_picture() -> None:
 
 def test_a_check_finds_the_qubit_that_moved() -> None:
     old = qcompile.calibrate(LIMA, shots=4000, seed=0)
-    same = check_calibration(old, Measurement(LIMA, shots=4000, seed=1))
+    same = check_calibration(old, CalibrationRequest(LIMA, shots=4000, seed=1))
     assert same.holds
     same.check_holds()
     worse = LIMA.qubits[3].model_copy(update={"p01": 0.15})
     moved = LIMA.model_copy(update={"qubits": (*LIMA.qubits[:3], worse, LIMA.qubits[4])})
-    found = check_calibration(old, Measurement(moved, shots=4000, seed=1))
+    found = check_calibration(old, CalibrationRequest(moved, shots=4000, seed=1))
     assert found.to_dict()["check"]["drifted"] == [3]
     with pytest.raises(CalibrationError, match="the calibration of fake_lima no longer holds"):
         found.check_holds()
@@ -83,7 +83,7 @@ def test_a_check_finds_the_qubit_that_moved() -> None:
 
 
 def test_kept_counts_are_fitted_anew() -> None:
-    kept = calibrate_into(Measurement(LIMA, shots=500, seed=0))
+    kept = calibrate_into(CalibrationRequest(LIMA, shots=500, seed=0))
     assert kept.file == Path("fake_lima-calibration.json")
     fitted = refit(kept.file, [1, 4], out="two.json", plot="two.png")
     assert fitted.calibration.qubits == (1, 4)

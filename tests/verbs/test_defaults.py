@@ -14,8 +14,8 @@ import pytest
 import qcompile
 from qcompile.deploy.settings import RunSettings
 from qcompile.verbs.calibrate import calibrate_into, check_calibration
+from qcompile.verbs.calibration_request import CalibrationRequest
 from qcompile.verbs.evaluate import evaluate_paper
-from qcompile.verbs.measurement import Measurement
 
 LEAST = {
     "train": ["CartPole-v1", "--out", "p.pt"],
@@ -95,7 +95,7 @@ def test_a_grid_has_the_defaults_that_its_help_states() -> None:
 
 def test_calibrations_have_the_same_defaults_everywhere() -> None:
     words, known = options("calibrate"), defaults(qcompile.calibrate)
-    assert defaults(Measurement) == known
+    assert defaults(CalibrationRequest) == known
     for option in ("shots", "qubits", "policy", "parts", "seed"):
         assert same(words[option], known[option]), option
     for function in (calibrate_into, check_calibration):

@@ -18,7 +18,7 @@ from qcompile.errors import CalibrationError, DeviceError, StudyError
 from qcompile.execution import Backend, Executor, load_backend
 from qcompile.output import check_writable
 from qcompile.policy import Policy, load_policy
-from qcompile.sweep.arguments import Name, ignore, no_progress, several
+from qcompile.sweep.arguments import Name, Words, ignore, no_progress, several
 from qcompile.sweep.complete import CellFailure, Completed, OnProgress, Pool, complete
 from qcompile.sweep.engine import Engine
 from qcompile.sweep.evaluation.calibrations import CalibrationFile
@@ -30,7 +30,6 @@ from qcompile.sweep.evaluation.summary import results
 from qcompile.sweep.evaluation.write_up import write_figures, write_results
 
 Shots = int | None | Literal["exact"]
-Words = Callable[[str], None]
 
 
 @dataclass(frozen=True, eq=False)

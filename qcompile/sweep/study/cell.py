@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from qcompile.errors import TrainingError
-from qcompile.rl.order import in_order_of_start
+from qcompile.rl.order import AVERAGED, in_order_of_start
 from qcompile.rl.settings import PACKAGES, plain, restored
 from qcompile.sweep.folder import Folder
 from qcompile.sweep.study.rows import Cell
@@ -21,10 +21,6 @@ from qcompile.version import versions
 EVALUATION_EPISODES = 100
 EVALUATION_SEED = 10_000
 """The final model plays episodes reset with these seeds, which no training sees by name."""
-
-AVERAGED = 20
-"""Episodes of an average, as in the paper's learning curves; they count in the order in which they
-began (`qcompile.rl.order`)."""
 
 Steps = Annotated[int, Field(ge=1)]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from qcompile.rl.order import AVERAGED
 from qcompile.sweep.pages import markdown_table, version_words
-from qcompile.sweep.study.cell import AVERAGED
 from qcompile.sweep.study.paper import belongs, figures
 from qcompile.sweep.study.summary import TOO_FEW, RowSummary, spread
 

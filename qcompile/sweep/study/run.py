@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -10,7 +10,7 @@ from typing import Any
 
 from qcompile.errors import StudyError
 from qcompile.output import check_writable
-from qcompile.sweep.arguments import Name, ignore, no_progress, several
+from qcompile.sweep.arguments import Name, Words, ignore, no_progress, several
 from qcompile.sweep.complete import OnProgress, Pool, complete
 from qcompile.sweep.engine import Engine
 from qcompile.sweep.study.cell import EVALUATION_EPISODES, CellResult, folder_of, run_cell
@@ -62,7 +62,7 @@ def study(
     address: str | None = None,
     workers: int | None = None,
     on_progress: OnProgress = no_progress,
-    on_loss: Callable[[str], None] = ignore,
+    on_loss: Words = ignore,
 ) -> Study:
     """Train every row of a study with several seeds and write up all that the folder holds.
 

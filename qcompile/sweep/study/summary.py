@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from qcompile.rl.order import AVERAGED
 from qcompile.sweep.pages import csv_text
-from qcompile.sweep.study.cell import AVERAGED, CellResult, first_at
+from qcompile.sweep.study.cell import CellResult, first_at
 from qcompile.sweep.study.rows import Row
 
 TOO_FEW = f"under {AVERAGED} episodes"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,20 +12,17 @@ from qcompile.arrays import IntArray
 from qcompile.calibration import Calibration
 from qcompile.device import Device
 from qcompile.errors import CalibrationError, OptionError
-from qcompile.mitigation.measure import Part, check_qubits
+from qcompile.mitigation.measure import PARTS, Part, check_qubits
 from qcompile.noise import unusable, usable
 from qcompile.passes import compile
 from qcompile.policy import Policy, load_policy
 from qcompile.report.placement import left_out_words
-from qcompile.sweep.arguments import Name, ignore, several
+from qcompile.sweep.arguments import Name, Words, ignore, several
 from qcompile.verbs.live import Live
-
-PARTS: tuple[Part, ...] = ("readout", "response")
-"""What of a device can be measured."""
 
 
 @dataclass(frozen=True)
-class Measurement:
+class CalibrationRequest:
     """What to measure: the arguments of `calibrate`."""
 
     backend: Any
@@ -36,7 +33,7 @@ class Measurement:
     seed: int | None = None
     live: Live | None = None
     progress: bool = True
-    on_note: Callable[[str], None] = ignore
+    on_note: Words = ignore
 
     def check_words(self) -> None:
         """Nothing, if the arguments fit each other.
@@ -61,7 +58,7 @@ class Measurement:
     def asked(self) -> tuple[Part, ...]:
         """The parts that are asked for, in their order; none for the default."""
         parts = [] if self.parts is None else several(self.parts)
-        return tuple(sorted(set(parts), reverse=False, key=[*PARTS, *parts].index))
+        return tuple(sorted(set(parts), key=[*PARTS, *parts].index))
 
     def qubits_on(self, device: Device, old: Calibration | None = None) -> IntArray:
         """The qubits to measure: asked for, of the policy, of `old`, or those that can be used.
