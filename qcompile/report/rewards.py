@@ -16,6 +16,7 @@ def draw_rewards(summary: dict[str, Any]) -> Figure:
     """A bar for each episode of a run, their mean and its interval."""
     import matplotlib as mpl
     from matplotlib.figure import Figure as Drawing
+    from matplotlib.ticker import MaxNLocator
 
     rewards = [episode["reward"] for episode in summary["episodes"]]
     with mpl.rc_context({"font.size": 9}):
@@ -25,13 +26,15 @@ def draw_rewards(summary: dict[str, Any]) -> Figure:
         if summary["mean_reward"] is not None:
             axes.axhline(summary["mean_reward"], color="black", linewidth=1, label="mean")
         if summary["ci95"] is not None:
-            axes.axhspan(*summary["ci95"], color=_GREY, alpha=0.3, label="95 % interval")
+            axes.axhspan(*summary["ci95"], color=_GREY, alpha=0.3, lw=0, label="95 % interval")
         axes.axhline(0, color=_GREY, linewidth=0.6)
         axes.set_xlabel("episode")
         axes.set_ylabel("reward")
         axes.set_title(f"{summary['policy']} on {summary['backend']}", loc="left")
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
+        axes.spines[["top", "right"]].set_visible(False)
         if summary["mean_reward"] is not None:
-            axes.legend(loc="best", frameon=False)
+            drawing.legend(loc="outside lower center", frameon=False, fontsize=8, ncols=2)
         stream = BytesIO()
         drawing.savefig(stream, format="png", dpi=150)
     return Figure(stream.getvalue())

@@ -36,6 +36,15 @@ def test_a_grid_of_names_and_objects_leaves_no_file() -> None:
     assert list(Path().iterdir()) == []
 
 
+def test_cells_that_failed_are_told_below_the_table(monkeypatch: pytest.MonkeyPatch) -> None:
+    options: dict[str, Any] = {"shots": 8, "mitigations": "none", "workers": 1, "episodes": 1}
+    monkeypatch.setattr("qcompile.sweep.evaluation.cell.play", _failing_on_lima)
+    grid = qcompile.evaluate("cartpole", "fake_lima", **options)
+    words = "1 cell could not be played: check_complete() says why"
+    assert repr(grid).splitlines()[-1] == words
+    assert grid._repr_html_().endswith(f"<p>{words}</p>")
+
+
 def test_a_folder_is_filled_and_read_again() -> None:
     options: dict[str, Any] = {"shots": 8, "mitigations": "none", "episodes": 1, "workers": 1}
     first = qcompile.evaluate("cartpole", "ibm_lima", out="e", **options)
