@@ -12,7 +12,7 @@ study        repeat the paper's training study
 
 load_policy, load_backend, load_device and load_calibration read what these take; each of them takes
 a name, a file or an object. All of them have a short repr; results also have `plot`, `to_dict` and
-`save`. `compile`, `Program` and `OfflineExecutor` are the way from circuits to counts, step by step.
+`save`. `compile`, `Program` and `OfflineExecutor` are the way from circuits to counts.
 
 The names load their modules when they are first used, so `import qcompile` costs little.
 """

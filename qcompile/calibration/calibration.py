@@ -149,8 +149,8 @@ def load_calibration(path: str | PathLike[str]) -> Calibration:
     except FileNotFoundError as error:
         raise CalibrationError(
             f"There is no calibration file {path}.",
-            "`qcompile calibrate --backend NAME` writes one.",
-            "In Python qcompile.calibrate(NAME) is a calibration; its save(FILE) writes one.",
+            "`qcompile calibrate --backend NAME` writes one; in Python the save(FILE) of a "
+            "Calibration does.",
         ) from error
     except (OSError, ContentsError, ValidationError) as error:
         raise CalibrationError(f"{path} is no calibration.", *explain(error)) from error

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from qcompile.report.figure import Figure
+from qcompile.report.tables import interval_words
 
 _BLUE, _GREY = "#0072B2", "0.45"
 
@@ -25,7 +26,7 @@ def draw_rewards(summary: dict[str, Any]) -> Figure:
         axes.bar(np.arange(len(rewards)), rewards, color=_BLUE, width=0.8)
         if summary["mean_reward"] is not None:
             axes.axhline(summary["mean_reward"], color="black", linewidth=1, label="mean")
-        if summary["ci95"] is not None:
+        if interval_words(summary):
             axes.axhspan(*summary["ci95"], color=_GREY, alpha=0.3, lw=0, label="95 % interval")
         axes.axhline(0, color=_GREY, linewidth=0.6)
         axes.set_xlabel("episode")
