@@ -42,7 +42,11 @@ EMPTY: tuple[object, ...] = (None, (), {})
 def options(name: str) -> dict[str, Any]:
     """The values that a command has where it is told nothing more than it must be."""
     command: click.Command = import_module(f"qcompile.cli.{name}").command
-    return dict(command.make_context(name, [*LEAST.get(name, [])]).params)
+    return dict(
+        command.make_context(
+            name, [*LEAST.get(name, [])], help_option_names=["-h", "--help"]
+        ).params
+    )
 
 
 def defaults(function: Callable[..., Any]) -> dict[str, Any]:
