@@ -11,8 +11,8 @@ plan         say what episodes cost on a machine, in each way to run them
 study        repeat the paper's training study
 
 load_policy, load_backend, load_device and load_calibration read what these take; each of them takes
-a name, a file or an object. What they give has a short repr, `plot` and `to_dict`. `compile`,
-`Program` and `OfflineExecutor` are the way from circuits to counts, step by step.
+a name, a file or an object. All of them have a short repr; results also have `plot`, `to_dict` and
+`save`. `compile`, `Program` and `OfflineExecutor` are the way from circuits to counts.
 
 The names load their modules when they are first used, so `import qcompile` costs little.
 """
@@ -27,7 +27,7 @@ from qcompile.version import __version__ as __version__
 if TYPE_CHECKING:
     from qcompile.calibration import Calibration, load_calibration
     from qcompile.device import Device, load_device
-    from qcompile.errors import QcompileError
+    from qcompile.errors import OptionError, QcompileError
     from qcompile.execution import (
         OfflineExecutor,
         TwinExecutor,
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     )
     from qcompile.ir import Angle, Circuit, Gate, Program
     from qcompile.passes import Executable, compile
-    from qcompile.policy import Policy, load_policy, save_policy
+    from qcompile.policy import Encoder, Policy, load_policy, save_policy
     from qcompile.simulate import Simulator
     from qcompile.verbs.calibrate import calibrate
     from qcompile.verbs.evaluate import evaluate
@@ -59,10 +59,12 @@ _HOMES = {
     "Calibration": "qcompile.calibration",
     "Circuit": "qcompile.ir",
     "Device": "qcompile.device",
+    "Encoder": "qcompile.policy",
     "Executable": "qcompile.passes",
     "Gate": "qcompile.ir",
     "Live": "qcompile.verbs.live",
     "OfflineExecutor": "qcompile.execution",
+    "OptionError": "qcompile.errors",
     "Policy": "qcompile.policy",
     "Program": "qcompile.ir",
     "QcompileError": "qcompile.errors",
@@ -89,10 +91,12 @@ __all__ = [  # noqa: RUF022
     "Calibration",
     "Circuit",
     "Device",
+    "Encoder",
     "Executable",
     "Gate",
     "Live",
     "OfflineExecutor",
+    "OptionError",
     "Policy",
     "Program",
     "QcompileError",

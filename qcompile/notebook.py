@@ -7,6 +7,9 @@ from html import escape
 
 Rows = Sequence[Sequence[str]]
 
+MOST_ROWS = 40
+"""Longer tables show their beginning and their end."""
+
 
 def count(number: int, noun: str) -> str:
     """1 circuit, 2 circuits."""
@@ -18,9 +21,16 @@ def shortened(text: str, most: int = 100) -> str:
     return text if len(text) <= most else f"{text[:most].rsplit(' ', 1)[0]} ..."
 
 
+def shortened_rows(rows: Rows) -> Rows:
+    """At most MOST_ROWS rows: of more of them the first, a row of dots and the last five."""
+    if len(rows) <= MOST_ROWS:
+        return rows
+    return [*rows[: MOST_ROWS - 6], ["..."] * len(rows[0]), *rows[-5:]]
+
+
 def text_table(columns: Sequence[str], rows: Rows) -> str:
     """A header and a line for each row, in columns."""
-    lines = [columns, *rows]
+    lines = [columns, *shortened_rows(rows)]
     widths = [max(len(line[k]) for line in lines) for k in range(len(columns))]
     return "\n".join(
         "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip()
@@ -32,7 +42,8 @@ def html_table(columns: Sequence[str], rows: Rows, title: str = "") -> str:
     """The same as an HTML table, below a title."""
     head = "".join(f"<th>{escape(name)}</th>" for name in columns)
     body = "".join(
-        "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows
+        "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>"
+        for row in shortened_rows(rows)
     )
     caption = f"<p>{escape(title)}</p>" if title else ""
     return f"{caption}<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"

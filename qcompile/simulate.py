@@ -36,6 +36,7 @@ class Simulator:
                 "Give torch the program it came from.",
             )
         self._xp, self._size = xp, len(program)
+        self._words = f"{program!r}, {xp.__name__}"
         self._late_angles = (
             LateAngles(program.late_angles, program.inputs, program.parameters)
             if program.late_angles
@@ -54,6 +55,9 @@ class Simulator:
         self._seen = _seen(self._steps)
         self._largest = _largest(self._steps)
         self._last_z = next((step for step in reversed(self._seen) if step.axis == "z"), None)
+
+    def __repr__(self) -> str:
+        return f"Simulator({self._words})"
 
     def _inputs(self, x: Array, theta: Array) -> Array:
         if self._late_angles is None:

@@ -193,7 +193,7 @@ def test_what_is_no_json_is_refused(tmp_path: Path, contents: bytes) -> None:
 
 
 def test_a_missing_file_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(CalibrationError, match="No such file"):
+    with pytest.raises(CalibrationError, match="There is no calibration file"):
         load_calibration(tmp_path / "a")
 
 

@@ -50,6 +50,7 @@ DOORS = {
     "calibration/calibration.py": {
         "qcompile.report.calibration.draw_calibration",
         "qcompile.report.calibration_values.calibration_html",
+        "qcompile.report.calibration_values.calibration_values",
         "qcompile.report.figure.Figure",
     },
 }

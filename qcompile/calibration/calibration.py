@@ -8,7 +8,7 @@ from datetime import datetime
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from pydantic import AwareDatetime, Field, ValidationError, model_validator
@@ -122,8 +122,14 @@ class Calibration(Record):
 
         return calibration_html(self)
 
+    def to_dict(self) -> dict[str, Any]:
+        """The document that `qcompile calibrate` prints with --json, without its file."""
+        from qcompile.report.calibration_values import calibration_values
+
+        return calibration_values(self)
+
     def save(self, path: str | PathLike[str]) -> None:
-        """Write it as JSON.
+        """Write all of it as JSON, for `load_calibration`.
 
         Raises:
             OutputError: the file cannot be written.
@@ -140,6 +146,12 @@ def load_calibration(path: str | PathLike[str]) -> Calibration:
     path = Path(path)
     try:
         return Calibration.model_validate_json(read_json(path))
+    except FileNotFoundError as error:
+        raise CalibrationError(
+            f"There is no calibration file {path}.",
+            "`qcompile calibrate --backend NAME` writes one; in Python the save(FILE) of a "
+            "Calibration does.",
+        ) from error
     except (OSError, ContentsError, ValidationError) as error:
         raise CalibrationError(f"{path} is no calibration.", *explain(error)) from error
 

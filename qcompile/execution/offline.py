@@ -6,8 +6,10 @@ import numpy as np
 
 from qcompile.arrays import FloatArray
 from qcompile.device import Device, Kind
+from qcompile.errors import DeviceError
 from qcompile.execution.executor import Executor, check_device
 from qcompile.execution.prepared import ExactPrepared
+from qcompile.foreign import what_it_is
 from qcompile.noise import NoisyCircuits
 from qcompile.passes import Executable
 
@@ -17,9 +19,17 @@ class OfflineExecutor(Executor):
 
     Circuits are not entangled, so the ones of each circuit in N shots are one binomial draw.
     The same seed and the same calls give the same counts.
+
+    Raises:
+        DeviceError: `device` is no Device.
     """
 
     def __init__(self, device: Device, seed: int | np.random.SeedSequence | None = None):
+        if not isinstance(device, Device):
+            raise DeviceError(
+                f"OfflineExecutor takes a Device; this is {what_it_is(device)}.",
+                "load_backend(name_or_object).device is one.",
+            )
         self.device = device
         self.kind: Kind = "ideal" if device.is_ideal else "noise-model"
         self.rng = np.random.default_rng(seed)

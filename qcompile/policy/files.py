@@ -168,10 +168,14 @@ def _read_pt(path: Path) -> dict[str, Any]:
 def policy_values(policy: Policy) -> dict[str, Any]:
     """The plain values of a policy file; its schema reads them back to an equal policy.
 
-    They are of format 1, unless the policy needs format 2; then of that with what it needs.
+    They are of format 1, unless the policy needs format 2; then of that with what it needs. A file
+    counts its symbols: input i is called x{i} there and parameter i theta{i}.
     """
     encoder, of_encoder = policy.encoder, _beyond_format_1(policy.encoder)
     name = encoder.function if isinstance(encoder.function, str) else "identity"
+    program = policy.program
+    symbols = {symbol: f"x{i}" for i, symbol in enumerate(program.inputs)}
+    symbols |= {symbol: f"theta{i}" for i, symbol in enumerate(program.parameters)}
     more: dict[str, Any] = {}
     if policy.environment_kwargs:
         more["environment_kwargs"] = dict(policy.environment_kwargs)
@@ -185,7 +189,7 @@ def policy_values(policy: Policy) -> dict[str, Any]:
             "scale": encoder.scale.tolist(),
             **of_encoder,
         },
-        "circuits": [circuit.to_lists() for circuit in policy.program.circuits],
+        "circuits": [circuit.rename(symbols).to_lists() for circuit in program.circuits],
         "theta": policy.theta.tolist(),
         "weights": policy.weights.tolist(),
         "bias": policy.bias.tolist(),

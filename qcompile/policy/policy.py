@@ -76,20 +76,18 @@ class Policy:
         return len(self.bias)
 
     def __repr__(self) -> str:
-        return f"Policy({self.name}, {', '.join(self._lines.values())})"
+        sizes = (count(number, noun) for noun, number in self._sizes.items())
+        return f"Policy({', '.join([self.name, self.environment, *sizes])})"
 
     def _repr_html_(self) -> str:
-        return html_table(["policy", self.name], [[*line] for line in self._lines.items()])
+        rows = [["environment", self.environment]]
+        rows += [[f"{noun}s", f"{number:,}"] for noun, number in self._sizes.items()]
+        return html_table(["policy", self.name], rows)
 
     @property
-    def _lines(self) -> dict[str, str]:
-        """What it is, in a few words."""
-        return {
-            "environment": self.environment,
-            "circuits": count(len(self.program), "circuit"),
-            "parameters": count(self.parameter_count, "parameter"),
-            "actions": count(self.actions, "action"),
-        }
+    def _sizes(self) -> dict[str, int]:
+        parameters = self.parameter_count
+        return {"circuit": len(self.program), "parameter": parameters, "action": self.actions}
 
     @property
     def parameter_count(self) -> int:

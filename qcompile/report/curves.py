@@ -44,6 +44,7 @@ def draw_curves(
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
+    from matplotlib.ticker import MaxNLocator
 
     figure = Figure(figsize=(8.0, 5.2), layout="constrained")
     axes = figure.add_subplot()
@@ -57,6 +58,7 @@ def draw_curves(
         _draw_target(axes, target)
     longest = max(int(curve.episodes[-1]) for curve in curves)
     axes.set_xlim(0, min(longest, most_episodes or longest))
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
     axes.set_title(title, loc="left", fontsize=11)
     axes.set_xlabel("episode")
     axes.set_ylabel("average reward of the last 20 episodes")

@@ -3,18 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from numbers import Integral
 from os import PathLike
-from typing import Any
+from typing import Any, Literal
+
+from qcompile.errors import OptionError
 
 Name = str | PathLike[str]
 """A bare name or a path."""
 Words = Callable[[str], None]
 """What is told something that a person should read."""
 
+Shots = int | None | Literal["exact"]
+"""A number of shots; None or "exact" are expectations without shot noise."""
+
 
 def several(values: Any) -> list[Any]:
     """The values, or the one value, in a list."""
     return [*values] if isinstance(values, Sequence) and not isinstance(values, str) else [values]
+
+
+def shots_of(shots: Shots) -> int | None:
+    """The number of shots, None for exact expectations.
+
+    Raises:
+        OptionError: it is neither.
+    """
+    if shots is None or shots == "exact":
+        return None
+    if isinstance(shots, bool) or not isinstance(shots, Integral):
+        raise OptionError(f'shots {shots!r} is not a whole number, "exact" or None.')
+    return int(shots)
 
 
 def ignore(words: str) -> None:

@@ -18,7 +18,7 @@ from qcompile.passes import compile
 from qcompile.policy import Policy, load_policy
 from qcompile.report.placement import left_out_words
 from qcompile.sweep.arguments import Name, Words, ignore, several
-from qcompile.verbs.live import Live
+from qcompile.verbs.live import Live, check_live
 
 
 @dataclass(frozen=True)
@@ -46,6 +46,7 @@ class CalibrationRequest:
         for part in self.asked:
             if part not in PARTS:
                 raise OptionError(f"{part!r} is neither readout nor response.")
+        check_live(self.live)
         if self.live is None:
             return
         for option, given in (("seed", self.seed is not None), ("shots exact", self.shots is None)):

@@ -17,11 +17,10 @@ from qcompile.report import progress as bars
 from qcompile.report.figure import Figure
 from qcompile.report.intervals import draw_intervals
 from qcompile.report.tables import grid_table, plural
-from qcompile.sweep.arguments import Name, Words, ignore
+from qcompile.sweep.arguments import Name, Shots, Words, ignore
 from qcompile.sweep.complete import CellFailure
 from qcompile.sweep.engine import Engine
 from qcompile.sweep.evaluation import run as grids
-from qcompile.sweep.evaluation.run import Shots
 from qcompile.sweep.evaluation.write_up import panels
 from qcompile.verbs.results import Result
 
@@ -78,6 +77,13 @@ class EvaluationResult(Result):
         environments = {cell["environment"] for cell in self.cells if cell["policy"] in shown}
         title = f"{' and '.join(sorted(environments))}, {episodes}"
         return Figure(draw_intervals(title, drawing, same_scale=len(environments) == 1))
+
+    @property
+    def remark(self) -> str:
+        if not self.failures:
+            return ""
+        cells = plural(len(self.failures), "cell")
+        return f"{cells} could not be played: check_complete() says why"
 
     @property
     def table(self) -> tuple[list[str], list[list[str]]]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from qcompile.errors import BudgetError
+from qcompile.errors import BudgetError, OptionError
 from qcompile.execution import Workload
 from qcompile.limits import FREE_SECONDS
 from qcompile.live.connection import Connection
@@ -46,6 +46,19 @@ class Live:
     def connection(self, backend: str) -> Connection:
         """A connection to the machine of that name."""
         return Connection(backend, self.account, self.instance)
+
+
+def check_live(live: object) -> None:
+    """Nothing, if `live` allows a run on a machine, or is None.
+
+    Raises:
+        OptionError: it is something else.
+    """
+    if not isinstance(live, Live | None):
+        raise OptionError(
+            f"live is {live!r}, not a qcompile.Live.",
+            "It says what may be spent: live=qcompile.Live(max_qpu_seconds=25).",
+        )
 
 
 def spend(

@@ -15,7 +15,7 @@ from qcompile.policy import Policy, load_policy
 from qcompile.policy.files import policy_values
 from qcompile.report.figure import Figure
 from qcompile.report.seconds import draw_seconds
-from qcompile.sweep.arguments import Name
+from qcompile.sweep.arguments import Name, shots_of
 from qcompile.verbs.results import Result
 
 
@@ -76,6 +76,8 @@ def plan(
         OptionError: options contradict each other.
         QcompileError: a name, a file or a combination that cannot be played.
     """
+    if shots_of(shots) is None:
+        raise OptionError("A plan needs a number of shots: a machine gives nothing exact.")
     for option, value in (("account", account), ("instance", instance)):
         if value is not None and not live:
             raise OptionError(f"{option} is for live: nothing else asks IBM.")

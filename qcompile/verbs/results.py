@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from html import escape
 from pathlib import Path
 from typing import Any
 
 from qcompile.notebook import html_table, text_table
 from qcompile.output import write_file
-from qcompile.report.figure import Figure
 from qcompile.sweep.arguments import Name
 
 
@@ -32,17 +32,19 @@ class Result:
         text = json.dumps(self.to_dict(), indent=1, allow_nan=False)
         write_file(Path(path), (text + "\n").encode())
 
-    def plot(self) -> Figure:
-        """A picture; a notebook shows it, `save` writes it to a file."""
-        raise NotImplementedError
-
     @property
     def table(self) -> tuple[list[str], list[list[str]]]:
         """Columns and rows of what `repr` and notebooks show."""
         raise NotImplementedError
 
+    @property
+    def remark(self) -> str:
+        """What a reader of the table must know besides; shown below it."""
+        return ""
+
     def __repr__(self) -> str:
-        return text_table(*self.table)
+        return "\n".join(filter(None, [text_table(*self.table), self.remark]))
 
     def _repr_html_(self) -> str:
-        return html_table(*self.table)
+        remark = f"<p>{escape(self.remark)}</p>" if self.remark else ""
+        return html_table(*self.table) + remark

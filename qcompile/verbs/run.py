@@ -27,8 +27,8 @@ from qcompile.report.figure import Figure
 from qcompile.report.film import SUFFIXES, Film
 from qcompile.report.rewards import draw_rewards
 from qcompile.report.tables import interval_words, plural
-from qcompile.sweep.arguments import Name, Words, ignore
-from qcompile.verbs.live import Live, spend
+from qcompile.sweep.arguments import Name, Shots, Words, ignore, shots_of
+from qcompile.verbs.live import Live, check_live, spend
 from qcompile.verbs.results import Result
 
 
@@ -75,6 +75,11 @@ class RunResult(Result):
         columns = ["policy", "backend", "kind", "shots", "mitigation", "episodes"]
         return [*columns, "mean reward", "95 % interval"], [row]
 
+    @property
+    def remark(self) -> str:
+        interrupted = f"interrupted: {len(self.episodes)} of {self._asked} episodes were finished"
+        return interrupted if self.to_dict()["interrupted"] else ""
+
     def check_complete(self) -> None:
         """Nothing, if all episodes were played.
 
@@ -82,9 +87,10 @@ class RunResult(Result):
             QcompileError: Ctrl-C came before.
         """
         if self.to_dict()["interrupted"]:
+            bias = "These are the shortest ones: their mean does not estimate the policy's score."
             raise QcompileError(
                 f"Interrupted: {len(self.episodes)} of {self._asked} episodes were finished.",
-                "These are the shortest ones, so their mean is no estimate of the policy's score.",
+                *([bias] if self.episodes else []),
                 "Fewer --episodes end sooner.",
             )
 
@@ -94,7 +100,7 @@ def run(
     backend: Name | Device | Backend | Executor | Any = "ideal",
     *,
     episodes: int = 20,
-    shots: int | None = 8192,
+    shots: Shots = 8192,
     seed: int = 0,
     level: int = 2,
     mitigation: str | None = None,
@@ -113,9 +119,10 @@ def run(
 
     Policy and backend are names, files or objects; a Qiskit backend is played on the noise model of
     its calibration, or through `sampler`, a SamplerV2. The settings are those of `RunSettings`:
-    shots None are exact expectations; mitigation None is `readout` on a noisy backend, calibrated
-    first unless `calibration` is given, and `none` on `ideal`. The same seed gives the same result;
-    episode i resets its environment with seed + i. `video` films the first episode, .mp4 or .gif.
+    shots None or "exact" are exact expectations; mitigation None is `readout` on a noisy backend,
+    calibrated first unless `calibration` is given, and `none` on `ideal`. The same seed gives the
+    same result; episode i resets its environment with seed + i. `video` films the first episode,
+    .mp4 or .gif.
 
     With `live` it is played on IBM's machine of that name, which costs money: see `Live`. `on_note`
     is told what a person should read.
@@ -129,7 +136,7 @@ def run(
         video,
         live,
         sampler,
-        shots=shots,
+        shots=shots_of(shots),
         seed=seed,
         level=level,
         mitigation=mitigation,
@@ -183,6 +190,7 @@ def _settings(
             f"copies {settings.copies} are more than the {plural(episodes, 'episode')} there are "
             "to share an execution."
         )
+    check_live(live)
     if live is not None:
         wrong = {"video": video is not None, "shots exact": settings.shots is None}
         wrong["sampler"] = sampler is not None

@@ -19,7 +19,7 @@ from qcompile.mitigation.misfit import misfit_words
 from qcompile.policy import Policy, load_policy
 from qcompile.policy.files import policy_values
 from qcompile.sweep.arguments import Name, Words, ignore
-from qcompile.verbs.live import Live, spend
+from qcompile.verbs.live import Live, check_live, spend
 from qcompile.verbs.results import Result
 
 _ADVICE = (
@@ -91,6 +91,7 @@ def validate(
         OptionError: options contradict each other.
         QcompileError: a file or a combination that cannot be compared.
     """
+    check_live(live)
     is_free = observations is None or shots is None
     if power is not None and not is_free:
         raise OptionError("power chooses observations and shots: leave one of the three out.")

@@ -49,6 +49,8 @@ def test_calibrate_and_validate(qcompile: Call) -> None:
     words = ("--backend", "fake_lima", "--shots", 500, "--seed", 3)
     assert qcompile("calibrate", *words, "--out", "lima.json").code == 0
     calibration = q.calibrate("fake_lima", shots=500, seed=3)
+    document = qcompile("calibrate", *words, "--out", "again.json", "--json").json()
+    assert timeless(document) == timeless(calibration.to_dict()) | {"file": "again.json"}
     stored = q.load_calibration("lima.json")
     assert stored.model_copy(update={"created": calibration.created}) == calibration
 

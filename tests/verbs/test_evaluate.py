@@ -9,6 +9,9 @@ import pytest
 
 import qcompile
 from qcompile.calibration import load_calibration
+from qcompile.deploy.deployment import Deployment
+from qcompile.deploy.play import play
+from qcompile.deploy.result import Run
 from qcompile.errors import DeviceError, OptionError, StudyError
 from qcompile.execution import OfflineExecutor
 
@@ -34,6 +37,21 @@ def test_a_grid_of_names_and_objects_leaves_no_file() -> None:
     with pytest.raises(StudyError, match="No policy of the grid is called 'x'"):
         grid.plot("x")
     assert list(Path().iterdir()) == []
+
+
+def _failing_on_lima(deployment: Deployment, episodes: int) -> Run:
+    if deployment.device.name == "fake_lima":
+        raise DeviceError("It broke.")
+    return play(deployment, episodes)
+
+
+def test_cells_that_failed_are_told_below_the_table(monkeypatch: pytest.MonkeyPatch) -> None:
+    options: dict[str, Any] = {"shots": 8, "mitigations": "none", "workers": 1, "episodes": 1}
+    monkeypatch.setattr("qcompile.sweep.evaluation.cell.play", _failing_on_lima)
+    grid = qcompile.evaluate("cartpole", "fake_lima", **options)
+    words = "1 cell could not be played: check_complete() says why"
+    assert repr(grid).splitlines()[-1] == words
+    assert grid._repr_html_().endswith(f"<p>{words}</p>")
 
 
 def test_a_folder_is_filled_and_read_again() -> None:

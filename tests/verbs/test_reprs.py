@@ -9,8 +9,11 @@ from typing import Any
 import pytest
 
 import qcompile
+from qcompile.errors import QcompileError
 from qcompile.rl.ppo import Trainer
 from qcompile.rl.presets import settings_for
+from qcompile.verbs.run import RunResult
+from qcompile.verbs.validate import Validation
 
 POLICY = qcompile.load_policy("lunarlander")
 LAGOS = qcompile.load_device("fake_lagos")
@@ -59,6 +62,38 @@ def test_executables_say_where_they_run() -> None:
 )
 def test_tables_have_a_row_for_each(value: Any, rows: int) -> None:
     assert value._repr_html_().count("<tr>") == rows
+
+
+def test_a_long_table_shows_its_beginning_and_its_end() -> None:
+    program = qcompile.Program.of([qcompile.Circuit.parse("h")] * 441)
+    html = program._repr_html_()
+    assert html.count("<tr>") == 1 + 40
+    assert [f"<td>{i}</td>" in html for i in (33, 34, 435, 436, 440)] == [1, 0, 0, 1, 1]
+
+
+def test_a_policy_has_bare_numbers_in_its_table() -> None:
+    assert "<td>circuits</td><td>24</td>" in POLICY._repr_html_()
+
+
+def test_an_interrupted_run_says_so() -> None:
+    values = qcompile.run("cartpole", episodes=2, max_steps=1).to_dict()
+    result = RunResult(values | {"interrupted": True}, 10)
+    words = "interrupted: 2 of 10 episodes were finished"
+    assert repr(result).splitlines()[-1] == words
+    assert result._repr_html_().endswith(f"</table><p>{words}</p>")
+    assert "interrupted" not in repr(RunResult(values, 2))
+
+
+def test_only_means_of_episodes_are_doubted() -> None:
+    values = qcompile.run("cartpole", episodes=1, max_steps=1).to_dict() | {"interrupted": True}
+    with pytest.raises(QcompileError, match="shortest"):
+        RunResult(values, 3).check_complete()
+    with pytest.raises(QcompileError, match=r"^Interrupted: 0 of 3 .*\n  Fewer --episodes"):
+        RunResult(values | {"episodes": []}, 3).check_complete()
+
+
+def test_what_has_no_picture_has_no_plot() -> None:
+    assert not hasattr(Validation({}), "plot")
 
 
 def test_names_are_no_html() -> None:

@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from itertools import chain
 from os import fspath
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from qcompile.calibration import Calibration, age_words, load_calibration
 from qcompile.deploy.environments import check_fit, make_environments
@@ -18,7 +18,15 @@ from qcompile.errors import CalibrationError, DeviceError, StudyError
 from qcompile.execution import Backend, Executor, load_backend
 from qcompile.output import check_writable
 from qcompile.policy import Policy, load_policy
-from qcompile.sweep.arguments import Name, Words, ignore, no_progress, several
+from qcompile.sweep.arguments import (
+    Name,
+    Shots,
+    Words,
+    ignore,
+    no_progress,
+    several,
+    shots_of,
+)
 from qcompile.sweep.complete import CellFailure, Completed, OnProgress, Pool, complete
 from qcompile.sweep.engine import Engine
 from qcompile.sweep.evaluation.calibrations import CalibrationFile
@@ -28,8 +36,6 @@ from qcompile.sweep.evaluation.page import write_devices
 from qcompile.sweep.evaluation.paper import paper_cells
 from qcompile.sweep.evaluation.summary import results
 from qcompile.sweep.evaluation.write_up import write_figures, write_results
-
-Shots = int | None | Literal["exact"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +108,7 @@ def evaluate(
     """
     out = Path(out)
     sides = (
-        [None if count == "exact" else count for count in several(shots)],
+        [shots_of(count) for count in several(shots)],
         [_known_mitigation(name) for name in several(mitigations)],
         several(levels),
     )
