@@ -150,7 +150,7 @@ def test_a_device_whose_bits_are_swapped_is_undone(
             "--level 2, or --mitigation readout without --predistort.",
         ),
         (("--calibration", "bad.json"), "bad.json is no calibration.\n  It is not JSON: line 1"),
-        (("--calibration", "nosuch.json"), "nosuch.json is no calibration.\n"),
+        (("--calibration", "nosuch.json"), "There is no calibration file nosuch.json.\n"),
         (
             ("--calibration", "two.json"),
             "Qubit 2 has no calibration.\n  Calibrated on fake_lima: 0",
