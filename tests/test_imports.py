@@ -41,7 +41,7 @@ ORDER = (
 LEVEL = {room: level for level, rooms in enumerate(ORDER) for room in rooms}
 
 DOORS = {
-    "ir/circuit.py": {
+    "ir/program.py": {
         "qcompile.interop.qiskit.program_of",
         "qcompile.interop.pennylane.program_of",
         "qcompile.interop.openqasm.program_of",

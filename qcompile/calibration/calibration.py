@@ -135,13 +135,13 @@ def load_calibration(path: str | PathLike[str]) -> Calibration:
     """The calibration of a file.
 
     Raises:
-        CalibrationError: there is no such file, or it is no calibration.
+        CalibrationError: there is no such file, or it is not a calibration.
     """
     path = Path(path)
     try:
         return Calibration.model_validate_json(read_json(path))
     except (OSError, ContentsError, ValidationError) as error:
-        raise CalibrationError(f"{path} is no calibration.", *explain(error)) from error
+        raise CalibrationError(f"{path} is not a calibration.", *explain(error)) from error
 
 
 def load_counts(path: Path) -> Calibration:

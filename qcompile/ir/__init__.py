@@ -1,8 +1,9 @@
 """The intermediate representation: immutable circuits of one qubit with affine angles."""
 
 from qcompile.ir.angle import NEGLIGIBLE_RAD, Angle
-from qcompile.ir.circuit import Circuit, LateAngle, Program
+from qcompile.ir.circuit import Circuit, LateAngle
 from qcompile.ir.gate import FIXED_GATES, ROTATION_GATES, Gate, Rotation
+from qcompile.ir.program import Program
 
 __all__ = [
     "FIXED_GATES",

@@ -1,17 +1,16 @@
-"""Circuits of one qubit, and programs: many circuits side by side, sharing symbols."""
+"""Circuits of one qubit, and angles that a circuit defines."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from qcompile.errors import CircuitError
-from qcompile.ir.angle import Angle, check_symbol
+from qcompile.ir.angle import Angle
 from qcompile.ir.gate import Gate
-from qcompile.notebook import count, html_table, shortened
+from qcompile.notebook import shortened
 
 _GATE_TEXT = re.compile(r"\s*([A-Za-z]\w*)\s*(?:\(([^()]*(?:\([^()]*\)[^()]*)*)\))?")
 
@@ -25,17 +24,18 @@ class Circuit:
     @classmethod
     def of(cls, gates: Iterable[Sequence[object]]) -> Circuit:
         """The circuit of the policy-file form [["h"], ["ry", "x0"], ["rz", 0.5]]."""
-        made = []
+        read = []
         for gate in gates:
             if isinstance(gate, str) or not isinstance(gate, Sequence) or len(gate) not in (1, 2):
                 raise CircuitError(
-                    f"{gate!r} is no gate.", 'A gate is [name] or [name, angle], like ["ry", "x0"].'
+                    f"{gate!r} is not a gate.",
+                    'A gate is [name] or [name, angle], like ["ry", "x0"].',
                 )
             name, *angle = gate
             if not isinstance(name, str):
-                raise CircuitError(f"{name!r} is no gate name.")
-            made.append(Gate.of(name, *angle))  # type: ignore[arg-type]
-        return cls(tuple(made))
+                raise CircuitError(f"{name!r} is not a gate name.")
+            read.append(Gate.of(name, *angle))  # type: ignore[arg-type]
+        return cls(tuple(read))
 
     @classmethod
     def parse(cls, text: str) -> Circuit:
@@ -114,194 +114,3 @@ class LateAngle:
 
     def __str__(self) -> str:
         return f"{self.name} = {self.part}{{{self.block}}}"
-
-
-@dataclass(frozen=True, repr=False)
-class Program:
-    """Circuits side by side; circuit i is bit i.
-
-    Angles are affine in `inputs` (one value per observation), `parameters` (trained, the same for
-    every observation) and the names of `late_angles` (computed from both when bound).
-
-    Raises:
-        CircuitError: a circuit uses a symbol that is not declared, or a symbol is declared twice.
-    """
-
-    circuits: tuple[Circuit, ...]
-    inputs: tuple[str, ...] = ()
-    parameters: tuple[str, ...] = ()
-    late_angles: tuple[LateAngle, ...] = ()
-
-    def __post_init__(self) -> None:
-        outer = (*self.inputs, *self.parameters)
-        names = (*outer, *(late.name for late in self.late_angles))
-        for name in names:
-            check_symbol(name)
-        if len(set(names)) != len(names):
-            twice = next(name for name in names if names.count(name) > 1)
-            raise CircuitError(f"Symbol {twice!r} is declared twice.")
-        self._require(self.circuits, set(names))
-        self._require([late.block for late in self.late_angles], set(outer))
-
-    @staticmethod
-    def _require(circuits: Iterable[Circuit], known: set[str]) -> None:
-        for index, circuit in enumerate(circuits):
-            for symbol in circuit.symbols:
-                if symbol not in known:
-                    raise CircuitError(
-                        f"Unknown symbol {symbol!r} in circuit {index}.",
-                        f"Declared: {' '.join(sorted(known)) or 'none'}.",
-                    )
-
-    @classmethod
-    def of(cls, circuits: Iterable[Circuit], inputs: int = 0, parameters: int = 0) -> Program:
-        """The program over x0 ... x(inputs-1) and theta0 ... theta(parameters-1)."""
-        return cls(
-            tuple(circuits),
-            tuple(f"x{i}" for i in range(inputs)),
-            tuple(f"theta{i}" for i in range(parameters)),
-        )
-
-    @classmethod
-    def from_qiskit(cls, circuit: Any, inputs: str | Iterable[Any] | None = None) -> Program:
-        """The program of a Qiskit QuantumCircuit without entangling gates, up to global phase.
-
-        Qubit i is circuit i; where qubits are measured, those alone, in the order of their bits.
-        Parameters whose names start with x are inputs and all others are parameters, unless
-        `inputs` says otherwise: another prefix, a ParameterVector, or a list of Parameters and
-        names. Both are sorted by name, numbers as numbers; `inputs` given as a list keeps its
-        order. The symbol of element x[3] of a vector is x3.
-
-        Raises:
-            CircuitError: a gate entangles qubits or is not known, an angle is not affine, or a
-                qubit is used after its measurement.
-            MissingExtraError: Qiskit is not installed.
-        """
-        from qcompile.interop.qiskit import program_of
-
-        return program_of(circuit, inputs)
-
-    @classmethod
-    def from_pennylane(
-        cls, function: Any, inputs: int | tuple[int, ...] = 0, parameters: int | tuple[int, ...] = 0
-    ) -> Program:
-        """The program of a PennyLane quantum function, QNode or tape, up to global phase.
-
-        The function is called once, as function(x, theta), with arrays of symbols of the shapes
-        `inputs` and `parameters`; an argument of size 0 is not given. Their elements are x0, x1,
-        ... and theta0, theta1, ... in C order. Circuit i is the i-th wire that is measured in Z;
-        where none is, the i-th wire that the function uses. A tape holds numbers alone.
-
-        Raises:
-            CircuitError: a gate entangles wires or is not known, an angle is not affine, or the
-                function asks for the value of a symbol.
-            MissingExtraError: PennyLane is not installed.
-        """
-        from qcompile.interop.pennylane import program_of
-
-        return program_of(function, inputs, parameters)
-
-    @classmethod
-    def from_qasm(
-        cls, text_or_path: str | Path, inputs: str | Iterable[Any] | None = None
-    ) -> Program:
-        """The program of OpenQASM 2 or 3, up to global phase.
-
-        A str with a line break, or that starts with OPENQASM, is the text itself; any other, and a
-        Path, is a file. Circuits are ordered as `from_qiskit` orders them, and `inputs` says the
-        same; inputs and parameters keep the order in which the file declares them.
-
-        Raises:
-            ProgramFileError: the file cannot be read, or the text cannot be compiled.
-        """
-        from qcompile.interop.openqasm import program_of
-
-        return program_of(text_or_path, inputs)
-
-    @property
-    def symbols(self) -> tuple[str, ...]:
-        """Inputs, parameters and the names of the late angles, in this order."""
-        return (*self.inputs, *self.parameters, *(late.name for late in self.late_angles))
-
-    def substitute(self, values: Mapping[str, float]) -> Program:
-        """The program with inputs or parameters replaced by their numbers.
-
-        Raises:
-            CircuitError: the program has late angles; substitute before it is compiled.
-        """
-        if self.late_angles:
-            raise CircuitError("A fused program cannot be substituted.", "Do it before compiling.")
-        return Program(
-            tuple(circuit.substitute(values) for circuit in self.circuits),
-            tuple(name for name in self.inputs if name not in values),
-            tuple(name for name in self.parameters if name not in values),
-        )
-
-    def side_by_side(self, copies: int) -> Program:
-        """`copies` copies of the program, which share its parameters and have their own inputs.
-
-        Inputs and circuits come copy by copy; input x of copy j is called x_j, with more
-        underscores where a parameter has that name. One copy is the program itself.
-
-        Raises:
-            CircuitError: the program has late angles; copy it before it is compiled.
-        """
-        if copies == 1:
-            return self
-        if self.late_angles:
-            raise CircuitError("A fused program cannot be copied.", "Do it before compiling.")
-        mark = "_"
-        while any(f"{x}{mark}{j}" in self.parameters for x in self.inputs for j in range(copies)):
-            mark += "_"
-        named = [{x: f"{x}{mark}{j}" for x in self.inputs} for j in range(copies)]
-        return Program(
-            tuple(circuit.rename(names) for names in named for circuit in self.circuits),
-            tuple(name for names in named for name in names.values()),
-            self.parameters,
-        )
-
-    def __len__(self) -> int:
-        return len(self.circuits)
-
-    def __repr__(self) -> str:
-        parts = [count(len(self), "circuit"), count(len(self.inputs), "input")]
-        parts.append(count(len(self.parameters), "parameter"))
-        if self.late_angles:
-            parts.append(count(len(self.late_angles), "late angle"))
-        return f"Program({', '.join(parts)})"
-
-    def _repr_html_(self) -> str:
-        rows = [[str(i), str(circuit)] for i, circuit in enumerate(self.circuits)]
-        return html_table(["circuit", "gates"], rows, repr(self))
-
-    def __str__(self) -> str:
-        lines = [f"inputs {' '.join(self.inputs)}", f"parameters {' '.join(self.parameters)}"]
-        lines += [f"{i}: {circuit}" for i, circuit in enumerate(self.circuits)]
-        lines += [f"where {late}" for late in self.late_angles]
-        return "\n".join(line.rstrip() for line in lines)
-
-    @classmethod
-    def parse(cls, text: str) -> Program:
-        """The program whose text form (`str`) is `text`.
-
-        Raises:
-            CircuitError: a line is not of that form.
-        """
-        circuits: list[Circuit] = []
-        symbols: dict[str, tuple[str, ...]] = {"inputs": (), "parameters": ()}
-        late_angles = []
-        for line in filter(None, map(str.strip, text.splitlines())):
-            word, *rest = line.split()
-            if word in symbols:
-                symbols[word] = tuple(rest)
-            elif match := re.fullmatch(r"where (\w+) = (first|polar|last)\{(.*)\}", line):
-                late_angles.append(
-                    LateAngle(match[1], Circuit.parse(match[3]), match[2])  # type: ignore[arg-type]
-                )
-            elif match := re.fullmatch(r"(\d+):(.*)", line):
-                if int(match[1]) != len(circuits):
-                    raise CircuitError(f"Expected circuit {len(circuits)}, found {line!r}.")
-                circuits.append(Circuit.parse(match[2]))
-            else:
-                raise CircuitError(f"Cannot read the line {line!r} of a program.")
-        return cls(tuple(circuits), symbols["inputs"], symbols["parameters"], tuple(late_angles))

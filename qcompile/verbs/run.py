@@ -84,7 +84,7 @@ class RunResult(Result):
         if self.to_dict()["interrupted"]:
             raise QcompileError(
                 f"Interrupted: {len(self.episodes)} of {self._asked} episodes were finished.",
-                "These are the shortest ones, so their mean is no estimate of the policy's score.",
+                "These are the shortest ones, so their mean does not estimate the policy's score.",
                 "Fewer --episodes end sooner.",
             )
 
