@@ -35,9 +35,9 @@ class QcompileError(Exception):
 
     def with_hints(self, *hints: str) -> Self:
         """The same error with more lines."""
-        made = type(self).__new__(type(self))
-        made.args = ("\n  ".join((str(self), *hints)),)
-        return made
+        error = type(self).__new__(type(self))
+        error.args = ("\n  ".join((str(self), *hints)),)
+        return error
 
 
 class CircuitError(QcompileError, ValueError):
