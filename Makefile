@@ -13,7 +13,7 @@ help:  ## Show this help
 run: $(VENV)/run.stamp  ## Land the trained LunarLander policy on ibm_lima's noise model
 	$(BIN)/qcompile run lunarlander --backend ibm_lima --shots 8192 --episodes $(EPISODES)
 
-study: $(VENV)/run.stamp  ## Repeat the paper's training study into docs/ (hours; goes on where it stopped)
+study: $(VENV)/run.stamp  ## Repeat the paper's training study into docs/ (hours; resumes where it stopped)
 	$(BIN)/qcompile study paper --out docs/study --page docs/reproduction.md
 
 test: $(VENV)/dev.stamp  ## Run the tests

@@ -87,7 +87,7 @@ class Trial:
     """By how much less was told than was charged, at worst."""
     doubted: bool = False
     alone: bool = True
-    """Whether no copy of the run is going on elsewhere, whose jobs it only hears of in the end."""
+    """Whether no copy of the run is running elsewhere, whose jobs it only hears of in the end."""
 
     @property
     def run(self) -> str | None:

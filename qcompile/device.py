@@ -168,12 +168,14 @@ def _read(path: Path) -> Device:
         contents = read_file(path)
         if CALIBRATION_MARK in contents:
             raise DeviceError(
-                f"{path} is a calibration, no device file.",
+                f"{path} is a calibration, not a device file.",
                 "It is a --backend of `run`, `evaluate`, `calibrate`, `show`, `export`, `compile`.",
             )
         device = Device.model_validate_json(check_json(contents), strict=True)
     except (OSError, ContentsError, ValidationError) as error:
-        raise DeviceError(f"{path} is no device file.", *explain(error)) from error
+        raise DeviceError(f"{path} is not a device file.", *explain(error)) from error
     if device.is_ideal:
-        raise DeviceError(f"{path} is no device file.", f"The device {IDEAL_NAME!r} is built in.")
+        raise DeviceError(
+            f"{path} is not a device file.", f"The device {IDEAL_NAME!r} is built in."
+        )
     return device

@@ -11,7 +11,7 @@ QcompileError                 exit code 1 on the command line
 ├── CalibrationError          counts from which no calibration can be fitted
 ├── TrainingError             training settings that contradict each other
 ├── StudyError                a study or a grid that cannot be run or written up
-├── LiveError                 a run on real hardware that cannot start or go on
+├── LiveError                 a run on real hardware that cannot start or resume
 │   ├── BudgetError           it would pass its limit of QPU seconds
 │   ├── PaidFailureError      it would pay again for a job that was charged for nothing
 │   └── ReplayError           it does not repeat what its journal holds
@@ -35,9 +35,9 @@ class QcompileError(Exception):
 
     def with_hints(self, *hints: str) -> Self:
         """The same error with more lines."""
-        made = type(self).__new__(type(self))
-        made.args = ("\n  ".join((str(self), *hints)),)
-        return made
+        error = type(self).__new__(type(self))
+        error.args = ("\n  ".join((str(self), *hints)),)
+        return error
 
 
 class CircuitError(QcompileError, ValueError):
@@ -85,7 +85,7 @@ class StudyError(QcompileError, ValueError):
 
 
 class LiveError(QcompileError, RuntimeError):
-    """A run on real hardware cannot start or go on; what was paid for is in its journal."""
+    """A run on real hardware cannot start or resume; what was paid for is in its journal."""
 
 
 class BudgetError(LiveError):
@@ -97,7 +97,7 @@ class PaidFailureError(LiveError):
 
 
 class ReplayError(LiveError):
-    """A run does not repeat what its journal holds: it cannot go on here."""
+    """A run does not repeat what its journal holds: it cannot be resumed here."""
 
 
 class OutputError(QcompileError, OSError):

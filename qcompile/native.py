@@ -40,8 +40,8 @@ class NativeGates:
         for native in (RX, SX):
             if set(basis_gates) >= set(native.gates):
                 return native
-        found = sorted(set(basis_gates))
-        raise ValueError(f"basis_gates holds {found}; it needs rz, sx, x or rz, rx")
+        gates = sorted(set(basis_gates))
+        raise ValueError(f"basis_gates holds {gates}; it needs rz, sx, x or rz, rx")
 
     def __str__(self) -> str:
         return " ".join(self.gates)

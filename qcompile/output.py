@@ -120,7 +120,7 @@ def check_writable(path: Path) -> None:
 
 def _cannot_write(path: Path, error: OSError) -> OutputError:
     above = next((p for p in path.parents if os.path.lexists(p) and not os.path.isdir(p)), None)
-    why = f"{above} is no folder." if above else f"{error.strerror or error}."
+    why = f"{above} is not a folder." if above else f"{error.strerror or error}."
     return OutputError(f"Cannot write {path}.", why, "Choose another path.")
 
 

@@ -107,7 +107,9 @@ def test_what_is_no_regular_file_is_not_read(tmp_path: Path, kind: str) -> None:
         os.mkfifo(path)
     else:
         path = Path("/dev/zero") if kind == "a device" else tmp_path
-    with pytest.raises(CalibrationError, match=r"is no calibration\.\n  It is .*, not a regular"):
+    with pytest.raises(
+        CalibrationError, match=r"is not a calibration\.\n  It is .*, not a regular"
+    ):
         load_calibration(path)
 
 
@@ -181,14 +183,14 @@ def test_a_damaged_file_is_refused_in_words(tmp_path: Path, words: str) -> None:
     DAMAGES[words](contents)
     path = tmp_path / "damaged.json"
     path.write_text(json.dumps(contents))
-    with pytest.raises(CalibrationError, match=f"(?s)damaged.json is no calibration.*{words}"):
+    with pytest.raises(CalibrationError, match=f"(?s)damaged.json is not a calibration.*{words}"):
         load_calibration(path)
 
 
 @pytest.mark.parametrize("contents", [b"", b"{", b"[]", b"\xff\xfe", b'{"format": NaN}'])
 def test_what_is_no_json_is_refused(tmp_path: Path, contents: bytes) -> None:
     (tmp_path / "a").write_bytes(contents)
-    with pytest.raises(CalibrationError, match="is no calibration"):
+    with pytest.raises(CalibrationError, match="is not a calibration"):
         load_calibration(tmp_path / "a")
 
 

@@ -148,7 +148,7 @@ def test_a_wrong_file_names_what_is_wrong(tmp_path, change, words: list[str]) ->
 def test_what_is_no_json_object_is_refused(tmp_path, text: str) -> None:
     path = tmp_path / "wrong.json"
     path.write_text(text)
-    with pytest.raises(DeviceError, match="is no device file"):
+    with pytest.raises(DeviceError, match="is not a device file"):
         load_device(str(path))
 
 
@@ -233,7 +233,7 @@ def test_a_message_about_a_key_does_not_steer_a_terminal(tmp_path, key: str) -> 
     with pytest.raises(DeviceError) as caught:
         load_device(path)
     head, *lines = str(caught.value).split("\n")
-    assert head == f"{path} is no device file."
+    assert head == f"{path} is not a device file."
     assert len(lines) == 1
     assert lines[0].isprintable()
 

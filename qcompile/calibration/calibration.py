@@ -141,7 +141,7 @@ def load_calibration(path: str | PathLike[str]) -> Calibration:
     """The calibration of a file.
 
     Raises:
-        CalibrationError: there is no such file, or it is no calibration.
+        CalibrationError: there is no such file, or it is not a calibration.
     """
     path = Path(path)
     try:
@@ -153,7 +153,7 @@ def load_calibration(path: str | PathLike[str]) -> Calibration:
             "Calibration does.",
         ) from error
     except (OSError, ContentsError, ValidationError) as error:
-        raise CalibrationError(f"{path} is no calibration.", *explain(error)) from error
+        raise CalibrationError(f"{path} is not a calibration.", *explain(error)) from error
 
 
 def load_counts(path: Path) -> Calibration:

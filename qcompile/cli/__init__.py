@@ -21,7 +21,7 @@ COMMANDS = {
     "plan": "Say what a policy costs on a machine, in each way to run it.",
     "validate": "Test a calibration's twin against fresh counts.",
     "runs": "List, show and export live runs.",
-    "resume": "Go on with a live run.",
+    "resume": "Resume a live run.",
     "show": "Show circuits before and after compilation.",
     "export": "Write a policy's circuits as an OpenQASM job.",
     "compile": "Compile an OpenQASM 2 or 3 file.",

@@ -24,7 +24,7 @@ class Assignment(click.ParamType[tuple[str, Any]]):
 
         name, sign, text = (part.strip() for part in str(value).partition("="))
         if not sign:
-            self.fail(f"{value!r} is no NAME=VALUE, such as clip=0.2.", param, ctx)
+            self.fail(f"{value!r} is not NAME=VALUE, such as clip=0.2.", param, ctx)
         hint = get_type_hints(Settings).get(name)
         if text == "none" and type(None) in get_args(hint):
             return name, None
@@ -35,7 +35,7 @@ class Assignment(click.ParamType[tuple[str, Any]]):
         try:
             return name, json.loads(text)
         except ValueError as error:
-            self.fail(f"{name}={text} is no JSON list: {error}.", param, ctx)
+            self.fail(f"{name}={text} is not a JSON list: {error}.", param, ctx)
 
 
 def as_mapping(

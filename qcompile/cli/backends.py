@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import statistics
 from pathlib import Path
 
 import click
@@ -16,7 +15,7 @@ from qcompile.cli.options import echo_json, json_option
 def command(ctx: click.Context, as_json: bool) -> None:
     """List the devices known by name; `show` one, or `add` one."""
     from qcompile.device import device_names, load_device
-    from qcompile.report.tables import print_table
+    from qcompile.report.devices import print_devices
 
     if ctx.invoked_subcommand is not None:
         if as_json:
@@ -26,29 +25,7 @@ def command(ctx: click.Context, as_json: bool) -> None:
     if as_json:
         echo_json([device.model_dump() for device in devices.values()])
         return
-    print_table(
-        ["backend", "qubits", "T1 us", "sx error", "readout error", "calibrated"],
-        [
-            [
-                name,
-                len(device.qubits) or "any",
-                *(
-                    [
-                        f"{statistics.median(q.t1_us for q in device.qubits):.0f}",
-                        f"{statistics.median(q.gates['sx'].error for q in device.qubits):.1e}"
-                        if all("sx" in q.gates for q in device.qubits)
-                        else "-",
-                        f"{statistics.median((q.p10 + q.p01) / 2 for q in device.qubits):.3f}",
-                    ]
-                    if device.qubits
-                    else ["-", "-", "-"]
-                ),
-                (device.calibrated or "").partition("T")[0],
-            ]
-            for name, device in devices.items()
-        ],
-        "Numbers are medians over the qubits",
-    )
+    print_devices(devices)
 
 
 @command.command("show")
@@ -57,36 +34,13 @@ def command(ctx: click.Context, as_json: bool) -> None:
 def show(name: str, as_json: bool) -> None:
     """Show the calibration of every qubit of a device."""
     from qcompile.execution import open_device
-    from qcompile.noise import usable
-    from qcompile.report.tables import print_table
+    from qcompile.report.devices import print_qubits
 
     device = open_device(name)
     if as_json:
         echo_json(device.model_dump())
         return
-    used = usable(device)
-    gates = sorted({gate for qubit in device.qubits for gate in qubit.gates})
-    print_table(
-        ["qubit", "T1 us", "T2 us", "P(1|0)", "P(0|1)", *(f"{g} error" for g in gates), "used"],
-        [
-            [
-                index,
-                qubit.t1_us,
-                qubit.t2_us,
-                qubit.p10,
-                qubit.p01,
-                *(qubit.gates[g].error if g in qubit.gates else 0.0 for g in gates),
-                "yes" if index in used else "no",
-            ]
-            for index, qubit in enumerate(device.qubits)
-        ],
-        f"{device.name}: {' '.join(device.basis_gates)}",
-    )
-    for line in (device.source, *device.notes):
-        click.echo(line)
-    for index, qubit in enumerate(device.qubits):
-        for doubt in qubit.doubtful:
-            click.echo(f"qubit {index}: {doubt}")
+    print_qubits(device)
 
 
 @command.command("add")
@@ -110,8 +64,8 @@ def add(backend: str, name: str | None, out: Path | None) -> None:
 
     if name == IDEAL_NAME:
         raise click.BadParameter(f"{name!r} is the backend without noise.", param_hint="'--name'")
-    found = find_backend(backend)
-    device = device_from_backend(found, name or (out.stem if out else None))
+    snapshot = find_backend(backend)
+    device = device_from_backend(snapshot, name or (out.stem if out else None))
     path = out or Path("hardware") / f"{device.name}.json"
     if path.exists():
         raise OutputError(f"{path} is there already.", "Choose another with --out or --name.")

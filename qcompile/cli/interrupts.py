@@ -39,7 +39,7 @@ def _interrupt(_: int, frame: FrameType | None) -> None:
 
 
 def _imports(frame: FrameType | None) -> bool:
-    """Whether an import is going on in the frame or one that led to it."""
+    """Whether an import is under way in the frame or one that led to it."""
     while frame is not None:
         if frame.f_code.co_filename.startswith("<frozen importlib"):
             return True

@@ -70,7 +70,7 @@ class Share(click.FloatRange):
     ) -> float:
         number: float = super().convert(value, param, ctx)
         if math.isnan(number):  # compares with no end of the range
-            self.fail(f"{value!r} is no number.", param, ctx)
+            self.fail(f"{value!r} is not a number.", param, ctx)
         return number
 
 
@@ -100,7 +100,7 @@ class Qubits(click.ParamType[tuple[int, ...]]):
     ) -> tuple[int, ...]:
         parts = [part.strip() for part in str(value).split(",")]
         if not all(part.isdecimal() and len(part) < 7 for part in parts):
-            self.fail(f"{value!r} is no list of qubits such as 0,1,5.", param, ctx)
+            self.fail(f"{value!r} is not a list of qubits such as 0,1,5.", param, ctx)
         return tuple(sorted({int(part) for part in parts}))
 
 
@@ -207,7 +207,7 @@ level_option: Decorator = click.option(
 max_steps_option: Decorator = click.option(
     "--max-steps",
     type=click.IntRange(1, 1_000_000),
-    help="Cut every episode after so many steps.  [default: play them to their end]",
+    help="Stop each episode after N steps.  [default: play them to their end]",
 )
 json_option: Decorator = click.option(
     "--json", "as_json", is_flag=True, help="Print one JSON document on standard output."

@@ -1,4 +1,4 @@
-"""`qcompile resume`: go on with a live run."""
+"""`qcompile resume`: resume a live run."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def command(
     runs: Path,
     as_json: bool,
 ) -> None:
-    """Go on with run ID (a part of it will do, `last` is the newest) where it stopped.
+    """Resume run ID (a part of it will do, `last` is the newest) where it stopped.
 
     What was paid for is fetched and not paid again. The limit stays that of the run unless
     --max-qpu-seconds sets another; a higher one is confirmed. Sending a job again that was charged

@@ -54,7 +54,7 @@ if TYPE_CHECKING:
 @click.option(
     "--predistort",
     is_flag=True,
-    help="Bend the angles so that the device shows the ideal `<Z>`, where it can.",
+    help="Change the angles so that the device shows the ideal `<Z>`, where it can.",
 )
 @click.option(
     "--copies",
@@ -92,7 +92,7 @@ def command(
 
     A run repeats exactly with the same seed. Ctrl-C ends it and reports the finished episodes.
     With --live it is played on IBM's machine of that name, recorded step by step; Ctrl-C stops it
-    and `qcompile resume` goes on.
+    and `qcompile resume` resumes it.
     """
     from qcompile.report.tables import print_run
     from qcompile.verbs.run import run

@@ -34,16 +34,16 @@ def command(ctx: click.Context, runs: Path, as_json: bool) -> None:
             raise click.UsageError("--json goes behind the name: runs show ID --json")
         return
     damaged: list[str] = []
-    found = []
+    overviews = []
     for journal in journals(runs, damaged.append):
         try:
-            found.append(overview(journal))
+            overviews.append(overview(journal))
         except LiveError as error:
             damaged.append(str(error))
     if as_json:
-        echo_json(found)
-    elif found:
-        _print_runs(found)
+        echo_json(overviews)
+    elif overviews:
+        _print_runs(overviews)
     else:
         click.echo(f"There is no live run in {runs}." if not damaged else "No other run is there.")
     for words in damaged:
@@ -51,7 +51,7 @@ def command(ctx: click.Context, runs: Path, as_json: bool) -> None:
     ctx.exit(1 if damaged else 0)
 
 
-def _print_runs(found: list[dict[str, Any]]) -> None:
+def _print_runs(overviews: list[dict[str, Any]]) -> None:
     from qcompile.report.tables import plural, print_table
     from qcompile.terminal import one_line
 
@@ -67,7 +67,7 @@ def _print_runs(found: list[dict[str, Any]]) -> None:
                 f"{row['qpu_seconds_settled']:.1f}",
                 plural(row["jobs_in_doubt"], "job") if row["jobs_in_doubt"] else "",
             ]
-            for row in found
+            for row in overviews
         ],
         tight=True,
     )

@@ -104,7 +104,7 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
 @click.option(
     "--resume",
     type=_FILE,
-    help="Go on from this checkpoint with its settings and seed, and keep it up to date.",
+    help="Resume from this checkpoint with its settings and seed, and keep it up to date.",
 )
 @click.option(
     "--out",
@@ -118,7 +118,7 @@ def command(environment: str, as_json: bool, **options: Any) -> None:
     """Train a policy in ENVIRONMENT, such as CartPole-v1, with PPO.
 
     Ctrl-C ends the training and keeps the policy as it is by then; with --checkpoint, --resume
-    goes on from there as if nothing had happened.
+    continues from there as if nothing had happened.
     """
     from qcompile.verbs.train import train
 

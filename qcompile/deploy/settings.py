@@ -38,7 +38,7 @@ class RunSettings(BaseModel):
     calibration_file: str | None = None
     """The file of `calibration`, as results name it."""
     predistort: bool = False
-    """Bend the angles by the response curves, so that the device shows the ideal `<Z>`."""
+    """Change the angles by the response curves, so that the device shows the ideal `<Z>`."""
     greedy: bool = False
     """Take the most probable action instead of sampling one."""
     seed: Annotated[int, Field(ge=0)] = 0

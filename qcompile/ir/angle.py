@@ -43,7 +43,8 @@ class Angle:
             return _parse(value)
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise CircuitError(
-                f"{value!r} is no angle.", "An angle is a number or an affine text like 'x0+0.5'."
+                f"{value!r} is not an angle.",
+                "An angle is a number or an affine text like 'x0+0.5'.",
             )
         try:
             return cls._checked(float(value), {})

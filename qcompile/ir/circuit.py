@@ -28,11 +28,12 @@ class Circuit:
         for gate in gates:
             if isinstance(gate, str) or not isinstance(gate, Sequence) or len(gate) not in (1, 2):
                 raise CircuitError(
-                    f"{gate!r} is no gate.", 'A gate is [name] or [name, angle], like ["ry", "x0"].'
+                    f"{gate!r} is not a gate.",
+                    'A gate is [name] or [name, angle], like ["ry", "x0"].',
                 )
             name, *angle = gate
             if not isinstance(name, str):
-                raise CircuitError(f"{name!r} is no gate name.")
+                raise CircuitError(f"{name!r} is not a gate name.")
             parsed.append(Gate.of(name, *angle))  # type: ignore[arg-type]
         return cls(tuple(parsed))
 

@@ -33,7 +33,7 @@ class UnreadableAnswerError(LiveError):
     def __init__(self, about: str):
         super().__init__(
             f"IBM's service gave an answer about {about} that cannot be read.",
-            "Nothing is lost: go on later. If it stays so, install the client of constraints.txt.",
+            "Nothing is lost: resume later. If it stays so, install the client of constraints.txt.",
         )
 
 

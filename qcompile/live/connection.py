@@ -187,7 +187,7 @@ class Connection:
                 ) from missing
             time.sleep(_PAUSE_S)
         raise LiveError(
-            f"IBM lists the backend {self.name!r}, but does not give its data.", "Go on later."
+            f"IBM lists the backend {self.name!r}, but does not give its data.", "Try later."
         ) from missing
 
     def _prepare(self, service: Any) -> None:

@@ -20,7 +20,7 @@ class IBMExecutor(Executor):
 
     A call is one job of a circuit for each round, with its angles as arrays over the batch; more
     jobs only where IBM's limit of executions wants them (`execution.portions`). A job that cannot
-    be had is a LiveError; the run can go on later.
+    be had is a LiveError; the run can be resumed later.
     """
 
     kind: Kind = "hardware"

@@ -1,6 +1,6 @@
 """Where a run is at home: the machine and the folder that last resumed it.
 
-Two copies of a run that go on at once would pay most jobs twice, and a journal may come from
+Two copies of a run that are resumed at once would pay most jobs twice, and a journal may come from
 somebody else. So a run is resumed unasked only where it is at home. The journal keeps digests, with
 the run's ID as salt, not the names: who gets a copy learns neither machine nor folder from it.
 """

@@ -27,8 +27,8 @@ _MOST_UNCHARGED = 20
 class Jobs:
     """The jobs of a run, in the order in which they are asked for.
 
-    A job that the journal has is not sent again: going on with a run is to ask for the same jobs.
-    `say` gets words on what is going on. A job is waited for `max_wait_s`, or as long as it takes.
+    A job that the journal has is not sent again: resuming a run is asking for the same jobs.
+    `say` gets words on what happens. A job is waited for `max_wait_s`, or as long as it takes.
     One that was charged and gave no counts is sent again only with `pay_again`.
     """
 
@@ -54,7 +54,7 @@ class Jobs:
 
         Raises:
             BudgetError: it would pass the limit, or was cut off there.
-            LiveError: it cannot be had now; the run can go on later.
+            LiveError: it cannot be had now; the run can be resumed later.
             PaidFailureError: it was charged and gave no counts, and may not be sent again.
             ReplayError: the journal has another job in this place.
         """
@@ -167,7 +167,7 @@ class Jobs:
                 self.journal.note_failed(submission, "it has the job no more.")
                 raise LiveError(
                     f"IBM has no job {job_id} any more: somebody deleted it.",
-                    "To go on is to send it once more, and to pay for it again.",
+                    "Resuming sends it once more, and pays for it again.",
                 ) from error
             if job.has_ended:
                 return job
@@ -199,7 +199,7 @@ class Jobs:
             time.sleep(_FETCH_PAUSE_S * 2**fetch)
         raise LiveError(
             f"The result of job {job_id} cannot be read, {_MOST_FETCHES} times.",
-            "It is paid and is not sent again: going on fetches it once more.",
+            "It is paid and is not sent again: resuming fetches it once more.",
         ) from last
 
     def _wait_for_charges(self, pause_s: float) -> None:

@@ -136,7 +136,7 @@ class Journal:
 
     @contextmanager
     def held(self) -> Iterator[None]:
-        """Hold the run: no other process may go on with it meanwhile.
+        """Hold the run: no other process may resume it meanwhile.
 
         Raises:
             LiveError: another process holds it, or it is damaged.
@@ -146,7 +146,7 @@ class Journal:
             lock.acquire()
         except Timeout as error:
             raise LiveError(
-                f"Run {self.id} is going on in another process.", "Wait for it, or stop it."
+                f"Run {self.id} is running in another process.", "Wait for it, or stop it."
             ) from error
         except OSError as error:
             raise LiveError(f"{self.folder} cannot be written: {error}.") from error

@@ -21,7 +21,7 @@ class CalibrateTask(Task):
     """Measure `parts` on `qubits`, `shots` of each circuit, into the file `out`, if any.
 
     `angles_rad` has the angle of each circuit and qubit; of each circuit alone in journals from
-    before qubits had orders of their own, which go on as they began. A file that is there is
+    before qubits had orders of their own, which end as they began. A file that is there is
     overwritten with `force` alone; without, another name is taken.
     """
 
@@ -53,7 +53,7 @@ class CalibrateTask(Task):
             on_circuit=lambda done, of: context.say(f"circuit {done} of {of}"),
         )
         first = context.jobs.journal.latest(0)
-        if first is not None and first.sent_at is not None:  # and not when it was gone on with
+        if first is not None and first.sent_at is not None:  # and not when it was resumed
             sent_at = first.sent_at.replace(microsecond=0)
             calibration = calibration.model_copy(update={"created": sent_at})
         return {"calibration": calibration.model_dump(mode="json")}

@@ -1,4 +1,4 @@
-"""Begin a live run, and go on with it until it is finished."""
+"""Begin a live run, and resume it until it is finished."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def complete(
 
     Raises:
         BudgetError: the limit of QPU seconds would be passed.
-        LiveError: a job cannot be had, or Ctrl-C; the same call goes on from there. Or the run is
+        LiveError: a job cannot be had, or Ctrl-C; the same call resumes from there. Or the run is
             not at home here (`strangeness`): `journal.move_here()` first.
         PaidFailureError: a job was charged and gave no counts, and `pay_again` is not said.
         ReplayError: the run does not repeat what the journal holds.
@@ -151,7 +151,7 @@ def strangeness(journal: Journal) -> str:
     words = f"Run {journal.id} was last resumed {where}"
     if last.process is None:
         return f"{words}: there may be another copy of it."
-    return f"{words} and may still be going on there, as process {last.process}."
+    return f"{words} and may still be running there, as process {last.process}."
 
 
 def is_from_elsewhere(journal: Journal) -> bool:
@@ -222,11 +222,11 @@ def _explained(error: QcompileError, journal: Journal) -> QcompileError:
         )
         return error.with_hints(began, export)
     if isinstance(error, BudgetError):
-        hint = f"`{resume_command(journal)} --max-qpu-seconds S` goes on with more."
+        hint = f"`{resume_command(journal)} --max-qpu-seconds S` resumes it with more."
     elif isinstance(error, PaidFailureError):
         hint = f"`{resume_command(journal)} --yes` sends it again."
     elif isinstance(error, LiveError):
-        hint = f"`{resume_command(journal)}` goes on."
+        hint = f"`{resume_command(journal)}` resumes it."
     else:
         hint = export
     return error.with_hints(progress_in_words(journal), hint)

@@ -45,7 +45,7 @@ class RemoteJobs:
             raise LiveError(
                 "IBM's service lists jobs that do not have the tag that was asked for.",
                 "Whether a job is this run's cannot be told: none was taken, cancelled or sent.",
-                "Go on later; what is measured is kept.",
+                "Resume later; what is measured is kept.",
             )
         return list(jobs.values())
 
@@ -143,5 +143,5 @@ def _all_pages(client: Any, tag: str, since: datetime | None) -> dict[str, Remot
             break
     raise LiveError(
         f"IBM's service says that it has {page.count} jobs of one tag, and lists {len(jobs)}.",
-        "Whether one is missing cannot be told: nothing was sent or cancelled. Go on later.",
+        "Whether one is missing cannot be told: nothing was sent or cancelled. Resume later.",
     )

@@ -62,5 +62,5 @@ class Task(BaseModel):
             LiveError: a file is asked for that the task does not have.
         """
         if out is not None:
-            raise LiveError(f"A {self.kind} has no file of its own.", "Leave --out away.")
+            raise LiveError(f"A {self.kind} has no file of its own.", "Remove --out.")
         return result

@@ -133,7 +133,7 @@ def in_words(error: BaseException) -> LiveError:
         return LiveError(
             "IBM's service does not answer.",
             f"Last it said: {quotation}",
-            "Nothing is lost: go on later.",
+            "Nothing is lost: resume later.",
         )
     return LiveError(
         "IBM's service or client refuses.",

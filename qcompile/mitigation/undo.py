@@ -160,7 +160,8 @@ def _check_tilt(tilted: NDArray[np.intp]) -> None:
         raise CalibrationError(
             f"The response of qubit {which} is turned by more "
             f"than {MOST_TILT_RAD} rad: one measured <Z> then belongs to two ideal ones.",
-            "Bend the angles instead (--predistort), or use --mitigation readout or other qubits.",
+            "Predistort the angles instead (--predistort), or use --mitigation readout, or other "
+            "qubits.",
         )
 
 

@@ -30,12 +30,12 @@ class FuseRotations:
         prefix = _free_prefix(program)
         for index, circuit in enumerate(fused):
             if circuit.symbols and tuple(g.name for g in circuit.gates) not in _EULER_RUNS:
-                made = [
+                angles = [
                     LateAngle(f"{prefix}{part}{index}", circuit, part)
                     for part in ("first", "polar", "last")
                 ]
-                late_angles += made
-                fused[index] = euler_circuit(*(Angle.symbol(late.name) for late in made))
+                late_angles += angles
+                fused[index] = euler_circuit(*(Angle.symbol(late.name) for late in angles))
         return replace(program, circuits=tuple(fused), late_angles=tuple(late_angles))
 
 

@@ -62,7 +62,7 @@ def load_policy(name: str | PathLike[str]) -> Policy:
     try:
         return _validated(_read_pt(path) if path.suffix == ".pt" else read_json(path)).policy()
     except (OSError, ContentsError) as error:
-        raise PolicyError(f"{path} is no policy file.", *explain(error)) from error
+        raise PolicyError(f"{path} is not a policy file.", *explain(error)) from error
     except _UnreadableError:
         raise
     except (CircuitError, PolicyError) as error:
@@ -70,7 +70,7 @@ def load_policy(name: str | PathLike[str]) -> Policy:
         if isinstance(error, UnsupportedPolicyError):
             what = f"{path} is a policy that this version cannot run."
             raise UnsupportedPolicyError(what, *lines) from error
-        raise PolicyError(f"{path} is no policy file.", *lines) from error
+        raise PolicyError(f"{path} is not a policy file.", *lines) from error
 
 
 def _validated(source: str | dict[str, Any]) -> PolicyFile | PolicyFile2:
@@ -223,7 +223,7 @@ def save_policy(policy: Policy, path: str | Path) -> None:
     """
     path, values = Path(path), policy_values(policy)
     if path.suffix not in SUFFIXES:
-        raise PolicyError(f"{path} is no policy file name.", "It ends with .pt or .json.")
+        raise PolicyError(f"{path} is not a policy file name.", "It ends with .pt or .json.")
     try:
         as_json = SCHEMAS[values["format"]].model_validate_json(json.dumps(values))
         as_json.policy()

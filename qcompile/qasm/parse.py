@@ -141,7 +141,7 @@ def _fault(error: Exception, line: int) -> ParseError:
     cause = error.__cause__
     token = getattr(cause.args[0], "offendingToken", None) if cause and cause.args else None
     if token is None:
-        return ParseError(line, "Syntax error.", "The text is no OpenQASM 2 or 3 program.")
+        return ParseError(line, "Syntax error.", "The text is not an OpenQASM 2 or 3 program.")
     return unexpected(line + token.line - 1, "" if token.text == "<EOF>" else token.text)
 
 

@@ -69,8 +69,8 @@ def _first_fault(lines: list[str]) -> str:
             try:
                 float(entry)
             except ValueError:
-                return f"Line {number}: {ascii(entry.strip())[:60]} is no number."
+                return f"Line {number}: {ascii(entry.strip())[:60]} is not a number."
         if entries and columns and len(entries) != columns:
             return f"Line {number} has {len(entries):,} columns, those above have {columns:,}."
         columns = len(entries) or columns
-    return "It is no table of numbers with commas between them."
+    return "It is not a table of numbers with commas between them."

@@ -102,7 +102,7 @@ def print_overview(journal: Journal) -> None:
     click.echo(f"{cost_in_words(row)}; {row['max_qpu_seconds']:g} allowed")
     for line in doubts_in_words(journal):
         click.echo(line)
-    click.echo(f"`{resume_command(journal)}` goes on.")
+    click.echo(f"`{resume_command(journal)}` resumes it.")
 
 
 def print_result(kind: TaskKind, result: dict[str, Any]) -> None:

@@ -127,7 +127,9 @@ def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
     if summary["solved"] is not None:
         yield "solved", "yes" if summary["solved"] else "no"
     words = f"{_shots(summary['shots'])}, level {summary['level']}, "
-    words += "bent angles" if summary["predistort"] else f"mitigation {summary['mitigation']}"
+    words += (
+        "predistorted angles" if summary["predistort"] else f"mitigation {summary['mitigation']}"
+    )
     yield "settings", words + (f" by {escape(file)}" if (file := summary["calibration"]) else "")
     for words in misfit_words(summary.get("calibration_misfits", [])):
         yield "doubtful", words

@@ -5,12 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import click
 import numpy as np
 
 from qcompile.arrays import FloatArray
+from qcompile.calibration import Calibration
 from qcompile.ir import Circuit, Gate
 from qcompile.noise import expected_error, unusable
-from qcompile.passes import Executable
+from qcompile.passes import LEVELS, Executable
+from qcompile.policy import Policy
+from qcompile.report.placement import print_placement
+from qcompile.report.tables import print_table
 
 
 def wire(circuit: Circuit) -> str:
@@ -29,11 +34,15 @@ def executable_values(
     executable: Executable,
     importance: FloatArray | None = None,
     numbers: Sequence[int] | None = None,
+    *,
+    policy: Policy | None = None,
+    calibration: Calibration | None = None,
 ) -> dict[str, Any]:
-    """The plain values of `qcompile show --json`.
+    """The plain values of `qcompile show --json`, those of `policy` among them, where there is one.
 
     `importance` (circuits,) is what the placement followed; left out, it is the same for all.
-    `numbers` are what the circuits are called, instead of 0, 1, ...
+    `numbers` are what the circuits are called, instead of 0, 1, ... On the twin of a `calibration`
+    qubits are left out that it does not hold.
     """
     native, device = executable.native, executable.device
     importance = np.ones(len(native)) if importance is None else importance
@@ -56,7 +65,8 @@ def executable_values(
                 "expected_error": None if device.is_ideal else expected_error(device, qubit),
             }
         )
-    return {
+    calibrated = range(len(device.qubits)) if calibration is None else calibration.qubits
+    values = {
         "backend": device.name,
         "level": executable.level,
         "inputs": len(executable.source.inputs),
@@ -64,8 +74,43 @@ def executable_values(
         "rounds": executable.round_count,
         "copies_that_fit": executable.copies_that_fit,
         "left_out": [
-            {"qubit": qubit, "reason": reason} for qubit, reason in unusable(device).items()
+            {"qubit": qubit, "reason": reason if qubit in calibrated else "was not calibrated"}
+            for qubit, reason in unusable(device).items()
         ],
         "circuits": circuits,
         "definitions": [str(late) for late in native.late_angles],
     }
+    if policy is not None:
+        values["policy"] = {
+            "name": policy.name,
+            "environment": policy.environment,
+            "actions": policy.actions,
+            "parameters": policy.parameter_count,
+        }
+    return values
+
+
+def print_executable(executable: Executable, values: dict[str, Any]) -> None:
+    """Print the circuits before and after compilation, and their placement on a device's qubits.
+
+    `values` are those of `executable_values`.
+    """
+    circuits, level = executable.source.circuits, executable.level
+    if policy := values.get("policy"):
+        click.echo(
+            f"{policy['name']} for {policy['environment']}: {len(circuits)} circuits, "
+            f"{policy['actions']} actions, {policy['parameters']} trained numbers"
+        )
+    click.echo(f"level {level}: {LEVELS[level]}")
+    if circuits:
+        click.echo(f"  before  {wire(circuits[0])}")
+        click.echo(f"  after   {wire(executable.native.circuits[0])}")
+    print_table(
+        ["circuit", "before", f"after, for {values['backend']}"],
+        [[row["circuit"], row["source"], row["compiled"]] for row in values["circuits"]],
+    )
+    if values["definitions"]:
+        click.echo("Angles computed when an observation is bound, such as")
+        click.echo(f"  {values['definitions'][0]}")
+    if not executable.device.is_ideal:
+        print_placement(values)

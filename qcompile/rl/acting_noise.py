@@ -58,9 +58,9 @@ class ActingNoise:
         return residuals
 
     def state(self) -> dict[str, Any]:
-        """What `restore` goes on from, between two rollouts."""
+        """What `restore` takes, between two rollouts."""
         return dict(self._executor.rng.bit_generator.state)
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Go on from `state`."""
+        """Resume from `state`."""
         self._executor.rng.bit_generator.state = state

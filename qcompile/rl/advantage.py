@@ -57,11 +57,11 @@ class ReturnScale:
         return max(float(np.sqrt(self._m2 / total)), 1e-6) if self._m2 > 0 else 1.0
 
     def state(self) -> dict[str, Any]:
-        """What `restore` goes on from."""
+        """What `restore` takes."""
         moments = [self._count, self._mean, self._m2]
         return {"running": self._running.tolist(), "moments": moments}
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Go on from `state`."""
+        """Resume from `state`."""
         self._running = np.array(state["running"])
         self._count, self._mean, self._m2 = state["moments"]

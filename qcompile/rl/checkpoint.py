@@ -1,4 +1,4 @@
-"""Checkpoint files: a training that goes on where it stopped, bit for bit."""
+"""Checkpoint files: a training that resumes where it stopped, bit for bit."""
 
 from __future__ import annotations
 
@@ -123,13 +123,13 @@ def save_checkpoint(trainer: Trainer, path: Path, state: Mapping[str, Any] | Non
 
 
 def load_checkpoint(path: Path) -> tuple[Trainer, list[str]]:
-    """The trainer of a checkpoint, ready to go on, and the versions that differ from its own.
+    """The trainer of a checkpoint, ready to resume, and the versions that differ from its own.
 
     Nothing but tensors and plain values is loaded from the file, and its models are built only
     where its tensors fit them.
 
     Raises:
-        TrainingError: the file is not a checkpoint of this version, or its training cannot go on.
+        TrainingError: the file is not a checkpoint of this version, or cannot be resumed.
         EnvironmentMismatchError: its environment is not known here.
     """
     saved = _read(path)

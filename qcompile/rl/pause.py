@@ -42,7 +42,7 @@ class Pause:
         return good or self._row > 0
 
     def state(self) -> dict[str, Any]:
-        """What `restore` goes on from."""
+        """What `restore` takes."""
         return {
             "running": list(self._running),
             "row": self._row,
@@ -51,7 +51,7 @@ class Pause:
         }
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Go on from `state`."""
+        """Resume from `state`."""
         self._running.clear()
         self._running.extend(state["running"])
         self._row, self._longest, self.best = state["row"], state["longest"], state["best"]

@@ -186,15 +186,10 @@ class Trainer:
                     "finite.",
                     "Try smaller step sizes, or smaller rewards.",
                 )
-            self.last_update = Update(
-                self.steps,
-                len(self.history),
-                -gain.item(),
-                critic_loss.item(),
-                _entropy(outputs).item(),
-                (ratio - 1 - ratio.log()).mean().item(),
-                (ratio != clipped).float().mean().item(),
-            )
+            losses = -gain.item(), critic_loss.item(), _entropy(outputs).item()
+            divergence = (ratio - 1 - ratio.log()).mean().item()
+            share = (ratio != clipped).float().mean().item()
+            self.last_update = Update(self.steps, len(self.history), *losses, divergence, share)
 
     def _outputs(self, observations: torch.Tensor, *residual: torch.Tensor) -> torch.Tensor:
         model = self.actor if self._noise is None else self._noise.outputs
@@ -207,13 +202,9 @@ class Trainer:
         if settings.scale_rewards:
             rewards = rewards / self._scale.update(rewards, rollout.done)
         with torch.no_grad():
-            values, next_values = (
-                self._critic(torch.from_numpy(o).flatten(0, 1))
-                .double()
-                .numpy()
-                .reshape(rewards.shape)
-                for o in (rollout.observations, rollout.next_observations)
-            )
+            both = (rollout.observations, rollout.next_observations)
+            outputs = (self._critic(torch.from_numpy(o).flatten(0, 1)).double() for o in both)
+            values, next_values = (value.numpy().reshape(rewards.shape) for value in outputs)
         ended = rollout.terminated if settings.bootstrap_truncated else rollout.done
         advantages = generalised_advantage(
             rewards, values, next_values, ended, rollout.done, settings.gamma, settings.gae_lambda
@@ -242,7 +233,7 @@ class Trainer:
         self._optimiser.step()
 
     def state(self) -> dict[str, Any]:
-        """All that `restore` needs to go on bit for bit, tensors and plain values."""
+        """All that `restore` needs to resume bit for bit, tensors and plain values."""
         return {
             "actor": deepcopy(self.actor.state_dict()),
             "critic": deepcopy(self._critic.state_dict()),
@@ -256,7 +247,7 @@ class Trainer:
         }
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Go on from a state of a trainer with the same environment, settings and seed.
+        """Resume from the state of a trainer with the same environment, settings and seed.
 
         Raises:
             TrainingError: the optimiser's state is that of other models, or an environment does

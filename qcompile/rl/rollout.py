@@ -119,7 +119,7 @@ class Collector:
         return Rollout(observations, taken, rewarded, successors, terminals, cuts, finished)
 
     def state(self) -> dict[str, Any]:
-        """Plain values from which `restore` goes on, between two rollouts."""
+        """Plain values for `restore`, between two rollouts."""
         return {
             "rng": self._rng.bit_generator.state,
             "steps": self.steps,
@@ -132,7 +132,7 @@ class Collector:
         }
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Go on from `state`: every environment plays the actions of its episode again.
+        """Resume from `state`: every environment plays the actions of its episode again.
 
         Raises:
             TrainingError: an environment does not come to where it was.
@@ -157,7 +157,7 @@ class Collector:
         if not np.array_equal(self._observations, saved):
             raise TrainingError(
                 "The environments do not come to where the checkpoint left them.",
-                "Go on with the versions it was made with; it names them.",
+                "Resume it with the versions it was made with; it names them.",
             )
 
     def close(self) -> None:

@@ -112,7 +112,7 @@ class EpisodeLog:
 class Scalars:
     """Scalars for TensorBoard in `folder`, over the environment steps.
 
-    `steps` is where a training goes on: TensorBoard drops what an earlier run wrote beyond.
+    `steps` is where a training resumes: TensorBoard drops what an earlier run wrote beyond.
 
     Raises:
         MissingExtraError: tensorboard is not installed.

@@ -74,7 +74,7 @@ def spend(
 
     Raises:
         BudgetError: the task needs more than it is allowed.
-        LiveError: it cannot start or go on.
+        LiveError: it cannot start or resume.
     """
     seconds, left_s = load.qpu_seconds, connection.left_on_plan_s()
     task = task.model_copy(update={"instance": connection.crn, "planned_jobs": load.jobs})

@@ -84,7 +84,7 @@ def plan(
     device = _asked(backend, account, instance) if live else load_backend(backend).device
     if device.is_ideal:
         raise DeviceError(
-            "ideal is no machine: it costs nothing.",
+            "ideal is not a machine: it costs nothing.",
             "Name a device; `qcompile backends` lists some.",
         )
     loaded = policy if isinstance(policy, Policy) else load_policy(policy)

@@ -54,7 +54,7 @@ def train(
     `shots` (a number or "exact") and `mitigation` say otherwise.
 
     After every `evaluate_every` episodes it plays `evaluate_episodes` (20) test episodes. `log` is
-    a CSV file, `tensorboard` a folder, `checkpoint` a file from which `resume` goes on; settings
+    a CSV file, `tensorboard` a folder, `checkpoint` a file from which `resume` continues; settings
     then come from the checkpoint. `out` is the file of the policy, .pt or .json, overwritten;
     without it the policy is in the result alone. Ctrl-C, or an environment that fails, ends the
     training and keeps what was trained: see `Training.check_complete`.

@@ -118,6 +118,6 @@ class TrainingRequest:
         if differ:
             on_note(
                 f"Warning: {checkpoint} was made with other versions ({'; '.join(differ)}). "
-                "The training may not go on bit for bit."
+                "The training may not resume bit for bit."
             )
         return trainer

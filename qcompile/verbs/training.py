@@ -151,5 +151,5 @@ class Training(Result):
         state = values["checkpoint"] or (out if self.policy is None else None)
         if state is not None:
             environment = values["environment"]
-            hints.append(f"Go on with: qcompile train {environment} --resume {state} --out {out}")
+            hints.append(f"Resume with: qcompile train {environment} --resume {state} --out {out}")
         raise QcompileError("Interrupted.", *hints)

@@ -39,7 +39,7 @@ def test_files_of_others_in_hardware_are_ignored(qcompile: Call, contents: str) 
     assert "package" not in qcompile("backends").out
     asked = qcompile("backends", "show", "package")
     assert (asked.code, asked.out) == (1, "")
-    assert asked.err.startswith("Error: hardware/package.json is no device file.\n")
+    assert asked.err.startswith("Error: hardware/package.json is not a device file.\n")
 
 
 def test_a_file_cannot_take_the_place_of_the_ideal_backend(qcompile: Call) -> None:

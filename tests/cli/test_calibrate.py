@@ -207,7 +207,7 @@ def test_a_calibration_on_the_shelf_is_no_backend_of_the_list(qcompile: Call) ->
     assert "mine" not in qcompile("backends").out
     answer = qcompile("backends", "show", "mine")
     assert (answer.code, answer.out) == (1, "")
-    assert answer.err.startswith("Error: hardware/mine.json is a calibration, no device file.\n")
+    assert answer.err.startswith("Error: hardware/mine.json is a calibration, not a device file.\n")
 
 
 def test_circuits_are_compiled_for_a_twin(qcompile: Call, policy: Call) -> None:

@@ -127,7 +127,7 @@ def test_an_output_that_cannot_be_written_is_explained(qcompile: Call, left: Cal
         answer.err
         == """\
 Error: Cannot write in.qasm/out.qasm.
-  in.qasm is no folder.
+  in.qasm is not a folder.
   Choose another path.
 """
     )

@@ -1,4 +1,4 @@
-"""`qcompile evaluate`: a tiny grid, one that goes on, and what is refused before any episode."""
+"""`qcompile evaluate`: a tiny grid, one that resumes, and what is refused before any episode."""
 
 from __future__ import annotations
 
@@ -199,7 +199,7 @@ REFUSED = {
     ),
     "folder": (
         ("tiny.json", "--out", "file/e"),
-        "Error: Cannot write file/e/results.json.\n  file is no folder.\n",
+        "Error: Cannot write file/e/results.json.\n  file is not a folder.\n",
     ),
 }
 

@@ -147,8 +147,8 @@ REFUSED = {
         "  Qubit 2 has no calibration.\n"
         "  Calibrated on fake_lima: 0 1.\n",
     ),
-    "no calibration": (("--calibration", "tiny.json"), "tiny.json is no calibration.\n"),
-    "no file": (("--calibration", "nosuch.json"), "nosuch.json is no calibration.\n"),
+    "no calibration": (("--calibration", "tiny.json"), "tiny.json is not a calibration.\n"),
+    "no file": (("--calibration", "nosuch.json"), "nosuch.json is not a calibration.\n"),
     "a twin without curves": (
         ("--backend", "part.json"),
         "The calibration of fake_lima holds no response curves.\n",

@@ -55,7 +55,8 @@ REFUSED: dict[str, tuple[tuple[str, ...], str]] = {
     ),
     "under a file": (
         ("--out", "tiny.json/job"),
-        "Error: Cannot write tiny.json/job.\n  tiny.json is no folder.\n  Choose another path.\n",
+        "Error: Cannot write tiny.json/job.\n  tiny.json is not a folder.\n"
+        "  Choose another path.\n",
     ),
     "OpenQASM 2 without observations": (
         ("--out", "new", "--format", "qasm2"),

@@ -42,7 +42,7 @@ def test_ideal_is_no_machine(qcompile: Call) -> None:
     answer = qcompile(*WORDS, "--backend", "ideal")
     assert (answer.code, answer.out) == (1, "")
     assert answer.err == (
-        "Error: ideal is no machine: it costs nothing.\n"
+        "Error: ideal is not a machine: it costs nothing.\n"
         "  Name a device; `qcompile backends` lists some.\n"
     )
 

@@ -49,7 +49,7 @@ def test_without_a_frame_there_is_no_film(
 BAD_FILMS = {
     "tiny.json/a.gif": """\
 Error: Cannot write tiny.json/a.gif.
-  tiny.json is no folder.
+  tiny.json is not a folder.
   Choose another path.
 """,
 }

@@ -1,4 +1,4 @@
-"""`qcompile run` with calibrations, twins, bent angles and copies."""
+"""`qcompile run` with calibrations, twins, predistorted angles and copies."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_bent_angles_are_not_undone(qcompile: Call, policy: Call, calibration: s
     words = ("run", policy(), *LIMA, "--predistort", "--calibration", calibration)
     found = qcompile(*words, "--json").json()
     assert (found["predistort"], found["mitigation"]) == (True, "none")
-    assert "bent angles by lima.json" in qcompile(*words).out
+    assert "predistorted angles by lima.json" in qcompile(*words).out
 
 
 def test_copies_share_executions(qcompile: Call, policy: Call) -> None:
@@ -88,7 +88,7 @@ def doubt(file: str, qubits: list[int]) -> None:
         ("--backend", "lima.json", "--mitigation", "response"),
         ("--backend", "lima.json", "--mitigation", "none"),
     ],
-    ids=["response", "bent", "twin", "bare twin"],
+    ids=["response", "predistorted", "twin", "bare twin"],
 )
 def test_misfits_of_the_qubits_in_use_are_told(
     qcompile: Call, policy: Call, calibration: str, words: tuple[str, ...]
@@ -149,7 +149,7 @@ def test_a_device_whose_bits_are_swapped_is_undone(
             "Response curves need level 2, found level 1.\n  They are those of sx rz sx; take "
             "--level 2, or --mitigation readout without --predistort.",
         ),
-        (("--calibration", "bad.json"), "bad.json is no calibration.\n  It is not JSON: line 1"),
+        (("--calibration", "bad.json"), "bad.json is not a calibration.\n  It is not JSON: line 1"),
         (("--calibration", "nosuch.json"), "There is no calibration file nosuch.json.\n"),
         (
             ("--calibration", "two.json"),

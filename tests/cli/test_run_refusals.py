@@ -68,7 +68,7 @@ BAD_POLICIES: dict[str, tuple[dict[str, Any], str]] = {
     "wrong shape": (
         {"weights": [[1.0, 2.0], [3.0, 4.0]]},
         """\
-Error: tiny.json is no policy file.
+Error: tiny.json is not a policy file.
   weights has shape (2, 2).
     It needs (2, 4).
 """,
@@ -76,14 +76,14 @@ Error: tiny.json is no policy file.
     "uneven rows": (
         {"weights": [[1.0, 2.0], [3.0]]},
         """\
-Error: tiny.json is no policy file.
+Error: tiny.json is not a policy file.
   weights has rows of different lengths.
 """,
     ),
     "unknown gate": (
         {"circuits": [[["h"], ["cx"]]] * 4},
         """\
-Error: tiny.json is no policy file.
+Error: tiny.json is not a policy file.
   circuits.0: Unknown gate 'cx'.
     Known gates: id x y z h s sdg t tdg sx sxdg rx ry rz p.
     Did you mean x?
@@ -92,7 +92,7 @@ Error: tiny.json is no policy file.
     "unknown symbol": (
         {"circuits": [[["ry", "x9"]]] * 4},
         """\
-Error: tiny.json is no policy file.
+Error: tiny.json is not a policy file.
   Unknown symbol 'x9' in circuit 0.
     Declared: theta0 x0 x1 x2 x3.
 """,
@@ -100,7 +100,7 @@ Error: tiny.json is no policy file.
     "not a number": (
         {"theta": [float("nan")]},
         """\
-Error: tiny.json is no policy file.
+Error: tiny.json is not a policy file.
   theta.0: input should be a finite number (found nan)
 """,
     ),
@@ -121,7 +121,7 @@ Error: Policy 'tiny' has 2 actions; Acrobot-v1 has 3.
     "angles out of range": (
         {"encoder": {"function": "identity", "feature": [0, 1, 2, 3], "scale": [1.7e308] * 4}},
         """\
-Error: tiny.json is no policy file.
+Error: tiny.json is not a policy file.
   encoder.scale has an entry of 1.7e+308.
     Scales lie within 1e+09: more turns every angle into noise.
 """,

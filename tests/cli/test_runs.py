@@ -132,7 +132,7 @@ def test_where_an_unfinished_run_stands(qcompile: Call) -> None:
         f"{made.id}, run on somewhere: unfinished\n"
         "Jobs done: 1, steps played: 2; all of it is kept.\n"
         "2.2 QPU seconds charged, 11.2 at most (2 jobs not charged yet); 9 allowed\n"
-        f"`qcompile resume {made.id}` goes on.\n"
+        f"`qcompile resume {made.id}` resumes it.\n"
     )
     values = qcompile("runs", "show", made.id, "--json").json()
     assert (values["state"], values["result"]) == ("unfinished", None)
@@ -264,7 +264,7 @@ def test_a_run_that_goes_on_elsewhere_is_left_alone(qcompile: Call) -> None:
         for more in ((), ("--max-qpu-seconds", 20, "--yes")):
             answer = qcompile("resume", "last", *more)
             assert answer.code == 1
-            assert f"Error: Run {made.id} is going on in another process.\n" in answer.err
+            assert f"Error: Run {made.id} is running in another process.\n" in answer.err
     assert made.max_qpu_seconds == 9.0
 
 

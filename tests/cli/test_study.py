@@ -1,4 +1,4 @@
-"""`qcompile study`: a tiny study, one that goes on, and what is refused before any training."""
+"""`qcompile study`: a tiny study, one that resumes, and what is refused before any training."""
 
 from __future__ import annotations
 
@@ -158,16 +158,16 @@ REFUSED = {
     "folder": (
         ("--out", "file/s"),
         "Error: Cannot write file/s/reproduction.md.\n"
-        "  file is no folder.\n  Choose another path.\n",
+        "  file is not a folder.\n  Choose another path.\n",
     ),
     "cells": (
         ("--out", "taken"),
         "Error: Cannot write taken/cells/cell.json.\n"
-        "  taken/cells is no folder.\n  Choose another path.\n",
+        "  taken/cells is not a folder.\n  Choose another path.\n",
     ),
     "page": (
         ("--page", "file/p.md"),
-        "Error: Cannot write file/p.md.\n  file is no folder.\n  Choose another path.\n",
+        "Error: Cannot write file/p.md.\n  file is not a folder.\n  Choose another path.\n",
     ),
 }
 

@@ -92,11 +92,11 @@ def trainers(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) ->
 BAD_OUTPUTS = {
     "under a file": (
         ("--out", "file/mine.pt"),
-        "Error: Cannot write file/mine.pt.\n  file is no folder.\n  Choose another path.\n",
+        "Error: Cannot write file/mine.pt.\n  file is not a folder.\n  Choose another path.\n",
     ),
     "log under a file": (
         ("--out", "mine.pt", "--log", "file/log.csv"),
-        "Error: Cannot write file/log.csv.\n  file is no folder.\n  Choose another path.\n",
+        "Error: Cannot write file/log.csv.\n  file is not a folder.\n  Choose another path.\n",
     ),
     "log without a name": (
         ("--out", "mine.pt", "--log", ""),

@@ -1,4 +1,4 @@
-"""`qcompile train`: checkpoints, and a training that goes on as if nothing had happened."""
+"""`qcompile train`: checkpoints, and a training that resumes as if nothing had happened."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def test_a_model_without_a_policy_goes_on_from_its_own_file(
         == """\
 Error: Interrupted.
   The model as it was by then is in net.pt.
-  Go on with: qcompile train CartPole-v1 --resume net.pt --out net.pt
+  Resume with: qcompile train CartPole-v1 --resume net.pt --out net.pt
 """
     )
     assert qcompile("train", "CartPole-v1", "--resume", "net.pt", "--out", "net.pt").code == 0
@@ -212,7 +212,7 @@ def test_other_versions_are_told(
     assert answer.json()["episodes"] == 1
     first = answer.err.splitlines()[0]
     assert first.startswith("Warning: state was made with other versions (numpy ")
-    assert first.endswith(" then, 0.1 now). The training may not go on bit for bit.")
+    assert first.endswith(" then, 0.1 now). The training may not resume bit for bit.")
 
 
 def test_what_the_checkpoint_says_too_may_be_named(qcompile: Call, state: str) -> None:

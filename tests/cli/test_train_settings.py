@@ -56,12 +56,12 @@ def test_set_reads_lists_of_lists_and_none(settings: Call) -> None:
     ("words", "text"),
     [
         (("--set", "clp=1"), "Unknown setting 'clp'.\n  Did you mean clip?"),
-        (("--set", "clip"), "'clip' is no NAME=VALUE, such as clip=0.2."),
+        (("--set", "clip"), "'clip' is not NAME=VALUE, such as clip=0.2."),
         (("--set", "model=fcn"), "'model' decides which preset is taken."),
         (("--set", "layout=serial"), "'layout' decides which preset is taken."),
         (("--set", "clip=1", "--set", "clip=2"), "'clip' is set twice."),
         (("--set", "reuse=3", "--reuse", "2"), "reuse is both an option and one of the settings."),
-        (("--set", "hidden=[1"), "hidden=[1 is no JSON list: "),
+        (("--set", "hidden=[1"), "hidden=[1 is not a JSON list: "),
         (("--evaluate-episodes", "3"), "evaluate-episodes needs evaluate-every:"),
         (("--model", "fcn"), "p.json must end with .pt: model 'fcn' is not made of one-"),
     ],
@@ -274,5 +274,5 @@ def test_a_folder_that_cannot_be_made_is_refused(qcompile: Call, left: Call) -> 
     Path("file").touch()
     answer = qcompile(*SHORT, "--tensorboard", "file/runs")
     assert (answer.code, answer.out) == (1, "")
-    assert "file is no folder." in answer.err
+    assert "file is not a folder." in answer.err
     assert left() == ["file"]

@@ -145,4 +145,4 @@ def test_wrong_usage(qcompile: Call, words: tuple[object, ...]) -> None:
 def test_a_share_that_is_no_number(qcompile: Call, option: str) -> None:
     answer = qcompile("validate", "lima.json", "--policy", "cartpole", option, "nan")
     assert (answer.code, answer.out) == (2, "")
-    assert f"Invalid value for '{option}': 'nan' is no number." in answer.err
+    assert f"Invalid value for '{option}': 'nan' is not a number." in answer.err

@@ -165,14 +165,14 @@ def test_copies_are_mitigated_on_their_own_qubits() -> None:
     assert measured(**settings).shape == TRUE.shape
 
 
-def test_a_response_or_bent_angles_leave_less_than_the_readout_alone() -> None:
+def test_a_response_or_predistorted_angles_leave_less_than_the_readout_alone() -> None:
     settings: dict[str, Any] = {"device": "fake_toronto"}
-    by_readout, by_response, bent = (
+    by_readout, by_response, by_predistortion = (
         np.abs(measured(**settings, **chosen) - TRUE).max()
         for chosen in ({"mitigation": "readout"}, {"mitigation": "response"}, {"predistort": True})
     )
     assert by_response < 1e-5 < 2e-3 < by_readout
-    assert bent < by_readout  # what the device cannot show is left
+    assert by_predistortion < by_readout  # what the device cannot show is left
 
 
 def test_a_calibration_that_is_given_is_used() -> None:

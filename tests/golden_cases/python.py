@@ -43,7 +43,7 @@ def names() -> dict[str, Any]:
     program = qcompile.Program.of([qcompile.Circuit.parse("h ry(x0) rz(x0) ry(theta0)")], 1, 1)
     fused = qcompile.compile(program, lima)
     measured = qcompile.load_calibration(Path("lima.json"))
-    bent = predistorted(fused, measured)
+    predistorted_once = predistorted(fused, measured)
     small = qcompile.load_policy("tiny.json")
     known = {name: getattr(qcompile, name) for name in qcompile.__all__}
     return known | {
@@ -75,7 +75,7 @@ def names() -> dict[str, Any]:
         "lima": lima,
         "program": program,
         "executable": fused,
-        "bent": bent,
+        "predistorted_once": predistorted_once,
         "policy": small,
         "calibration": measured,
         "executor": qcompile.OfflineExecutor(lima),
@@ -164,7 +164,7 @@ CASES = tuple(
         "measure_drift(fewer, counted)",
         "measure_drift(counted, turned)",
         "measure_drift(fewer, answering)",
-        "predistorted(bent, calibration)",
+        "predistorted(predistorted_once, calibration)",
         "predistorted(executable, readout)",
         "fit_readout(np.zeros((2, 1), int), ones, 10, np.array([0]))",
         "fit_response(np.zeros(2), ones, 10, np.array([0]))",

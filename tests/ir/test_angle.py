@@ -104,7 +104,7 @@ def test_what_is_not_finite_is_refused(value: float | str) -> None:
 
 @pytest.mark.parametrize("value", [None, True, [], 1j, b"x0"])
 def test_what_is_neither_number_nor_text_is_refused(value: object) -> None:
-    with pytest.raises(CircuitError, match="is no angle"):
+    with pytest.raises(CircuitError, match="is not an angle"):
         Angle.of(value)
 
 

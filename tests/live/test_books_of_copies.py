@@ -1,4 +1,4 @@
-"""Copies of a run: an older one that is put back, and two that go on at the same time."""
+"""Copies of a run: an older one that is put back, and two that are resumed at the same time."""
 
 from __future__ import annotations
 

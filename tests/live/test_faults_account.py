@@ -79,7 +79,7 @@ def test_a_key_that_is_refused_midway_is_explained_and_nothing_is_lost(
     assert answer.code == 1
     assert f"Error: {WORDS}\n" in answer.err
     assert "all of it is kept.\n  `qcompile resume " in answer.err
-    assert answer.err.endswith("` goes on.\n")
+    assert answer.err.endswith("` resumes it.\n")
     assert API_KEY not in answer.err + answer.out
     runs.service.faults.refuse_key(False)
     found = runs.until_finished(runs.call("resume", "last", "--json"))
@@ -118,7 +118,7 @@ def test_an_outage_is_not_taken_for_a_missing_backend_or_key(
     answer = runs.run()
     assert answer.code == 1
     assert answer.err.startswith("Error: IBM's service does not answer.\n  Last it said: ")
-    assert answer.err.endswith("\n  Nothing is lost: go on later.\n")
+    assert answer.err.endswith("\n  Nothing is lost: resume later.\n")
 
 
 def test_a_short_outage_of_the_identity_service(runs: Runs) -> None:
@@ -158,7 +158,7 @@ def test_a_service_that_does_not_answer_is_asked_for_a_while_and_explained(
     answer = runs.run()
     assert answer.code == 1
     assert "Error: IBM's service does not answer.\n  Last it said: " in answer.err
-    assert "\n  Nothing is lost: go on later.\n  Jobs done: 0, steps played: 0; " in answer.err
+    assert "\n  Nothing is lost: resume later.\n  Jobs done: 0, steps played: 0; " in answer.err
     runs.service.faults.clear()
     runs.until_finished(runs.call("resume", "last", "--json"))
     check_paid_once(runs.service, 3)

@@ -38,7 +38,7 @@ def test_a_job_that_fails_three_times_is_explained(runs: Runs, undisturbed: dict
     assert f"Job {failed[-1].id} failed: " in answer.err
     assert "Internal error of the system." in answer.err
     assert "  It was charged 0 s; this was attempt 3.\n" in answer.err
-    assert answer.err.endswith(f"  `qcompile resume {run_id()}` goes on.\n")
+    assert answer.err.endswith(f"  `qcompile resume {run_id()}` resumes it.\n")
     assert played(runs.until_finished(runs.call("resume", "last", "--json"))) == undisturbed
     check_paid_once(runs.service, 3)
 
@@ -68,7 +68,7 @@ def test_a_job_that_waits_for_long_is_left_and_fetched_later(
     [job] = runs.service.ledger().jobs
     assert f"Error: Job {job.id} is queued for 0 s now.\n" in answer.err
     assert "  It stays there, and is fetched once it is done.\n" in answer.err
-    assert answer.err.endswith(f"  `qcompile resume {run_id()}` goes on.\n")
+    assert answer.err.endswith(f"  `qcompile resume {run_id()}` resumes it.\n")
     found = runs.until_finished(runs.call("resume", "last", "--json"))
     assert played(found) == undisturbed
     check_paid_once(runs.service, 3)
@@ -101,7 +101,7 @@ def test_results_that_stay_unreadable_are_explained_and_never_paid_twice(
     [job] = runs.service.ledger().jobs
     assert (job.status, job.id in answer.err) == ("Completed", True)
     assert f"The result of job {job.id} cannot be read, 4 times." in answer.err
-    assert "  It is paid and is not sent again: going on fetches it once more.\n" in answer.err
+    assert "  It is paid and is not sent again: resuming fetches it once more.\n" in answer.err
     runs.service.faults.clear()
     assert played(runs.until_finished(runs.call("resume", "last", "--json"))) == undisturbed
     check_paid_once(runs.service, 3)
@@ -169,9 +169,9 @@ def test_a_deleted_job_is_explained_and_sent_once_more(
     assert answer.code == 1
     assert answer.err.split("Error: ")[1] == (
         f"IBM has no job {job.id} any more: somebody deleted it.\n"
-        "  To go on is to send it once more, and to pay for it again.\n"
+        "  Resuming sends it once more, and pays for it again.\n"
         "  Jobs done: 0, steps played: 0; all of it is kept.\n"
-        f"  `qcompile resume {run_id()}` goes on.\n"
+        f"  `qcompile resume {run_id()}` resumes it.\n"
     )
     assert len(runs.service.ledger().jobs) == 1  # nothing is sent before somebody says so
     again = runs.call("resume", "last")
@@ -217,7 +217,7 @@ def test_two_that_go_on_at_once_do_not_pay_twice(runs: Runs, undisturbed: dict[s
     answer = runs.call("resume", "last", "--max-qpu-seconds", 70, "--yes")
     assert answer.code == 1
     assert answer.err.endswith(
-        f"Error: Run {run_id()} is going on in another process.\n  Wait for it, or stop it.\n"
+        f"Error: Run {run_id()} is running in another process.\n  Wait for it, or stop it.\n"
     )
     other.join()
     found = runs.call("resume", "last", "--json").json()

@@ -109,7 +109,7 @@ def test_a_job_that_ibm_cuts_off_at_the_limit_is_a_matter_of_the_budget(
         "  Jobs done: 0, steps played: 0; all of it is kept.\n"
         "  `qcompile resume "
     ) in answer.err
-    assert answer.err.endswith(" --max-qpu-seconds S` goes on with more.\n")
+    assert answer.err.endswith(" --max-qpu-seconds S` resumes it with more.\n")
     runs.service.settings.usage_factor = 1.0
     again = runs.call("resume", "last")
     assert again.code == 1

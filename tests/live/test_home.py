@@ -129,7 +129,7 @@ def test_a_copy_of_one_that_is_going_on_says_by_which_process(stopped: Runs) -> 
     last = journal_home("copy")
     assert last.process is not None
     assert (
-        "was last resumed in another folder and may still be going on there, as process "
+        "was last resumed in another folder and may still be running there, as process "
         f"{last.process}.\n"
     ) in answer.err
     assert journal_home("runs").process is None

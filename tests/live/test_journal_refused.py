@@ -40,7 +40,7 @@ def test_one_process_at_a_time_goes_on_with_a_run() -> None:
     with pytest.raises(LiveError) as caught, journal.held():
         pass
     assert str(caught.value) == (
-        f"Run {journal.id} is going on in another process.\n  Wait for it, or stop it."
+        f"Run {journal.id} is running in another process.\n  Wait for it, or stop it."
     )
     assert Journal(journal.folder).submissions() == []  # it can be looked at meanwhile
     holder.kill()  # and a process that dies holds nothing

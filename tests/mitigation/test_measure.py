@@ -158,7 +158,7 @@ def test_each_qubit_sees_its_angles_in_an_order_of_its_own() -> None:
 
 
 def test_angles_for_circuit_and_qubit_are_taken_as_they_stand() -> None:
-    """All alike, the circuits are those of earlier versions, which journals go on with."""
+    """All alike, the circuits are those of earlier versions, with which journals are resumed."""
     watched = Watched(load_device("fake_lima"), 0)
     watched.asked = []
     alike = np.repeat(RESPONSE_ANGLES_RAD[:, None], 2, axis=1)

@@ -65,7 +65,7 @@ def test_random_bytes_are_refused(tmp_path: Path) -> None:
         for length in range(1, 200, 3):
             path.write_bytes(rng.bytes(length))
             with pytest.raises(
-                PolicyError, match=rf"p\{suffix} (cannot be read|holds more|is no policy)"
+                PolicyError, match=rf"p\{suffix} (cannot be read|holds more|is not a policy)"
             ):
                 load_policy(path)
 
@@ -159,7 +159,7 @@ def test_wrong_values_are_named(
     path = write(tmp_path / f"wrong{suffix}", values() | change)
     with pytest.raises(PolicyError, match=message) as caught:
         load_policy(path)
-    assert str(caught.value).startswith(f"{path} is no policy file.")
+    assert str(caught.value).startswith(f"{path} is not a policy file.")
 
 
 KEYS = ("format", "name", "environment", "encoder", "circuits", "theta", "weights", "bias")
@@ -189,7 +189,7 @@ def test_a_number_that_is_not_finite_is_refused(
     assert text.count("77") == 1
     path = tmp_path / "p.json"
     path.write_text(text.replace("77", number))
-    with pytest.raises(PolicyError, match="is no policy file"):
+    with pytest.raises(PolicyError, match="is not a policy file"):
         load_policy(path)
 
 
@@ -197,14 +197,14 @@ def test_a_number_that_is_not_finite_is_refused(
 def test_text_that_is_no_policy_is_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "p.json"
     path.write_text(text)
-    with pytest.raises(PolicyError, match="is no policy file"):
+    with pytest.raises(PolicyError, match="is not a policy file"):
         load_policy(path)
 
 
 def test_deep_nesting_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "p.json"
     path.write_text("[" * 100_000)
-    with pytest.raises(PolicyError, match="is no policy file"):
+    with pytest.raises(PolicyError, match="is not a policy file"):
         load_policy(path)
 
 
@@ -261,7 +261,7 @@ def test_what_is_no_regular_file_is_named(tmp_path: Path, name: str, kind: str) 
     path = tmp_path / name
     path.mkdir() if kind == "folder" else os.mkfifo(path)
     with pytest.raises(
-        PolicyError, match=f"is no policy file.\n  It is a {kind}, not a regular file"
+        PolicyError, match=f"is not a policy file.\n  It is a {kind}, not a regular file"
     ):
         load_policy(path)
 

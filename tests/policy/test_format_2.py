@@ -246,7 +246,7 @@ def test_wrong_values_of_format_2_are_named(
     path = write_json(tmp_path / "p.json", values(**change))
     with pytest.raises(PolicyError, match=message) as caught:
         load_policy(path)
-    assert str(caught.value).startswith(f"{path} is no policy file.")
+    assert str(caught.value).startswith(f"{path} is not a policy file.")
 
 
 ENCODER = {"function": "tanh", "feature": [3, 0], "scale": [1, 0.5]}

@@ -90,9 +90,9 @@ def test_a_table_is_rows_of_numbers() -> None:
 
 def test_the_first_fault_of_a_table_is_named_with_its_line() -> None:
     for text, words in (
-        (b"# mean\n1,2\n\n3,x\n", "Line 4: 'x' is no number."),
+        (b"# mean\n1,2\n\n3,x\n", "Line 4: 'x' is not a number."),
         (b"1,2\n3,4,5\n", "Line 2 has 3 columns, those above have 2."),
-        (b"1,\n", "Line 1: '' is no number."),
+        (b"1,\n", "Line 1: '' is not a number."),
     ):
         with pytest.raises(ContentsError) as caught:
             read_table(text)

@@ -1,4 +1,4 @@
-"""Checkpoints: a training goes on bit for bit."""
+"""Checkpoints: a training resumes bit for bit."""
 
 from __future__ import annotations
 

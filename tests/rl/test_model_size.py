@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 import torch
 
 from qcompile.rl.models import critic_size, make_critic, make_model, model_size
-from qcompile.rl.settings import MODELS, Settings
+from qcompile.rl.settings import Model, Settings
 
 SETTINGS: list[dict[str, Any]] = [
-    *({"model": model} for model in MODELS),
+    *({"model": model} for model in get_args(Model)),
     {"scales": ((1.0, 2.0, 3.0, 4.0), 2.0), "reuse": 5},
     {"layout": "serial", "scales": (1.0, 2.0, 3.0), "trainable_scale": True},
     {"layout": "single", "scales": (1.0, 2.0), "reuse": 2},

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 import torch
@@ -12,7 +12,7 @@ from qcompile.deploy.environments import features_and_actions, make_environments
 from qcompile.errors import TrainingError
 from qcompile.rl.models import make_model
 from qcompile.rl.presets import PRESETS, settings_for
-from qcompile.rl.settings import MODELS, Settings, plain, restored
+from qcompile.rl.settings import Model, Settings, plain, restored
 
 BASE = Settings(steps=1, horizon=8)
 
@@ -130,7 +130,7 @@ def test_a_setting_of_another_model_is_refused(model: str, name: str, value: Any
     assert message.startswith(f"Model '{model}' has no '{name}', found {value!r}.\n  It is a ")
 
 
-@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("model", get_args(Model))
 def test_settings_of_every_model_come_back_from_plain_values(model: str) -> None:
     mine: dict[str, dict[str, Any]] = {
         "svqc": {"scales": (0.5, (1.0, 2.0)), "shots": 100, "backend": "ibm_lima", "reuse": 3},

@@ -142,5 +142,7 @@ def test_a_folder_that_cannot_be_written_is_told_before(folder: Folder[Square, A
     folder.check_writable()
     assert not folder.path.exists()
     folder.path.touch()
-    with pytest.raises(OutputError, match=r"Cannot write .*s/cells/cell\.json\.\n.*s is no folder"):
+    with pytest.raises(
+        OutputError, match=r"Cannot write .*s/cells/cell\.json\.\n.*s is not a folder"
+    ):
         folder.check_writable()

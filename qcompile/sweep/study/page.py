@@ -70,7 +70,7 @@ def page(summaries: Sequence[RowSummary], folder: str, versions: dict[str, str])
         parts.append(markdown_table(_COLUMNS, [*map(_cells, members)]))
     parts.append(
         "## Repeat it\n\n```\nqcompile study paper --out study\nqcompile study paper --figure "
-        "acrobot --out study\n```\n\nA study goes on where it was stopped: what is in its folder "
+        "acrobot --out study\n```\n\nA study resumes where it was stopped: what is in its folder "
         f"is not trained again. Made with {version_words(versions)}; the same versions on the same "
         "machine give the same numbers, whatever the engine and the number of workers. The curves "
         f"of all figures are in [curves.csv]({folder}/curves.csv).\n"

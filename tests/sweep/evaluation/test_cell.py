@@ -192,5 +192,5 @@ def test_an_interval_of_an_earlier_version_is_worked_out_anew(
 
 def test_a_result_that_cannot_be_written(cell: MakeCell, tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    with pytest.raises(OutputError, match="file is no folder"):
+    with pytest.raises(OutputError, match="file is not a folder"):
         folder_of(tmp_path / "file").write(cell(), played(cell()))

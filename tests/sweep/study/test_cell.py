@@ -178,5 +178,5 @@ def test_a_damaged_file_is_no_result(
 
 def test_a_result_that_cannot_be_written(stored: tuple[Cell, CellResult], tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    with pytest.raises(OutputError, match="file is no folder"):
+    with pytest.raises(OutputError, match="file is not a folder"):
         folder_of(tmp_path / "file").write(*stored)
