@@ -12,6 +12,7 @@ from pydantic import BaseModel, ValidationError
 
 from qcompile.catalogue import find, names, nearest
 from qcompile.errors import CircuitError, PolicyError
+from qcompile.foreign import what_it_is
 from qcompile.limits import MAX_VALUES
 from qcompile.output import write_file
 from qcompile.policy.blocks import BlockFile
@@ -52,6 +53,8 @@ def load_policy(name: str | PathLike[str]) -> Policy:
     Raises:
         PolicyError: there is no such file, or its contents are wrong; the message says what.
     """
+    if not isinstance(name, str | PathLike):
+        raise PolicyError(f"load_policy takes a name or a file, found {what_it_is(name)}.")
     path = find("trained", fspath(name), SUFFIXES)
     if path is None:
         raise PolicyError(

@@ -28,6 +28,7 @@ from qcompile.report import progress as bars
 from qcompile.report.calibration_values import calibration_values
 from qcompile.report.live import result_values
 from qcompile.sweep.arguments import Name, ignore
+from qcompile.verbs.arguments import checked
 from qcompile.verbs.calibrations import (
     CalibrationOutputs,
     CalibrationResult,
@@ -38,6 +39,7 @@ from qcompile.verbs.live import Live, spend
 from qcompile.verbs.measurement import PARTS, Measurement
 
 
+@checked
 def calibrate(
     backend: Name | Device | Calibration | Backend | Executor | Any,
     qubits: Sequence[int] | IntArray | None = None,

@@ -23,6 +23,7 @@ from qcompile.sweep.engine import Engine
 from qcompile.sweep.evaluation import run as grids
 from qcompile.sweep.evaluation.run import Shots
 from qcompile.sweep.evaluation.write_up import panels
+from qcompile.verbs.arguments import checked
 from qcompile.verbs.results import Result
 
 Words = Callable[[str], None]
@@ -86,6 +87,7 @@ class EvaluationResult(Result):
         return grid_table(self.cells)
 
 
+@checked
 def evaluate(
     policies: Name | Policy | Sequence[Name | Policy] = ("lunarlander",),
     backends: Name | Device | Backend | Any | Sequence[Any] = ("ibm_lima",),
@@ -142,6 +144,7 @@ def evaluate(
     return EvaluationResult(evaluation, () if out is None else evaluation.paths)
 
 
+@checked
 def evaluate_paper(
     *,
     episodes: int = 100,

@@ -28,6 +28,7 @@ from qcompile.report.film import SUFFIXES, Film
 from qcompile.report.rewards import draw_rewards
 from qcompile.report.tables import interval_words, plural
 from qcompile.sweep.arguments import Name, ignore
+from qcompile.verbs.arguments import checked
 from qcompile.verbs.live import Live, spend
 from qcompile.verbs.results import Result
 
@@ -91,6 +92,7 @@ class RunResult(Result):
             )
 
 
+@checked
 def run(
     policy: Name | Policy = "lunarlander",
     backend: Name | Device | Backend | Executor | Any = "ideal",
