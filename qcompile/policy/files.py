@@ -220,6 +220,11 @@ def save_policy(policy: Policy, path: str | Path) -> None:
         PolicyError: another suffix, or a policy that the file could not give back.
         OutputError: the file cannot be written.
     """
+    if not isinstance(path, str | PathLike) or not isinstance(policy, Policy):
+        raise PolicyError(
+            f"save_policy takes a Policy and a path, found {what_it_is(policy)} "
+            f"and {what_it_is(path)}."
+        )
     path, values = Path(path), policy_values(policy)
     if path.suffix not in SUFFIXES:
         raise PolicyError(f"{path} is no policy file name.", "It ends with .pt or .json.")
