@@ -17,8 +17,7 @@ _LOOK_SECONDS = 0.5
 def deaf_children() -> Iterator[None]:
     """Processes that are started within do not hear Ctrl-C: their parent does, and ends them.
 
-    A terminal sends it to all; in one that is still importing it would end in a traceback. Ctrl-C
-    within the block comes at its end.
+    A terminal sends it to all; in one that is still importing it would end in a traceback.
     """
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
