@@ -18,6 +18,7 @@ from qcompile.calibration.counts import ReadoutCounts, ResponseCounts
 from qcompile.calibration.fits import ReadoutFit, ResponseFit, weakness
 from qcompile.device import CALIBRATION_MARK, Device, Kind
 from qcompile.errors import CalibrationError
+from qcompile.foreign import what_it_is
 from qcompile.limits import CALIBRATION_HOURS, CLOCK_HOURS
 from qcompile.output import write_file
 from qcompile.reading import ContentsError, load_json, read_file, read_json
@@ -143,6 +144,8 @@ def load_calibration(path: str | PathLike[str]) -> Calibration:
     Raises:
         CalibrationError: there is no such file, or it is not a calibration.
     """
+    if not isinstance(path, str | PathLike):
+        raise CalibrationError(f"load_calibration takes a file, found {what_it_is(path)}.")
     path = Path(path)
     try:
         return Calibration.model_validate_json(read_json(path))

@@ -59,12 +59,14 @@ def play(
         EnvironmentMismatchError: the environment is unknown or does not fit the policy.
         EnvironmentStepError: it fails in an episode, or gives what no policy can use.
     """
-    numbers = range(episodes) if isinstance(episodes, int) else sorted(set(episodes))
-    if not 1 <= len(numbers) <= MAX_EPISODES or numbers[0] < 0:
-        count = episodes if isinstance(episodes, int) else len(numbers)
+    numbers = range(1) if isinstance(episodes, int) else sorted(set(episodes))
+    count = episodes if isinstance(episodes, int) else len(numbers)
+    if not 1 <= count <= MAX_EPISODES or numbers[0] < 0:
         raise CountsError(
             f"{count} episodes cannot be played.", f"Their number lies in [1, {MAX_EPISODES}]."
         )
+    if isinstance(episodes, int):
+        numbers = range(episodes)
     policy = deployment.policy
     make = partial(make_environments, policy.environment, arguments=policy.environment_kwargs)
     environments = make(1, film=on_frame is not None)

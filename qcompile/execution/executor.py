@@ -87,10 +87,16 @@ def expectation_from_ones(ones: CountArray, shots: int) -> FloatArray:
     shape, in [-1, 1]. Its standard error is sqrt((1 - z**2) / shots).
 
     Raises:
-        CountsError: an entry lies outside [0, shots]; the message names the first one.
+        CountsError: an entry is no integer, or lies outside [0, shots]; the message names the first
+            one.
     """
-    ones = np.asarray(ones)
     check_shots(shots)
+    try:
+        ones = np.asarray(ones)
+    except ValueError as error:
+        raise CountsError("Counts have no shape.", "They are an array of integers.") from error
+    if ones.dtype.kind not in "iu" and ones.size:
+        raise CountsError(f"Counts have type {ones.dtype}.", "They are integers.")
     outside = ones.astype(np.uint64) > shots  # a negative number wraps to a huge one
     if np.count_nonzero(outside):
         raise CountsError(

@@ -98,11 +98,12 @@ def check_shots(shots: int) -> int:
     """`shots`, if an executor can take them.
 
     Raises:
-        CountsError: shots lie outside [1, MAX_SHOTS].
+        CountsError: shots are no whole number in [1, MAX_SHOTS].
     """
-    if not 1 <= shots <= MAX_SHOTS:
+    is_whole = isinstance(shots, int | np.integer) and not isinstance(shots, bool)
+    if not is_whole or not 1 <= shots <= MAX_SHOTS:
         raise CountsError(
-            f"{shots} shots cannot be run.",
+            f"{shots!s:.60} shots cannot be run.",
             f"The number of shots lies in [1, {MAX_SHOTS}]; 1024 and 8192 are usual.",
             "For expectations without shot noise say `--shots exact`.",
         )

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from os import PathLike
 from pathlib import Path
 
+from qcompile.errors import CircuitError
+from qcompile.foreign import what_it_is
 from qcompile.interop.symbols import Inputs, measured_in_order, split
 from qcompile.ir import Program
 from qcompile.qasm import Source, read, read_file
@@ -29,4 +32,8 @@ def _source(text_or_path: str | Path) -> Source:
         text = text_or_path.lstrip()
         if "\n" in text or text.startswith("OPENQASM"):
             return read(text_or_path)
+    elif not isinstance(text_or_path, PathLike):
+        raise CircuitError(
+            f"Program.from_qasm takes OpenQASM text or a path, found {what_it_is(text_or_path)}."
+        )
     return read_file(text_or_path)

@@ -6,6 +6,7 @@ tape. Source: pennylane.tape, pennylane.ops.
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -15,6 +16,7 @@ from qcompile.errors import CircuitError, MissingExtraError
 from qcompile.interop.symbols import at, entangles, unknown
 from qcompile.interop.tracing import TracedAngle, traced
 from qcompile.ir import Angle, Circuit, Gate, Program
+from qcompile.limits import MAX_VALUES
 from qcompile.qasm.gates import standard
 from qcompile.qasm.modifiers import inverse
 
@@ -47,6 +49,7 @@ def program_of(function: Any, inputs: Shape = 0, parameters: Shape = 0) -> Progr
         import pennylane as qml
     except ImportError as error:
         raise MissingExtraError("Reading a PennyLane circuit", "pennylane") from error
+    inputs, parameters = _shape("inputs", inputs), _shape("parameters", parameters)
     tape = function
     if isinstance(function, qml.tape.QuantumScript):
         if inputs != 0 or parameters != 0:
@@ -62,6 +65,28 @@ def program_of(function: Any, inputs: Shape = 0, parameters: Shape = 0) -> Progr
             gates[wire].append(gate)
     circuits = [Circuit(tuple(gates[wire])) for wire in _measured(tape)]
     return Program.of(circuits, _size(inputs), _size(parameters))
+
+
+def _shape(name: str, shape: Any) -> Shape:
+    """The shape, or the number, in Python's integers.
+
+    Raises:
+        CircuitError: it is neither.
+    """
+    try:
+        if hasattr(shape, "__index__"):
+            numbers = [operator.index(shape)]
+            checked: Shape = numbers[0]
+        else:
+            numbers = [operator.index(size) for size in shape]
+            checked = tuple(numbers)
+    except TypeError:
+        numbers = [-1]
+    if any(not 0 <= number <= MAX_VALUES for number in numbers):
+        raise CircuitError(
+            f"{name} cannot be {shape!r:.60}.", "It is a number of angles, or a shape like (2, 3)."
+        )
+    return checked
 
 
 def _size(shape: Shape) -> int:

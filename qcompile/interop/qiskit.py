@@ -10,9 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
-from qcompile.arrays import FloatArray
+from qcompile.arrays import FloatArray, real_array
 from qcompile.errors import CircuitError, MissingExtraError
 from qcompile.execution.packed import pack_round
 from qcompile.foreign import what_it_is
@@ -183,8 +181,10 @@ def circuits_of(
         )
     angles = None
     if x is not None and theta is not None:
-        x, theta = np.asarray(x, dtype=float), np.asarray(theta, dtype=float)
-        angles = executable.bind(x[None], theta)
+        inputs, trained = real_array(x), real_array(theta)
+        if inputs is None or trained is None:
+            raise CircuitError("x and theta are not arrays of real numbers.")
+        angles = executable.bind(inputs[None], trained)
     circuits = []
     for index in range(executable.round_count):
         packed = pack_round(executable, index)

@@ -18,6 +18,7 @@ from qcompile.errors import CalibrationError
 from qcompile.execution.cost import Workload
 from qcompile.execution.executor import Executor
 from qcompile.ir import Angle, Circuit, Gate, Program
+from qcompile.limits import MAX_QUBITS
 from qcompile.mitigation.fits import fit_readout, fit_response
 from qcompile.mitigation.orders import angle_orders
 from qcompile.passes import Executable, compile
@@ -94,16 +95,20 @@ def check_qubits(device: Device, qubits: Sequence[int] | IntArray) -> IntArray:
     Raises:
         CalibrationError: there is none, or one that the device lacks.
     """
-    numbers: IntArray = np.unique(np.asarray(qubits, dtype=np.intp))
     known = len(device.qubits)
-    if numbers.size and (not known or numbers[-1] < known):
-        return numbers
-    raise CalibrationError(
-        f"{device.name} has no qubit {numbers[-1]}."
-        if numbers.size
-        else "There is no qubit to calibrate.",
-        f"Its qubits are 0 to {known - 1}." if known else "Name one at least.",
-    )
+    for qubit in qubits:
+        if not isinstance(qubit, int | np.integer) or not 0 <= qubit < (known or MAX_QUBITS):
+            raise CalibrationError(
+                f"{device.name} has no qubit {qubit}.",
+                f"Its qubits are 0 to {(known or MAX_QUBITS) - 1}.",
+            )
+    numbers: IntArray = np.unique(np.asarray(qubits, dtype=np.intp))
+    if not numbers.size:
+        raise CalibrationError(
+            "There is no qubit to calibrate.",
+            f"Its qubits are 0 to {known - 1}." if known else "Name one at least.",
+        )
+    return numbers
 
 
 def fit_counts(counted: Calibration, qubits: Sequence[int] | None = None) -> Calibration:

@@ -95,11 +95,10 @@ class Executable:
 
     def _check(self, x: FloatArray, theta: FloatArray) -> None:
         inputs, parameters = len(self.source.inputs), len(self.source.parameters)
-        shape = getattr(x, "shape", ())
-        if shape[1:] != (inputs,) or getattr(theta, "shape", ()) != (parameters,):
+        if _shape(x)[1:] != (inputs,) or _shape(theta) != (parameters,):
             raise CircuitError(
-                f"x has shape {np.shape(x)} and theta {np.shape(theta)}.",
-                f"The program needs (B, {inputs}) and ({parameters},).",
+                f"x {_described(x)} and theta {_described(theta)}.",
+                f"The program needs (B, {inputs}) and ({parameters},), arrays of real numbers.",
             )
 
     @cached_property
@@ -207,3 +206,21 @@ class Executable:
             circuits.append(circuit.with_angles(filter(None, angles[start:stop])))
             start = stop
         return Program(tuple(circuits), tuple(names))
+
+
+def _shape(array: Any) -> tuple[int, ...]:
+    """The shape of an array of real numbers; () for anything else."""
+    dtype = getattr(array, "dtype", None)
+    if not isinstance(dtype, np.dtype) or dtype.kind not in "biuf" or hasattr(array, "mask"):
+        return ()
+    shape: tuple[int, ...] = array.shape
+    return shape
+
+
+def _described(array: Any) -> str:
+    """What an array is, in a few words."""
+    if not isinstance(array, np.ndarray):
+        return f"has type {type(array).__name__}"
+    masked = ", masked," if hasattr(array, "mask") else ""
+    numbers = "" if array.dtype.kind in "biuf" else f" of {array.dtype}"
+    return f"has shape {array.shape}{numbers}{masked}"

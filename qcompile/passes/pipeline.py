@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from qcompile.arrays import FloatArray
 from qcompile.device import IDEAL, Device
 from qcompile.errors import CircuitError, DeviceError
@@ -41,7 +43,7 @@ def pipeline(level: int, native: NativeGates) -> tuple[Pass, ...]:
     Raises:
         CircuitError: there is no such level.
     """
-    if level not in LEVELS:
+    if not isinstance(level, int | float | np.integer) or level not in LEVELS:
         raise CircuitError(
             f"There is no level {level!r}.", f"Levels: {', '.join(map(str, LEVELS))}."
         )

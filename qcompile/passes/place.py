@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from qcompile.arrays import FloatArray, IntArray
+from qcompile.arrays import FloatArray, IntArray, real_array
 from qcompile.device import Device
 from qcompile.errors import CircuitError
+from qcompile.limits import MAX_EPISODES
 from qcompile.noise import usable
 
 
@@ -32,9 +33,17 @@ def place(
     Raises:
         CircuitError: `importance` is not one finite number >= 0 for each circuit, or copies < 1.
     """
-    if copies < 1:
-        raise CircuitError(f"{copies} copies of a program cannot be placed.", "One is the least.")
-    importance = np.ones(circuits) if importance is None else np.asarray(importance, dtype=float)
+    if not isinstance(copies, int | np.integer) or not 1 <= copies <= MAX_EPISODES:
+        raise CircuitError(
+            f"{copies!s:.60} copies of a program cannot be placed.",
+            f"One is the least, and {MAX_EPISODES} are the most.",
+        )
+    importance = real_array(np.ones(circuits) if importance is None else importance)
+    if importance is None:
+        raise CircuitError(
+            "The importance of circuits is not real numbers.",
+            f"It needs ({circuits},), each a finite number that is not negative.",
+        )
     if importance.shape != (circuits,) or not (np.isfinite(importance) & (importance >= 0)).all():
         raise CircuitError(
             f"The importance of circuits has shape {importance.shape} or wrong entries.",

@@ -12,6 +12,7 @@ from pydantic import BaseModel, ValidationError
 
 from qcompile.catalogue import find, names, nearest
 from qcompile.errors import CircuitError, PolicyError
+from qcompile.foreign import what_it_is
 from qcompile.limits import MAX_VALUES
 from qcompile.output import write_file
 from qcompile.policy.blocks import BlockFile
@@ -52,6 +53,8 @@ def load_policy(name: str | PathLike[str]) -> Policy:
     Raises:
         PolicyError: there is no such file, or its contents are wrong; the message says what.
     """
+    if not isinstance(name, str | PathLike):
+        raise PolicyError(f"load_policy takes a name or a file, found {what_it_is(name)}.")
     path = find("trained", fspath(name), SUFFIXES)
     if path is None:
         raise PolicyError(
@@ -221,6 +224,11 @@ def save_policy(policy: Policy, path: str | Path) -> None:
         PolicyError: another suffix, or a policy that the file could not give back.
         OutputError: the file cannot be written.
     """
+    if not isinstance(path, str | PathLike) or not isinstance(policy, Policy):
+        raise PolicyError(
+            f"save_policy takes a Policy and a path, found {what_it_is(policy)} "
+            f"and {what_it_is(path)}."
+        )
     path, values = Path(path), policy_values(policy)
     if path.suffix not in SUFFIXES:
         raise PolicyError(f"{path} is not a policy file name.", "It ends with .pt or .json.")

@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from qcompile.arrays import FloatArray, IntArray
+from qcompile.arrays import FloatArray, IntArray, real_array
 from qcompile.errors import PolicyError
+from qcompile.foreign import what_it_is
 from qcompile.ir import Program
 from qcompile.notebook import count, html_table
 from qcompile.policy.encoder import Encoder, check_arrays
@@ -108,8 +109,13 @@ class Policy:
         Raises:
             PolicyError: the observations have too few features.
         """
-        observations = np.asarray(observations, dtype=float)
-        needed = self.encoder.features
+        array, needed = real_array(observations), self.encoder.features
+        if array is None:
+            raise PolicyError(
+                f"Observations are not an array of real numbers: {what_it_is(observations)}.",
+                f"Policy {self.name!r} needs (B, {needed}) or wider.",
+            )
+        observations = array
         if observations.ndim != 2 or observations.shape[1] < needed:
             raise PolicyError(
                 f"Observations have shape {observations.shape}.",

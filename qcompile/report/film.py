@@ -49,7 +49,9 @@ class Film:
         try:
             if self._writer is not None:
                 self._writer.close()
-                if kind is None:
+                if not self._draft.exists():  # Ctrl-C came within the first frame
+                    self.frames = 0
+                elif kind is None:
                     write_file(self._path, self._draft.read_bytes())
         finally:
             self._folder.cleanup()

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from numbers import Integral
 from os import PathLike
 from typing import Any, Literal
+
+import numpy as np
 
 from qcompile.errors import OptionError
 
@@ -18,9 +20,18 @@ Shots = int | None | Literal["exact"]
 """A number of shots; None or "exact" are expectations without shot noise."""
 
 
+def is_several(values: Any) -> bool:
+    """Whether `values` are several in an order: a sequence, an iterator or an array, no text."""
+    if isinstance(values, np.ndarray):
+        return values.ndim == 1
+    return isinstance(values, Sequence | Iterator) and not isinstance(values, str | bytes)
+
+
 def several(values: Any) -> list[Any]:
-    """The values, or the one value, in a list."""
-    return [*values] if isinstance(values, Sequence) and not isinstance(values, str) else [values]
+    """The values, or the one value, in a list; those of an array as Python's numbers."""
+    if not is_several(values):
+        return [values]
+    return values.tolist() if isinstance(values, np.ndarray) else [*values]
 
 
 def shots_of(shots: Shots) -> int | None:

@@ -19,7 +19,7 @@ from urllib.parse import urlsplit
 import joblib
 
 from qcompile.errors import MissingExtraError, QcompileError, StudyError
-from qcompile.sweep.workers import end_with
+from qcompile.sweep.workers import deaf_children, end_with
 from qcompile.terminal import first_line
 
 Engine = Literal["processes", "dask", "ray"]
@@ -109,7 +109,10 @@ def _outcomes(
     options: dict[str, Any] = {"n_jobs": jobs, "batch_size": 1, "pre_dispatch": "2*n_jobs"}
     with joblib.parallel_config(backend=_BACKENDS[engine]):
         if engine != "ray":
-            yield from joblib.Parallel(return_as="generator_unordered", **options)(tasks)
+            parallel = joblib.Parallel(return_as="generator_unordered", **options)
+            with deaf_children():
+                outcomes = parallel(tasks)
+            yield from outcomes
             return
         # Ray's backend hands over lists alone: what is finished is kept after each of these.
         size = 2 * joblib.effective_n_jobs(jobs)

@@ -24,6 +24,7 @@ from qcompile.report import progress as bars
 from qcompile.report.calibration_values import calibration_values
 from qcompile.report.live import result_values
 from qcompile.sweep.arguments import Name, Words, ignore
+from qcompile.verbs.arguments import checked
 from qcompile.verbs.calibration_request import CalibrationRequest
 from qcompile.verbs.calibrations import (
     CalibrationOutputs,
@@ -35,6 +36,7 @@ from qcompile.verbs.files import path_of
 from qcompile.verbs.live import Live, spend
 
 
+@checked
 def calibrate(
     backend: Name | Device | Calibration | Backend | Executor | Any,
     qubits: Sequence[int] | IntArray | None = None,

@@ -22,6 +22,7 @@ from qcompile.sweep.complete import CellFailure
 from qcompile.sweep.engine import Engine
 from qcompile.sweep.evaluation import run as grids
 from qcompile.sweep.evaluation.write_up import panels
+from qcompile.verbs.arguments import checked
 from qcompile.verbs.results import Result
 
 
@@ -90,6 +91,7 @@ class EvaluationResult(Result):
         return grid_table(self.cells)
 
 
+@checked
 def evaluate(
     policies: Name | Policy | Sequence[Name | Policy] = ("lunarlander",),
     backends: Name | Device | Backend | Any | Sequence[Any] = ("ibm_lima",),
@@ -146,6 +148,7 @@ def evaluate(
     return EvaluationResult(evaluation, () if out is None else evaluation.paths)
 
 
+@checked
 def evaluate_paper(
     *,
     episodes: int = 100,

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from qcompile.errors import BudgetError, OptionError
 from qcompile.execution import Workload
-from qcompile.limits import FREE_SECONDS
+from qcompile.limits import FREE_SECONDS, MAX_QPU_SECONDS
 from qcompile.live.connection import Connection
 from qcompile.live.journal import Journal
 from qcompile.live.looking import doubts_in_words
@@ -28,6 +29,9 @@ class Live:
     the folder of the journals; after `max_wait_s` a job is not waited for any longer, and
     `qcompile resume` fetches it. `confirm` is asked before anything is spent, and raises where the
     answer is no.
+
+    Raises:
+        OptionError: a number of seconds that is none, or out of range.
     """
 
     max_qpu_seconds: float
@@ -37,6 +41,23 @@ class Live:
     runs: Name = "runs"
     max_wait_s: float | None = None
     confirm: Words = ignore
+
+    def __post_init__(self) -> None:
+        limits = {"max_qpu_seconds": MAX_QPU_SECONDS}
+        if self.max_wait_s is not None:
+            limits["max_wait_s"] = math.inf
+        for name, most in limits.items():
+            value = getattr(self, name)
+            if (
+                isinstance(value, bool)
+                or not isinstance(value, int | float)
+                or not 0 < value <= most
+            ):
+                raise OptionError(
+                    f"{name} cannot be {value!r}.",
+                    "It is a number of seconds above 0"
+                    + (f" and at most {most:g}." if most < math.inf else "."),
+                )
 
     @property
     def where(self) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from qcompile.policy.files import policy_values
 from qcompile.report.figure import Figure
 from qcompile.report.seconds import draw_seconds
 from qcompile.sweep.arguments import Name, shots_of
+from qcompile.verbs.arguments import checked
 from qcompile.verbs.results import Result
 
 
@@ -48,6 +49,7 @@ class Plan(Result):
         return ["way", "jobs", "executions", "QPU seconds", "USD", "of free plan"], rows
 
 
+@checked
 def plan(
     policy: Name | Policy = "lunarlander",
     backend: Name | Device | Backend | Executor | Any = "ibm_lima",

@@ -28,6 +28,7 @@ from qcompile.report.film import SUFFIXES, Film
 from qcompile.report.rewards import draw_rewards
 from qcompile.report.tables import interval_words, plural
 from qcompile.sweep.arguments import Name, Shots, Words, ignore, shots_of
+from qcompile.verbs.arguments import checked
 from qcompile.verbs.live import Live, check_live, spend
 from qcompile.verbs.results import Result
 
@@ -95,6 +96,7 @@ class RunResult(Result):
             )
 
 
+@checked
 def run(
     policy: Name | Policy = "lunarlander",
     backend: Name | Device | Backend | Executor | Any = "ideal",

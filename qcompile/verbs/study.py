@@ -14,6 +14,7 @@ from qcompile.sweep.study.cell import EVALUATION_EPISODES
 from qcompile.sweep.study.run import study_rows as study_rows
 from qcompile.sweep.study.summary import spread
 from qcompile.sweep.study.write_up import draw_figures
+from qcompile.verbs.arguments import checked
 from qcompile.verbs.results import Result
 
 
@@ -63,6 +64,7 @@ class StudyResult(Result):
         return [*columns, "last average", "fresh episodes"], rows
 
 
+@checked
 def study(
     name: str = "paper",
     *,

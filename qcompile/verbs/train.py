@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from qcompile.errors import EnvironmentStepError, OptionError, QcompileError, TrainingError
 from qcompile.report import progress as bars
 from qcompile.sweep.arguments import Name, Words, ignore
+from qcompile.verbs.arguments import checked
 from qcompile.verbs.files import path_of
 from qcompile.verbs.train_outputs import TrainingOutputs
 from qcompile.verbs.train_settings import PRESET, TrainingRequest
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 EVALUATION_EPISODES = 20
 
 
+@checked
 def train(
     environment: str | EnvSpec,
     *,

@@ -13,12 +13,13 @@ from qcompile.deploy.twin_check import check_twin, wide_observations
 from qcompile.deploy.twin_power import EFFECT, POWER, choose_check
 from qcompile.device import Device
 from qcompile.errors import CalibrationError, OptionError
-from qcompile.execution import Backend, Executor, open_executor
+from qcompile.execution import Backend, Executor, check_shots, open_executor
 from qcompile.live.validate import ValidateTask
 from qcompile.mitigation.misfit import misfit_words
 from qcompile.policy import Policy, load_policy
 from qcompile.policy.files import policy_values
 from qcompile.sweep.arguments import Name, Words, ignore
+from qcompile.verbs.arguments import checked
 from qcompile.verbs.live import Live, check_live, spend
 from qcompile.verbs.results import Result
 
@@ -66,6 +67,7 @@ class Validation(Result):
             )
 
 
+@checked
 def validate(
     calibration: Name | Calibration,
     *,
@@ -100,7 +102,10 @@ def validate(
     if isinstance(calibration, Calibration):
         known, file = calibration, f"the calibration of {calibration.backend}"
     else:
-        known, file = load_calibration(calibration), str(Path(calibration))
+        known = load_calibration(calibration)
+        file = str(Path(calibration))
+    if shots is not None:
+        check_shots(shots)
     loaded = policy if isinstance(policy, Policy) else load_policy(policy)
     least_power = POWER if power is None else power
     rows, shots, reached = choose_check(

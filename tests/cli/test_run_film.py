@@ -46,6 +46,22 @@ def test_without_a_frame_there_is_no_film(
     assert left() == ["tiny.json"]
 
 
+def test_ctrl_c_within_the_first_frame_leaves_no_film(
+    qcompile: Call, policy: Call, left: Call, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def shrink(*_: object) -> None:
+        raise KeyboardInterrupt  # the writer is open by then, and has written nothing
+
+    monkeypatch.setattr("qcompile.report.film._shrunk", shrink)
+    answer = qcompile("run", policy(), "--video", "a.gif")
+    assert answer.code == 1
+    assert answer.err.splitlines()[:2] == [
+        "no step was played: there is no film",
+        "Error: Interrupted: 0 of 20 episodes were finished.",
+    ]
+    assert left() == ["tiny.json"]
+
+
 BAD_FILMS = {
     "tiny.json/a.gif": """\
 Error: Cannot write tiny.json/a.gif.

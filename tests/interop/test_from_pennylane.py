@@ -166,3 +166,16 @@ def test_what_is_no_function() -> None:
         CircuitError, match="takes a quantum function, a QNode or a tape, found int"
     ):
         Program.from_pennylane(3)
+
+
+@pytest.mark.parametrize("inputs", [None, -1, 1.5, "2", [1.5], {"a": 1}, 2**80])
+def test_shapes_are_whole_numbers(inputs: Any) -> None:
+    with pytest.raises(CircuitError, match="inputs cannot be"):
+        Program.from_pennylane(lambda x: None, inputs=inputs)
+
+
+def test_a_shape_may_be_of_numpy() -> None:
+    def circuit(x: Any) -> None:
+        qml.RX(x[1], 0)
+
+    assert Program.from_pennylane(circuit, inputs=np.int64(2)).inputs == ("x0", "x1")  # type: ignore[arg-type]

@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from qcompile.sweep.workers import deaf_children
+
 SCRIPT = """
 import os, time
 from collections import namedtuple
@@ -58,3 +60,11 @@ def test_workers_of_a_killed_study_end(tmp_path: Path) -> None:
         for path in tmp_path.iterdir():
             if alive(int(path.name)):
                 os.kill(int(path.name), signal.SIGKILL)
+
+
+def test_ctrl_c_is_the_parent_s_alone() -> None:
+    child = "import os, signal, sys; os.kill(os.getpid(), signal.SIGINT); sys.exit(7)"
+    words = [sys.executable, "-c", child]
+    with deaf_children():
+        assert subprocess.run(words, check=False).returncode == 7
+    assert subprocess.run(words, check=False, stderr=subprocess.DEVNULL).returncode != 7

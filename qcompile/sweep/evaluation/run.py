@@ -228,7 +228,8 @@ def _backend(backend: Any) -> Backend:
 def _calibration_file(calibration: Name | Calibration) -> CalibrationFile:
     if isinstance(calibration, Calibration):
         return CalibrationFile(f"the calibration of {calibration.backend}", calibration)
-    return CalibrationFile(str(Path(calibration)), load_calibration(Path(calibration)))
+    known = load_calibration(calibration)
+    return CalibrationFile(str(Path(calibration)), known)
 
 
 def _description(result: CellResult) -> str:

@@ -1,0 +1,179 @@
+"""The arguments of verbs, held to what their signatures say before anything is done with them."""
+
+from __future__ import annotations
+
+import ast
+import math
+from collections.abc import Callable, Mapping
+from functools import cache, wraps
+from inspect import signature
+from numbers import Integral, Real
+from os import PathLike
+from typing import Any, ParamSpec, TypeVar
+
+import numpy as np
+
+from qcompile.errors import OptionError
+from qcompile.limits import MAX_EPISODES
+from qcompile.sweep.arguments import is_several, several
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+_RANGES: dict[str, tuple[float, float]] = {
+    "seed": (0, math.inf),
+    "max_steps": (1, math.inf),
+    "copies": (1, MAX_EPISODES),
+    "observations": (1, 1000),
+    "power": (0, 1),
+    "effect": (0, 1),
+    "usd_per_second": (0, 1e9),
+    "seeds": (1, 1000),
+    "evaluation": (1, MAX_EPISODES),
+    "evaluate_every": (1, math.inf),
+    "evaluate_episodes": (1, MAX_EPISODES),
+    "workers": (1, 10_000),
+}
+"""The least and the most of what no more special error refuses; the command line has the same."""
+
+_WORDS = {
+    "None": "None",
+    "bool": "True or False",
+    "int": "a whole number",
+    "float": "a number",
+    "str": "a text",
+    "Name": "a name or a path",
+    "Engine": "a text",
+    "Shots": "a whole number, 'exact' or None",
+    "Live": "a qcompile.Live",
+    "Words": "a function",
+}
+
+
+def checked(function: Callable[P, R]) -> Callable[P, R]:
+    """`function`, whose arguments of plain types are checked, and plain when it gets them.
+
+    numpy's numbers become Python's, and arrays and generators lists. Other types are left to the
+    function, whose module has `from __future__ import annotations`.
+
+    Raises:
+        OptionError: an argument is of another type or out of range, when the function is called.
+    """
+    form = signature(function)
+
+    @wraps(function)
+    def call(*args: P.args, **kwargs: P.kwargs) -> R:
+        bound = form.bind(*args, **kwargs)
+        for name, value in bound.arguments.items():
+            bound.arguments[name] = _argument(name, value, str(form.parameters[name].annotation))
+        return function(*bound.args, **bound.kwargs)
+
+    return call
+
+
+def _argument(name: str, value: Any, annotation: str) -> Any:
+    plain, fits = _plain(value, annotation)
+    if not fits:
+        kinds = dict.fromkeys(_words(atom) for atom in _atoms(annotation))
+        raise OptionError(f"{name} cannot be {_shown(value)}.", f"It is {' or '.join(kinds)}.")
+    least, most = _RANGES.get(name, (-math.inf, math.inf))
+    if isinstance(plain, int | float) and not least <= plain <= most:
+        limit = f"in [{least}, {most}]" if most < math.inf else f"{least} or more"
+        raise OptionError(f"{name} cannot be {_shown(value)}.", f"It is {limit}.")
+    return plain
+
+
+def _plain(value: Any, annotation: str) -> tuple[Any, bool]:
+    """The value as a plain one of the annotation's types, and whether it may be one."""
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value.item()
+    atoms = _atoms(annotation)
+    for atom in atoms:
+        if atom.startswith("Sequence["):
+            if not is_several(value):
+                continue
+            plain = [_plain(member, atom[len("Sequence[") : -1]) for member in several(value)]
+            if all(fits for _, fits in plain):
+                return [member for member, _ in plain], True
+        elif atom in _KINDS and _KINDS[atom](value):
+            if atom in ("int", "Shots") and value is not None and not isinstance(value, str):
+                return int(value), True
+            return {"bool": bool, "float": float}.get(atom, lambda same: same)(value), True
+    known = (*_KINDS, "Sequence[")
+    return value, not all(atom.startswith(known) for atom in atoms)
+
+
+def _is_whole(value: Any) -> bool:
+    if isinstance(value, bool | np.bool_):
+        return False
+    return isinstance(value, Integral) or (isinstance(value, float) and value.is_integer())
+
+
+def _is_number(value: Any) -> bool:
+    if isinstance(value, bool | np.bool_) or not isinstance(value, Real):
+        return False
+    try:
+        return not math.isnan(float(value))
+    except OverflowError:  # a huge integer
+        return False
+
+
+def _is_name(value: Any) -> bool:
+    return isinstance(value, str | PathLike) and "\0" not in str(value)
+
+
+def _is_exact(value: Any) -> bool:
+    return isinstance(value, str) and value == "exact"
+
+
+def _is_live(value: Any) -> bool:
+    from qcompile.verbs.live import Live
+
+    return isinstance(value, Live)
+
+
+_KINDS: Mapping[str, Callable[[Any], bool]] = {
+    "None": lambda value: value is None,
+    "bool": lambda value: isinstance(value, bool | np.bool_),
+    "int": _is_whole,
+    "float": _is_number,
+    "str": lambda value: isinstance(value, str),
+    "Name": _is_name,
+    "Engine": lambda value: isinstance(value, str),
+    "Part": lambda value: isinstance(value, str),
+    "Shots": lambda value: value is None or _is_exact(value) or _is_whole(value),
+    "Live": _is_live,
+    "Words": callable,
+    "Callable[[str], None]": callable,
+    "Mapping[str, Any]": lambda value: (
+        isinstance(value, Mapping) and all(isinstance(key, str) for key in value)
+    ),
+    "Literal['exact']": _is_exact,
+}
+
+
+@cache
+def _atoms(annotation: str) -> tuple[str, ...]:
+    """The types of a union, as they are written."""
+
+    def members(node: ast.expr) -> list[ast.expr]:
+        if isinstance(node, ast.BinOp):
+            return members(node.left) + members(node.right)
+        return [node]
+
+    words = map(ast.unparse, members(ast.parse(annotation, mode="eval").body))
+    return tuple("Sequence[int]" if atom == "IntArray" else atom for atom in words)
+
+
+def _words(atom: str) -> str:
+    if atom.startswith("Sequence["):
+        return "several of these"
+    return _WORDS.get(atom, atom.replace("Callable[[str], None]", "a function"))
+
+
+def _shown(value: Any) -> str:
+    try:
+        words = ascii(value)
+    except Exception:  # whatever an object raises, or an integer of too many digits
+        return f"a {type(value).__name__}"
+    return words if len(words) <= 60 else f"{words[:57]}..."
