@@ -71,7 +71,7 @@ def test_force_overwrites(qcompile: Call) -> None:
         (("--policy", "nosuch"), "Unknown policy 'nosuch'.\n"),
         (("--check", "bad.json"), "bad.json is not a calibration.\n  It is not JSON: line 1"),
         (("--backend", "bad.json"), "bad.json is not a calibration.\n  It is not JSON: line 1"),
-        (("--check", "nosuch.json"), "nosuch.json is not a calibration.\n"),
+        (("--check", "nosuch.json"), "There is no calibration file nosuch.json.\n"),
         (("--out", "bad.json/a.json"), "Cannot write bad.json/a.json.\n"),
         (("--plot", "bad.json/a.png"), "Cannot write bad.json/a.png.\n"),
     ],

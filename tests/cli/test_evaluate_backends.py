@@ -148,7 +148,7 @@ REFUSED = {
         "  Calibrated on fake_lima: 0 1.\n",
     ),
     "no calibration": (("--calibration", "tiny.json"), "tiny.json is not a calibration.\n"),
-    "no file": (("--calibration", "nosuch.json"), "nosuch.json is not a calibration.\n"),
+    "no file": (("--calibration", "nosuch.json"), "There is no calibration file nosuch.json.\n"),
     "a twin without curves": (
         ("--backend", "part.json"),
         "The calibration of fake_lima holds no response curves.\n",

@@ -23,7 +23,7 @@ def test_an_interrupted_run_reports_what_is_finished(
         answer.err
         == """\
 Error: Interrupted: 2 of 50 episodes were finished.
-  These are the shortest ones, so their mean does not estimate the policy's score.
+  These are the shortest ones: their mean does not estimate the policy's score.
   Fewer --episodes end sooner.
 """
     )

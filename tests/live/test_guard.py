@@ -82,7 +82,7 @@ def test_a_machine_that_takes_longer_than_planned_is_stopped_by_what_it_charged(
         "  Jobs done: 2, steps played: 2; all of it is kept.\n"
         "  `qcompile resume "
     ) in answer.err
-    assert "--max-qpu-seconds S` goes on with more." in answer.err
+    assert "--max-qpu-seconds S` resumes it with more." in answer.err
     assert runs.service.ledger().charged_seconds == pytest.approx(2 * 1.5 * STEP_S)
     again = runs.call("resume", "last")
     assert again.code == 1
