@@ -211,10 +211,10 @@ class Executable:
 def _shape(array: Any) -> tuple[int, ...]:
     """The shape of an array of real numbers; () for anything else."""
     dtype = getattr(array, "dtype", None)
-    if not isinstance(dtype, np.dtype) or dtype.kind not in "biuf" or hasattr(array, "mask"):
+    if not isinstance(dtype, np.dtype) or dtype.kind not in "biuf":
         return ()
-    shape: tuple[int, ...] = array.shape
-    return shape
+    is_plain = type(array) is np.ndarray or not hasattr(array, "mask")
+    return tuple(array.shape) if is_plain else ()
 
 
 def _described(array: Any) -> str:

@@ -28,7 +28,8 @@ def softmax(logits: FloatArray) -> FloatArray:
 
 def _odds(logits: FloatArray) -> FloatArray:
     """Probabilities (B, actions) times a number of each row, which makes its largest 1."""
-    return np.asarray(np.exp(logits - np.maximum.reduce(logits, axis=1, keepdims=True)))
+    odds = logits - np.maximum.reduce(logits, axis=1, keepdims=True)
+    return np.asarray(np.exp(odds, odds))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -165,8 +166,9 @@ class Policy:
         if np.shape(u) != (len(z),):
             raise PolicyError(f"u has shape {np.shape(u)}.", f"It needs {(len(z),)}.")
         sums = np.add.accumulate(_odds(self.logits(z)), axis=1)
-        below = sums[:, :-1] <= np.asarray(u)[:, np.newaxis] * sums[:, -1:]
-        return np.asarray(np.add.reduce(below, axis=1, dtype=np.intp))
+        reached = sums[:, -1] * u
+        sums[:, -1] = np.inf
+        return np.asarray((sums > reached[:, np.newaxis]).argmax(axis=1))
 
     def sample(self, z: FloatArray, rng: np.random.Generator) -> IntArray:
         """One action for each row of `<Z>` (B, circuits), drawn from its exact probabilities."""

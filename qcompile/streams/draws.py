@@ -13,7 +13,7 @@ from qcompile.streams.quantile import binomial_quantiles
 from qcompile.streams.scores import ARRAYS
 from qcompile.streams.stream import Stream
 
-_DECISIONS = 32
+_DECISIONS = 64
 """Decisions of a block at most."""
 _NUMBERS = 2_000_000
 """Numbers of a block at most: 16 megabytes."""
@@ -40,7 +40,8 @@ class Draws:
 
     def actions(self, episode: PlaceArray, decision: PlaceArray) -> FloatArray:
         """A number in [0, 1) for each episode (B,) at its decision (B,)."""
-        return np.array(self._uniforms.numbers(episode, decision)[0])
+        uniforms: FloatArray = self._uniforms.numbers(episode, decision)[0]
+        return uniforms
 
     def binomial(
         self, shots: int, p: FloatArray, episode: PlaceArray, decision: PlaceArray
