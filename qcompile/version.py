@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from importlib.metadata import PackageNotFoundError, version
-
 __version__ = "0.1.0"
 
 
@@ -13,6 +11,8 @@ def versions(*packages: str) -> dict[str, str]:
 
 
 def _version(package: str) -> str:
+    from importlib.metadata import PackageNotFoundError, version  # a third of the time of --help
+
     try:
         return version(package)
     except PackageNotFoundError:
