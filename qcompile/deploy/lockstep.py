@@ -33,7 +33,6 @@ def lockstep(
     *,
     episodes: Sequence[int] | None = None,
     max_steps: int | None = None,
-    on_step: Callable[[Rows], None] = lambda rows: None,
     on_rewards: Callable[[list[float]], None] = lambda rewards: None,
     on_episode: Callable[[Episode], None] = lambda episode: None,
     on_frame: Callable[[Frame, float], None] | None = None,
@@ -41,10 +40,10 @@ def lockstep(
     """Play one episode in every environment: `episodes` by number, by default 0, 1, ...
 
     Episode i resets with `first_seed` + i. `act` maps the observations (B, features) of the living
-    episodes, and which decision of which episode each row is, to actions (B,). `on_step` gets these
-    rows with each step, `on_rewards` what the episodes earned by it; `on_frame` the frames of the
-    first one, (height, width, 3), and how many of them make a second. After `max_steps` an
-    episode ends, whatever the environment says.
+    episodes, and which decision of which episode each row is, to actions (B,). `on_rewards` gets
+    what the episodes earned by a step; `on_frame` the frames of the first one, (height, width, 3),
+    and how many of them make a second. After `max_steps` an episode ends, whatever the environment
+    says.
 
     Raises:
         EnvironmentStepError: an environment fails, or gives what no policy can use.
@@ -61,7 +60,6 @@ def lockstep(
     while living:
         rows = Rows(numbers, np.full(len(living), length))
         actions = act(observations, rows).tolist()
-        on_step(rows)
         length += 1
         following = np.empty_like(observations)
         over: list[int] = []

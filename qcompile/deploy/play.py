@@ -88,6 +88,11 @@ def _play(
 ) -> Run:
     result = Run(deployment, reward_threshold(environments[0]))
 
+    def act(observations: FloatArray, rows: Rows) -> IntArray:
+        actions = deployment.act(observations, rows)
+        result.count_step(rows)  # as they were measured: a recorder may have changed their order
+        return actions
+
     def note(episode: Episode) -> None:
         result.episodes.append(episode)
         on_episode(episode)
@@ -95,12 +100,11 @@ def _play(
     started = time.perf_counter()
     try:
         lockstep(
-            deployment.act if recorder is None else partial(recorder.act, deployment.act),
+            act if recorder is None else partial(recorder.act, act),
             environments,
             deployment.settings.seed,
             episodes=episodes,
             max_steps=deployment.settings.max_steps,
-            on_step=result.count_step,
             on_rewards=_drop if recorder is None else recorder.rewards,
             on_episode=note,
             on_frame=on_frame,

@@ -79,24 +79,6 @@ def test_no_episode_is_longer_than_asked() -> None:
     assert finished == [Episode(50, 3.0, 3), Episode(51, 3.0, 3)]
 
 
-def test_a_step_is_counted_before_it_is_taken() -> None:
-    """What is interrupted in a step has been counted: its circuits were run."""
-    events: list[str] = []
-
-    def act(observations: np.ndarray, rows: Rows) -> np.ndarray:
-        events.append("act")
-        return np.zeros(len(observations), dtype=int)
-
-    lockstep(
-        act,
-        make_environments("Clock-v0", 2),
-        0,
-        on_step=lambda rows: events.append(f"{len(rows.episode)} live"),
-        on_episode=lambda episode: events.append(f"{episode.seed} ends"),
-    )
-    assert events == ["act", "2 live"] * 3 + ["0 ends", "1 ends"]
-
-
 PROGRAM, _ = parallel(3, 1)
 X = np.random.default_rng(0).uniform(-1.5, 1.5, (40, 3))
 THETA = np.array([0.3, -1.2, 2.0])

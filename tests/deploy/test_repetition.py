@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -85,6 +86,26 @@ def test_places_by_order_are_filled_up() -> None:
     rows = Rows(np.array([1, 4, 7]), np.zeros(3, dtype=int), np.arange(3))
     np.testing.assert_array_equal(packed(rows, 2), [[0, 1], [2, -1]])
     assert executions(rows, 2) == 2
+
+
+class ByPlace(Kept):
+    """Measures each row in the copy of its place, as live runs of earlier versions do."""
+
+    def act(self, act: Act, observations: np.ndarray, rows: Rows) -> np.ndarray:
+        return super().act(act, observations, rows._replace(order=np.arange(len(observations))))
+
+
+def test_executions_are_counted_as_rows_were_measured() -> None:
+    """With copies filled up in order, half of the living episodes make a step's executions."""
+    settings = {"shots": 10, "mitigation": "none", "copies": 2}
+    deployment = Deployment(load_policy("cartpole_1q"), "fake_lima", **settings, seed=4)
+    deployment.policy = replace(deployment.policy, weights=0.1 * deployment.policy.weights)
+    run = play(deployment, 7, recorder=ByPlace())
+    lengths = [episode.length for episode in run.episodes]
+    living = [sum(length > step for length in lengths) for step in range(max(lengths))]
+    assert len(set(lengths)) > 3
+    rounds = deployment.executable.round_count
+    assert run.load.executions == sum(-(-count // 2) for count in living) * rounds * 10
 
 
 @pytest.mark.parametrize("episodes", [[], [-1, 2]])
