@@ -12,7 +12,8 @@ study        repeat the paper's training study
 
 load_policy, load_backend, load_device and load_calibration read what these take; each of them takes
 a name, a file or an object. All of them have a short repr; results also have `plot`, `to_dict` and
-`save`. `compile`, `Program` and `OfflineExecutor` are the way from circuits to counts.
+`save`. `compile`, `Program` and `OfflineExecutor` are the way from circuits to counts; an `Ansatz`
+is what `train` takes where the circuits are your own.
 
 The names load their modules when they are first used, so `import qcompile` costs little.
 """
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
     )
     from qcompile.ir import Angle, Circuit, Gate, Program
     from qcompile.passes import Executable, compile
-    from qcompile.policy import Encoder, Policy, load_policy, save_policy
+    from qcompile.policy import Ansatz, Encoder, Policy, load_policy, save_policy
     from qcompile.simulate import Simulator
     from qcompile.verbs.calibrate import calibrate
     from qcompile.verbs.evaluate import evaluate
@@ -56,6 +57,7 @@ _HOMES = {
     "plan": "qcompile.verbs.plan",
     "study": "qcompile.verbs.study",
     "Angle": "qcompile.ir",
+    "Ansatz": "qcompile.policy",
     "Calibration": "qcompile.calibration",
     "Circuit": "qcompile.ir",
     "Device": "qcompile.device",
@@ -88,6 +90,7 @@ __all__ = [  # noqa: RUF022
     "plan",
     "study",
     "Angle",
+    "Ansatz",
     "Calibration",
     "Circuit",
     "Device",

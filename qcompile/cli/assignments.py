@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from typing import Any, get_args, get_origin, get_type_hints
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import click
 
@@ -26,9 +26,11 @@ class Assignment(click.ParamType[tuple[str, Any]]):
         if not sign:
             self.fail(f"{value!r} is not NAME=VALUE, such as clip=0.2.", param, ctx)
         hint = get_type_hints(Settings).get(name)
-        if text == "none" and type(None) in get_args(hint):
+        kinds = {get_origin(kind) or kind for kind in (hint, *get_args(hint))}
+        if text == "none" and type(None) in kinds:
             return name, None
-        if get_origin(hint) is not tuple:
+        may_be_one = Literal in kinds and "," not in text
+        if tuple not in kinds or may_be_one:
             return name, text
         if not text.startswith("["):
             return name, [part.strip() for part in text.split(",")]

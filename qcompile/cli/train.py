@@ -86,6 +86,17 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
 @import_option
 @env_option
 @click.option(
+    "--circuits",
+    metavar="FILE",
+    help="Train the circuits of this policy (a file or a name), OpenQASM file or file of circuits "
+    "in place of a layout, with a new head; svqc.",
+)
+@click.option(
+    "--init",
+    metavar="POLICY",
+    help="Start from this policy, a file or a name: its circuits and all of its numbers; svqc.",
+)
+@click.option(
     "--evaluate-every",
     type=click.IntRange(1),
     metavar="EPISODES",

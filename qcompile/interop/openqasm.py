@@ -8,13 +8,23 @@ from pathlib import Path
 from qcompile.errors import CircuitError
 from qcompile.foreign import what_it_is
 from qcompile.interop.symbols import Inputs, measured_in_order, split
+from qcompile.interop.uploads import Uploads
 from qcompile.ir import Program
 from qcompile.qasm import Source, read, read_file
 
 
 def program_of(text_or_path: str | Path, inputs: Inputs = None) -> Program:
     """The program of OpenQASM 2 or 3; what `Program.from_qasm` says."""
-    source = _source(text_or_path)
+    return _read(text_or_path, inputs, products=False).program
+
+
+def uploads_of(text_or_path: str | Path, inputs: Inputs = None) -> Uploads:
+    """The same, with products of inputs and parameters; what `Ansatz.from_qasm` says."""
+    return _read(text_or_path, inputs, products=True)
+
+
+def _read(text_or_path: str | Path, inputs: Inputs, products: bool) -> Uploads:
+    source = _source(text_or_path, products)
     program = source.program
     registers = {r.name: i for i, r in enumerate(source.layout.bit_registers)}
     bits = {
@@ -23,17 +33,20 @@ def program_of(text_or_path: str | Path, inputs: Inputs = None) -> Program:
         if slot is not None
     }
     order = measured_in_order(bits, len(program))
-    own, trained = split(program.inputs, inputs)
-    return Program(tuple(program.circuits[i] for i in order), tuple(own), tuple(trained))
+    declared = program.inputs[: len(program.inputs) - len(source.products)]
+    own, trained = ({name: name for name in names} for names in split(declared, inputs))
+    circuits = [program.circuits[i] for i in order]
+    return Uploads.of(circuits, own, trained, source.products)
 
 
-def _source(text_or_path: str | Path) -> Source:
+def _source(text_or_path: str | Path, products: bool) -> Source:
     if isinstance(text_or_path, str):
         text = text_or_path.lstrip()
         if "\n" in text or text.startswith("OPENQASM"):
-            return read(text_or_path)
+            return read(text_or_path, products=products)
     elif not isinstance(text_or_path, PathLike):
         raise CircuitError(
-            f"Program.from_qasm takes OpenQASM text or a path, found {what_it_is(text_or_path)}."
+            f"{'Ansatz' if products else 'Program'}.from_qasm takes OpenQASM text or a path, "
+            f"found {what_it_is(text_or_path)}."
         )
-    return read_file(text_or_path)
+    return read_file(text_or_path, products=products)

@@ -15,6 +15,7 @@ import numpy as np
 from qcompile.errors import CircuitError, MissingExtraError
 from qcompile.interop.symbols import at, entangles, unknown
 from qcompile.interop.tracing import TracedAngle, traced
+from qcompile.interop.uploads import Uploads
 from qcompile.ir import Angle, Circuit, Gate, Program
 from qcompile.limits import MAX_VALUES
 from qcompile.qasm.gates import standard
@@ -45,6 +46,15 @@ _WITHOUT_EFFECT = ("Identity", "GlobalPhase", "Barrier", "Snapshot", "WireCut")
 
 def program_of(function: Any, inputs: Shape = 0, parameters: Shape = 0) -> Program:
     """The program of a quantum function, a QNode or a tape; what `Program.from_pennylane` says."""
+    return _read(function, inputs, parameters, products=False).program
+
+
+def uploads_of(function: Any, inputs: Shape = 0, parameters: Shape = 0) -> Uploads:
+    """The same, with products of inputs and parameters; what `Ansatz.from_pennylane` says."""
+    return _read(function, inputs, parameters, products=True)
+
+
+def _read(function: Any, inputs: Shape, parameters: Shape, products: bool) -> Uploads:
     try:
         import pennylane as qml
     except ImportError as error:
@@ -58,13 +68,17 @@ def program_of(function: Any, inputs: Shape = 0, parameters: Shape = 0) -> Progr
                 "Give the quantum function that makes the tape instead.",
             )
     else:
-        tape = _called(function, inputs, parameters)
+        tape = _called(function, inputs, parameters, products)
     gates: dict[Any, list[Gate]] = {wire: [] for wire in tape.wires}
     for operation in tape.operations:
         for wire, gate in _expanded(operation):
             gates[wire].append(gate)
     circuits = [Circuit(tuple(gates[wire])) for wire in _measured(tape)]
-    return Program.of(circuits, _size(inputs), _size(parameters))
+    symbols = (("x", inputs), ("theta", parameters))
+    own, trained = ([f"{name}{i}" for i in range(_size(shape))] for name, shape in symbols)
+    return Uploads.of(
+        circuits, dict(zip(own, own, strict=True)), dict(zip(trained, trained, strict=True))
+    )
 
 
 def _shape(name: str, shape: Any) -> Shape:
@@ -93,7 +107,7 @@ def _size(shape: Shape) -> int:
     return int(np.prod(shape, dtype=int))
 
 
-def _called(function: Any, inputs: Shape, parameters: Shape) -> Any:
+def _called(function: Any, inputs: Shape, parameters: Shape, products: bool) -> Any:
     """The tape of one call, with symbols for every input and parameter."""
     import autoray
     import pennylane as qml
@@ -102,12 +116,12 @@ def _called(function: Any, inputs: Shape, parameters: Shape) -> Any:
         function = function.func
     if not callable(function):
         raise CircuitError(
-            f"Program.from_pennylane takes a quantum function, a QNode or a tape, "
-            f"found {type(function).__name__}."
+            f"{'Ansatz' if products else 'Program'}.from_pennylane takes a quantum function, "
+            f"a QNode or a tape, found {type(function).__name__}."
         )
     autoray.register_backend(TracedAngle, "numpy")
     named = (("x", inputs), ("theta", parameters))
-    arguments = [traced(name, shape) for name, shape in named if shape != 0]
+    arguments = [traced(name, shape, products) for name, shape in named if shape != 0]
     try:
         return qml.tape.make_qscript(function)(*arguments)
     except CircuitError:

@@ -25,7 +25,9 @@ from qcompile.interop.symbols import (
     symbols,
     unknown,
 )
+from qcompile.interop.uploads import Uploads
 from qcompile.ir import Angle, Circuit, Gate, Program
+from qcompile.ir.products import product
 from qcompile.passes import Executable
 from qcompile.qasm.gates import KNOWN_GATES, standard
 
@@ -37,33 +39,43 @@ _PROBES = (0.7390851332151607, -1.3247179572447460)
 
 def program_of(circuit: Any, inputs: Inputs = None) -> Program:
     """The program of a QuantumCircuit; what `Program.from_qiskit` says."""
+    return _read(circuit, inputs, products=False).program
+
+
+def uploads_of(circuit: Any, inputs: Inputs = None) -> Uploads:
+    """The same, with products of inputs and parameters; what `Ansatz.from_qiskit` says."""
+    return _read(circuit, inputs, products=True)
+
+
+def _read(circuit: Any, inputs: Inputs, products: bool) -> Uploads:
     try:
         from qiskit.circuit import QuantumCircuit
     except ImportError as error:
         raise MissingExtraError("Reading a Qiskit circuit", "qiskit") from error
     if not isinstance(circuit, QuantumCircuit):
         raise CircuitError(
-            f"Program.from_qiskit takes a QuantumCircuit, found {what_it_is(circuit)}."
+            f"{'Ansatz' if products else 'Program'}.from_qiskit takes a QuantumCircuit, "
+            f"found {what_it_is(circuit)}."
         )
     own, trained = split(natural(p.name for p in circuit.parameters), inputs)
     names = symbols([*own, *trained])
-    reader = _Reader(circuit.num_qubits, names)
+    reader = _Reader(circuit.num_qubits, names, products)
     reader.read(circuit, range(circuit.num_qubits), range(circuit.num_clbits))
     order = measured_in_order(reader.bits, circuit.num_qubits)
-    return Program(
-        tuple(Circuit(tuple(reader.gates[qubit])) for qubit in order),
-        tuple(names[name] for name in own),
-        tuple(names[name] for name in trained),
+    return Uploads.of(
+        [Circuit(tuple(reader.gates[qubit])) for qubit in order],
+        {names[name]: name for name in own},
+        {names[name]: name for name in trained},
     )
 
 
 class _Reader:
     """The gates of each qubit, and the bit that each measured qubit is measured into."""
 
-    def __init__(self, qubits: int, names: Mapping[str, str]):
+    def __init__(self, qubits: int, names: Mapping[str, str], products: bool):
         self.gates: list[list[Gate]] = [[] for _ in range(qubits)]
         self.bits: dict[int, int] = {}
-        self._names = names
+        self._names, self._products = names, products
 
     def read(
         self, circuit: Any, qubits: Sequence[int], bits: Sequence[int], within: tuple[str, ...] = ()
@@ -92,7 +104,7 @@ class _Reader:
             return
         definition = _definition(operation)
         if len(qubits) == 1 and name in KNOWN_GATES and definition is None:
-            angles = [_angle(value, self._names) for value in operation.params]
+            angles = [_angle(value, self._names, self._products) for value in operation.params]
             self.gates[qubits[0]] += standard(name, angles)
         elif definition is not None:
             self.read(definition, qubits, bits, (*within, name))
@@ -126,30 +138,56 @@ def _definition(operation: Any) -> Any:
     return getattr(operation, "definition", None)
 
 
-def _angle(value: Any, names: Mapping[str, str]) -> Angle:
-    """A number, or a ParameterExpression that is affine, as an angle."""
+def _angle(value: Any, names: Mapping[str, str], products: bool) -> Angle:
+    """A number, or a ParameterExpression that is affine, or with `products` bilinear, as an angle.
+
+    Slopes are derivatives at 0; two probes show that nothing else is in the expression.
+    """
     if not hasattr(value, "parameters"):
         return Angle.of(float(value))
-    terms = {}
+    slopes: dict[Any, complex] = {}
+    pairs: dict[frozenset[Any], complex] = {}
     for parameter in value.parameters:
-        try:
-            slope = complex(value.gradient(parameter))
-        except (TypeError, ValueError, RuntimeError) as error:
-            raise not_affine(str(value)) from error
-        terms[parameter] = slope
-    constant = _at(value, dict.fromkeys(terms, 0.0))
+        slope = _slope(value, parameter, value)
+        if products and (others := getattr(slope, "parameters", ())):
+            for other in others:
+                if second := _number(_slope(slope, other, value), value):
+                    pairs[frozenset((parameter, other))] = second
+            slope = _at(slope, dict.fromkeys(others, 0.0))
+        slopes[parameter] = _number(slope, value)
+    if any(len(pair) == 1 for pair in pairs):
+        raise not_affine(str(value))
+    constant = _at(value, dict.fromkeys(slopes, 0.0))
     for probe in _PROBES:
-        point = {p: probe * (i + 1) for i, p in enumerate(terms)}
-        linear = constant + sum(slope * point[p] for p, slope in terms.items())
-        size = sum(abs(slope * point[p]) for p, slope in terms.items()) + abs(constant)
-        if abs(_at(value, point) - linear) > 1e-12 * size:
+        point = {p: probe * (i + 1) for i, p in enumerate(slopes)}
+        parts = [constant, *(slope * point[p] for p, slope in slopes.items())]
+        parts += [c * math.prod(point[p] for p in pair) for pair, c in pairs.items()]
+        if abs(_at(value, point) - sum(parts)) > 1e-12 * sum(map(abs, parts)):
             raise not_affine(str(value))
-    if any(number.imag for number in (constant, *terms.values())):
+    if any(number.imag for number in (constant, *slopes.values(), *pairs.values())):
         raise CircuitError(f"The angle {value} is not real.", "An angle is a real number.")
+    symbols = {p: Angle.symbol(names[p.name]) for p in slopes}
     angle = Angle.of(constant.real)
-    for parameter, slope in terms.items():
-        angle += Angle.symbol(names[parameter.name]) * slope.real
+    for parameter, slope in slopes.items():
+        angle += symbols[parameter] * slope.real
+    for (first, second), coefficient in pairs.items():
+        angle += product(symbols[first], symbols[second]) * coefficient.real
     return angle
+
+
+def _slope(value: Any, parameter: Any, angle: Any) -> Any:
+    """The derivative of an expression of `angle`: a number, or an expression."""
+    try:
+        return value.gradient(parameter)
+    except (TypeError, ValueError, RuntimeError) as error:
+        raise not_affine(str(angle)) from error
+
+
+def _number(value: Any, angle: Any) -> complex:
+    try:
+        return complex(value)
+    except (TypeError, ValueError, RuntimeError) as error:
+        raise not_affine(str(angle)) from error
 
 
 def _at(value: Any, point: Mapping[Any, float]) -> complex:

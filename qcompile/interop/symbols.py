@@ -89,7 +89,8 @@ def not_affine(angle: str) -> CircuitError:
     return CircuitError(
         f"{angle[:80]} is not an affine angle.",
         "An angle is a sum of numbers times inputs or parameters, and of numbers: 0.5*x0+theta0.",
-        "Scales of inputs, and functions such as arctan, belong in the policy's Encoder.",
+        "An Ansatz, which is trained, takes an input times one parameter too: theta1*x0.",
+        "Other scales of inputs, and functions such as arctan, belong in the policy's Encoder.",
     )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from qcompile.errors import CircuitError
 from qcompile.interop.symbols import not_affine
 from qcompile.ir import Angle
+from qcompile.ir.products import product
 
 _FUNCTIONS = (
     *("sin", "cos", "tan", "arcsin", "arccos", "arctan", "sinh", "cosh", "tanh", "sign", "square"),
@@ -20,24 +21,29 @@ _FUNCTIONS = (
 class TracedAngle:
     """An input, a parameter, or a sum of multiples of them; numpy arrays hold it as an object.
 
+    With `products` two of them can be multiplied: see `ir.products`.
+
     Raises:
         CircuitError: it is used as a number whose value is known, or in what is not affine.
     """
 
-    __slots__ = ("angle",)
+    __slots__ = ("_products", "angle")
 
-    def __init__(self, angle: Angle):
-        self.angle = angle
+    def __init__(self, angle: Angle, products: bool = False):
+        self.angle, self._products = angle, products
+
+    def _like(self, angle: Angle) -> TracedAngle:
+        return TracedAngle(angle, self._products)
 
     def __add__(self, other: Any) -> Any:
         value = _value(other)
-        return NotImplemented if value is None else TracedAngle(self.angle + value)
+        return NotImplemented if value is None else self._like(self.angle + value)
 
     __radd__ = __add__
 
     def __sub__(self, other: Any) -> Any:
         value = _value(other)
-        return NotImplemented if value is None else TracedAngle(self.angle - value)
+        return NotImplemented if value is None else self._like(self.angle - value)
 
     def __rsub__(self, other: Any) -> Any:
         return -self + other
@@ -46,9 +52,11 @@ class TracedAngle:
         value = _value(other)
         if value is None:
             return NotImplemented
-        if not self.angle.is_constant and not value.is_constant:
+        if self.angle.is_constant or value.is_constant:
+            return self._like(self.angle * value)
+        if not self._products:
             raise not_affine(f"({self.angle})*({value})")
-        return TracedAngle(self.angle * value)
+        return self._like(product(self.angle, value))
 
     __rmul__ = __mul__
 
@@ -58,7 +66,7 @@ class TracedAngle:
             return NotImplemented
         if not value.is_constant:
             raise not_affine(f"({self.angle})/({value})")
-        return TracedAngle(self.angle / value)
+        return self._like(self.angle / value)
 
     def __rtruediv__(self, other: Any) -> Any:
         raise not_affine(f"{other}/({self.angle})")
@@ -75,7 +83,7 @@ class TracedAngle:
         raise not_affine(f"abs({self.angle})")
 
     def __neg__(self) -> TracedAngle:
-        return TracedAngle(-self.angle)
+        return self._like(-self.angle)
 
     def __pos__(self) -> TracedAngle:
         return self
@@ -115,9 +123,9 @@ def _value(other: Any) -> Angle | None:
     return Angle.of(float(other)) if isinstance(other, Real) else None
 
 
-def traced(name: str, shape: int | tuple[int, ...]) -> Any:
+def traced(name: str, shape: int | tuple[int, ...], products: bool = False) -> Any:
     """An array of `shape` of the symbols name0, name1, ..., in C order; one alone for ()."""
     size = int(np.prod(shape, dtype=int))
     array = np.empty(size, dtype=object)
-    array[:] = [TracedAngle(Angle.symbol(f"{name}{i}")) for i in range(size)]
+    array[:] = [TracedAngle(Angle.symbol(f"{name}{i}"), products) for i in range(size)]
     return array.reshape(shape) if shape != () else array[0]

@@ -50,11 +50,13 @@ FUNCTIONS_1 = {"arctan", "tanh", "identity"}
 MOST_OBSERVABLES = 10_000
 
 
-class _Part(BaseModel):
+class Part(BaseModel):
+    """A part of a policy file: unknown keys and other types are refused."""
+
     model_config = ConfigDict(extra="forbid", strict=True)
 
 
-class EncoderFile(_Part):
+class EncoderFile(Part):
     """The encoder of format 1."""
 
     function: Literal["arctan", "tanh", "identity"]
@@ -77,7 +79,7 @@ _Functions = Annotated[
 ]
 
 
-class EncoderFile2(_Part):
+class EncoderFile2(Part):
     """The encoder of format 2: what is None has no effect."""
 
     function: _Functions
@@ -102,7 +104,7 @@ _Encoder = TypeVar("_Encoder", EncoderFile, EncoderFile2)
 _Circuit = TypeVar("_Circuit")
 
 
-class _File(_Part, Generic[_Format, _Encoder, _Circuit]):
+class _File(Part, Generic[_Format, _Encoder, _Circuit]):
     """What both formats have."""
 
     format: _Format

@@ -45,17 +45,19 @@ class Scope:
     """The names an expression may use.
 
     Gate bodies see `constants` (inputs are among them) and not `variables` (the constants of
-    blocks are among these). With `real` every number is a real one, as in OpenQASM 2.
+    blocks are among these). With `real` every number is a real one, as in OpenQASM 2; with
+    `products` inputs can be multiplied by each other (see `ir.products`).
     """
 
     constants: MutableMapping[str, Value]
     variables: dict[str, Value | None] = field(default_factory=dict)
     real: bool = False
+    products: bool = False
 
     def inner(self, values: Mapping[str, Angle]) -> Scope:
         """The scope of a gate's body, where `values` hide names of the file."""
         arguments = {name: Value(FLOAT, angle) for name, angle in values.items()}
-        return Scope(ChainMap(arguments, self.constants), {}, self.real)
+        return Scope(ChainMap(arguments, self.constants), {}, self.real, self.products)
 
     def evaluate(self, node: Any) -> Angle:
         """The affine angle an expression stands for.
@@ -103,7 +105,9 @@ class Scope:
             value = self._leaf(node, to_whole)
             for node in reversed(parents):
                 right = self.value(node.rhs, to_whole=to_whole)
-                value = operators.binary(node.op.name, value, right, to_whole=to_whole)
+                value = operators.binary(
+                    node.op.name, value, right, to_whole=to_whole, products=self.products
+                )
             return value
         except operators.NoOperationError as error:
             raise _not_affine(node) from error

@@ -11,6 +11,7 @@ from openqasm3 import ast
 
 from qcompile.errors import CircuitError
 from qcompile.ir import Angle, Circuit, Gate, Program
+from qcompile.ir.products import separated
 from qcompile.qasm.blocks import Blocks
 from qcompile.qasm.calls import GateCalls, joins, unsupported
 from qcompile.qasm.expressions import source_of
@@ -32,13 +33,21 @@ class Interpreter:
     """Runs the statements of a file, one by one; `gates` are those that it can call.
 
     `version` is that of the file, "2" or "3". `joining_later` counts the statements still to come
-    that join qubits, for a message. Whatever cannot be compiled is a CircuitError without the line.
+    that join qubits, for a message. With `products` an angle may hold products of two inputs, which
+    become inputs of the program; `products` then has both of each. Whatever cannot be compiled is a
+    CircuitError without the line.
     """
 
-    def __init__(self, version: str | None, joining_later: Callable[[], int] = lambda: 0):
+    def __init__(
+        self,
+        version: str | None,
+        joining_later: Callable[[], int] = lambda: 0,
+        products: bool = False,
+    ):
         self._joining_later = joining_later
         self._is_2 = version == "2"
-        self._variables = Variables(real=self._is_2)
+        self._variables = Variables(real=self._is_2, products=products)
+        self.products: dict[str, tuple[str, str]] = {}
         self._scope = self._variables.scope
         self._work = Work()
         self.gates = GateCalls(self._scope, self._work)
@@ -61,7 +70,10 @@ class Interpreter:
         if not layout.qubits:
             raise CircuitError("The program has no qubits.", "Declare some, such as: qubit[2] q;")
         circuits = tuple(Circuit(tuple(self._circuits.pop(i, ()))) for i in range(len(layout)))
-        return Program(circuits, tuple(self._variables.inputs)), layout, tuple(self._marks)
+        inputs = self._variables.inputs
+        if self._scope.products:
+            circuits, self.products = separated(circuits, inputs)
+        return Program(circuits, (*inputs, *self.products)), layout, tuple(self._marks)
 
     def notes(self) -> tuple[str, ...]:
         """What of the file is in no circuit and no mark."""

@@ -7,6 +7,7 @@ import operator
 from collections.abc import Callable, Sequence
 
 from qcompile.ir import Angle
+from qcompile.ir.products import product
 from qcompile.qasm.values import BOOL, FLOAT, INT, Type, Value, rounded
 
 _COMPARISONS: dict[str, Callable[[float, float], bool]] = {
@@ -72,8 +73,10 @@ def unary(symbol: str, value: Value, *, to_whole: bool) -> Value:
     return binary("-", Value(INT, 0), value, to_whole=to_whole)
 
 
-def binary(symbol: str, left: Value, right: Value, *, to_whole: bool) -> Value:
-    """The value of `left symbol right`.
+def binary(
+    symbol: str, left: Value, right: Value, *, to_whole: bool, products: bool = False
+) -> Value:
+    """The value of `left symbol right`; with `products` inputs can be multiplied by each other.
 
     `to_whole` says that the result becomes a whole number. Elsewhere two things are refused,
     because readers differ there: the quotient of whole numbers that has a remainder, and a uint[n]
@@ -100,7 +103,7 @@ def binary(symbol: str, left: Value, right: Value, *, to_whole: bool) -> Value:
             return result
     elif isinstance(left.number, int) and isinstance(right.number, int):
         return _whole_numbers(symbol, left, right, to_whole)
-    return _reals(symbol, left, right)
+    return _reals(symbol, left, right, products)
 
 
 def call(name: str, arguments: Sequence[Value]) -> Value:
@@ -217,7 +220,7 @@ def _in_range(number: int, left: Type, right: Type, to_whole: bool) -> Value:
     return Value(INT, number)
 
 
-def _reals(symbol: str, left: Value, right: Value) -> Value:
+def _reals(symbol: str, left: Value, right: Value, products: bool = False) -> Value:
     a, b = left.radians, right.radians
     both = a.is_constant and b.is_constant
     if symbol in _COMPARISONS and both:
@@ -229,6 +232,8 @@ def _reals(symbol: str, left: Value, right: Value) -> Value:
             number = a - b
         case "*" if a.is_constant or b.is_constant:
             number = a * b
+        case "*" if products:
+            number = product(a, b)
         case "/" if b.is_constant:
             number = a / b
         case "**" if both:

@@ -27,12 +27,15 @@ _GATE_PRAGMA = re.compile(r"#?pragma braket unitary\b")
 class Reader:
     """Reads `text` once; `line` is the line it is at.
 
-    With `fast` false every statement is parsed, to the same result: the tests compare.
+    With `fast` false every statement is parsed, to the same result: the tests compare. With
+    `multiply` inputs may be multiplied by each other: `products` then has the two of each product,
+    by the name of the input that it becomes.
     """
 
-    def __init__(self, text: str, *, fast: bool = True):
+    def __init__(self, text: str, *, fast: bool = True, multiply: bool = False):
         self.line = 1
-        self._text, self._fast = text, fast
+        self.products: dict[str, tuple[str, str]] = {}
+        self._text, self._fast, self._multiply = text, fast, multiply
         self._position = self._counted = 0
         self._pragmas: list[str] = []
 
@@ -49,7 +52,7 @@ class Reader:
                 "The file is empty.", "A program declares qubits and applies gates to them."
             )
         self._grammar = Grammar(text)
-        interpreter = Interpreter(self._grammar.version, self._joining_later)
+        interpreter = Interpreter(self._grammar.version, self._joining_later, self._multiply)
         self._interpreter = interpreter
         fast = FastPath(text, self._grammar.version, interpreter)
         self._position = self._grammar.start
@@ -60,6 +63,7 @@ class Reader:
             if span is None:
                 self._come_to(self._position)
                 program, layout, marks = interpreter.finish()
+                self.products = interpreter.products
                 return program, layout, (*self._notes(), *interpreter.notes()), marks
             self._position = span.end
             self._come_to(span.start)

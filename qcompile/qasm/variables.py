@@ -19,8 +19,8 @@ from qcompile.qasm.values import FLOAT, Type, Value
 class Variables:
     """The names of a file that stand for values, and `scope`, which evaluates with them."""
 
-    def __init__(self, *, real: bool):
-        self.scope = Scope(dict(CONSTANTS), {}, real)
+    def __init__(self, *, real: bool, products: bool = False):
+        self.scope = Scope(dict(CONSTANTS), {}, real, products)
         self.inputs: list[str] = []
         self._types: dict[str, Type] = {}
         self._depth = 0

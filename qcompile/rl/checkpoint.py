@@ -22,16 +22,19 @@ from pydantic import (
 from qcompile.deploy.environments import (
     close_environments,
     features_and_actions,
-    make_environments,
 )
 from qcompile.errors import EnvironmentStepError, QcompileError, TrainingError
 from qcompile.limits import MAX_CHECKPOINT_BYTES, MAX_HISTORY_VALUES
 from qcompile.output import write_file
+from qcompile.policy import Ansatz
+from qcompile.policy.ansatz_file import ansatz_text, read_ansatz
 from qcompile.policy.arguments import check_arguments
 from qcompile.reading import ContentsError, load_json, read_file, read_torch
 from qcompile.rl.models import critic_size, model_size
+from qcompile.rl.models.wiring import reads_bits
 from qcompile.rl.ppo import Trainer
 from qcompile.rl.settings import PACKAGES, Settings, plain, restored
+from qcompile.rl.worlds import training_environments
 from qcompile.terminal import first_line
 from qcompile.validation import Finite, Line, explain
 from qcompile.version import versions
@@ -49,14 +52,15 @@ NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
 class _Saved(BaseModel):
-    """What a checkpoint file holds: `settings`, `plain` and `arguments`, those of the environment,
-    are JSON; a file of version 0.1.0 has none of the latter."""
+    """What a checkpoint file holds: `settings`, `plain`, `arguments`, those of the environment, and
+    `ansatz`, circuits of one's own, are JSON; a file of version 0.1.0 has none of the latter."""
 
     model_config = ConfigDict(strict=True)
 
     format: str
     environment: Line
     arguments: str = "{}"
+    ansatz: str | None = None
     settings: str
     seed: Annotated[int, Field(ge=0)]
     versions: dict[Line, Line]
@@ -126,6 +130,7 @@ def save_checkpoint(trainer: Trainer, path: Path, state: Mapping[str, Any] | Non
             "format": FORMAT,
             "environment": trainer.environment,
             "arguments": json.dumps(trainer.arguments),
+            "ansatz": None if trainer.ansatz is None else ansatz_text(trainer.ansatz),
             "settings": json.dumps(plain(trainer.settings)),
             "seed": trainer.seed,
             "versions": versions(*PACKAGES),
@@ -152,8 +157,11 @@ def load_checkpoint(path: Path) -> tuple[Trainer, list[str]]:
         settings = restored(load_json(saved.settings))
         state = _Plain.model_validate(load_json(saved.plain, MAX_HISTORY_VALUES))
         arguments = _ARGUMENTS.validate_python(load_json(saved.arguments))
-        _check_sizes(settings, saved, state, arguments)
-        trainer = Trainer(saved.environment, settings, saved.seed, arguments=arguments)
+        ansatz = None if saved.ansatz is None else read_ansatz(saved.ansatz)
+        _check_sizes(settings, saved, state, arguments, ansatz)
+        trainer = Trainer(
+            saved.environment, settings, saved.seed, arguments=arguments, ansatz=ansatz
+        )
         trainer.restore({**saved.tensors.model_dump(), **state.model_dump()})
     except EnvironmentStepError as error:
         what = f"Checkpoint {path} is damaged, or its environment has changed."
@@ -175,7 +183,11 @@ def load_checkpoint(path: Path) -> tuple[Trainer, list[str]]:
 
 
 def _check_sizes(
-    settings: Settings, saved: _Saved, state: _Plain, arguments: Mapping[str, Any]
+    settings: Settings,
+    saved: _Saved,
+    state: _Plain,
+    arguments: Mapping[str, Any],
+    ansatz: Ansatz | None,
 ) -> None:
     """Raise ContentsError where the trainer that the settings ask for is not the one saved."""
     for count in (len(state.collector.walks), len(state.return_scale.running)):
@@ -183,12 +195,13 @@ def _check_sizes(
             raise ContentsError(
                 f"It has {count} environments, by its settings {settings.environments}."
             )
-    (environment,) = make_environments(saved.environment, 1, arguments=arguments)
+    bits = reads_bits(settings, ansatz)
+    (environment,) = training_environments(saved.environment, 1, bits, arguments)
     features, actions = features_and_actions(environment)
     close_environments([environment])
     actor, best = saved.tensors.actor, saved.tensors.pause.best
-    _check_model("actor", actor, model_size(settings, features, actions))
-    _check_model("critic", saved.tensors.critic, critic_size(settings, features))
+    _check_model("actor", actor, model_size(settings, features, actions, ansatz))
+    _check_model("critic", saved.tensors.critic, critic_size(settings, features, ansatz))
     if best is not None and _shapes(best) != _shapes(actor):
         raise ContentsError("Its best actor has other tensors than its actor.")
 
@@ -225,7 +238,7 @@ def _read(path: Path) -> _Saved:
             f"its format is {ascii(format_)[:60]}.",
             f"Needed: {FORMAT!r}, as `qcompile train --checkpoint` writes it.",
         )
-    missing = sorted(set(_Saved.model_fields) - {"arguments"} - set(saved))
+    missing = sorted(set(_Saved.model_fields) - {"arguments", "ansatz"} - set(saved))
     if missing:
         raise TrainingError(f"Checkpoint {path} is damaged.", f"Missing: {', '.join(missing)}.")
     try:

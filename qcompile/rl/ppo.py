@@ -14,12 +14,13 @@ from torch.nn.functional import cross_entropy, mse_loss
 
 from qcompile.errors import TrainingError
 from qcompile.notebook import count
-from qcompile.policy import Policy
+from qcompile.policy import Ansatz, Policy
 from qcompile.rl.acting_noise import ActingNoise
 from qcompile.rl.advantage import ReturnScale, generalised_advantage
 from qcompile.rl.draw import draw_actions
 from qcompile.rl.flat import FlatParameters
 from qcompile.rl.models import SVQC, SurrogateModel, make_critic, make_model, parameter_count
+from qcompile.rl.models.wiring import reads_bits
 from qcompile.rl.pause import Pause
 from qcompile.rl.result import TrainingResult
 from qcompile.rl.rollout import Collector, FinishedEpisode, Rollout
@@ -34,7 +35,8 @@ class Trainer:
     """Trains an actor, the policy, and a critic, its judge, in one environment.
 
     The same environment, settings and seed give the same policy on the same machine and versions.
-    `arguments` are those that the environment is made with; the policy keeps them.
+    `arguments` are those that the environment is made with; the policy keeps them. `ansatz` are
+    circuits to train in place of a layout.
     """
 
     def __init__(
@@ -44,16 +46,20 @@ class Trainer:
         seed: int,
         *,
         arguments: Mapping[str, Any] | None = None,
+        ansatz: Ansatz | None = None,
     ):
         self.environment, self.settings, self.seed = environment, settings.check(), seed
         self.arguments = dict(arguments or {})
         seeds = np.random.SeedSequence(seed).spawn(4)
-        self._collector = Collector(environment, settings.environments, seeds[0], self.arguments)
+        self.ansatz, bits = ansatz, reads_bits(settings, ansatz)
+        self._collector = Collector(
+            environment, settings.environments, seeds[0], self.arguments, bits
+        )
         self._rng = np.random.default_rng(seeds[1])
         self._generator = torch.Generator().manual_seed(int(seeds[2].generate_state(1)[0]))
         features, actions = self._collector.features, self._collector.actions
-        self.actor = make_model(settings, features, actions, self._generator)
-        self._critic = make_critic(settings, features, self._generator)
+        self.actor = make_model(settings, features, actions, self._generator, ansatz)
+        self._critic = make_critic(settings, features, self._generator, ansatz)
         self._learned = [FlatParameters(self.actor), FlatParameters(self._critic)]
         groups = [{"params": [flat.parameter]} for flat in self._learned]
         self._optimiser = torch.optim.Adam(groups, eps=1e-5, fused=True)
@@ -145,6 +151,8 @@ class Trainer:
             "settings": plain(self.settings),
             "versions": versions(*PACKAGES),
         }
+        if self.ansatz is not None and isinstance(self.actor, SVQC):
+            metadata["circuits"] = self.actor.circuits_metadata()
         name = self.environment.rsplit("-v", 1)[0].lower()
         policy = self.actor.policy(name, self.environment, metadata)
         return replace(policy, environment_kwargs=self.arguments)

@@ -13,10 +13,10 @@ from qcompile.arrays import BoolArray, FloatArray, IntArray
 from qcompile.deploy.environments import (
     close_environments,
     features_and_actions,
-    make_environments,
 )
 from qcompile.deploy.stepping import Stepper, check_finite
 from qcompile.errors import TrainingError
+from qcompile.rl.worlds import training_environments
 
 
 @dataclass(frozen=True)
@@ -63,8 +63,9 @@ class Collector:
         count: int,
         seeds: np.random.SeedSequence,
         arguments: Mapping[str, Any] | None = None,
+        bits: bool = False,
     ):
-        environments = make_environments(name, count, arguments=arguments)
+        environments = training_environments(name, count, bits, arguments)
         self.features, self.actions = features_and_actions(environments[0])
         self._rng = np.random.default_rng(seeds)
         self._steppers = [Stepper(environment) for environment in environments]

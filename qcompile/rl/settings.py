@@ -11,6 +11,7 @@ from pydantic.dataclasses import dataclass
 
 from qcompile.catalogue import nearest
 from qcompile.errors import TrainingError
+from qcompile.policy.encoder import BITS
 from qcompile.validation import explain
 
 Model = Literal["svqc", "mvqc", "fcn", "cnn", "surrogate"]
@@ -22,11 +23,17 @@ Size = Annotated[int, Field(ge=1, le=10_000)]
 Fraction = Annotated[float, Field(ge=0, le=1)]
 Magnitude = Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, le=1e6, allow_inf_nan=False)]
+Feature = Annotated[int, Field(ge=0, le=1_000_000)]
 Scale = Magnitude | Annotated[tuple[Magnitude, ...], Field(min_length=1)]
+
+Encoding = Literal["arctan", "tanh", "identity", "clip", "bits"]
 
 _ENCODED = ("svqc", "mvqc", "surrogate")
 _OF_MODELS: dict[str, tuple[str, ...]] = {
     "layout": ("svqc",),
+    "features": ("svqc",),
+    "encoder": ("svqc",),
+    "trainable_gain": ("svqc",),
     "reuse": ("svqc", "mvqc", "surrogate"),
     "scales": _ENCODED,
     "trainable_scale": _ENCODED,
@@ -52,13 +59,25 @@ class Settings:
     # The model
     model: Model = "svqc"
     """What is trained."""
-    layout: Literal["parallel", "serial", "single"] = "parallel"
-    """How features become circuits: a name of `qcompile.policy.layouts.LAYOUTS`."""
+    layout: Literal["parallel", "serial", "single", "own"] = "parallel"
+    """How features become circuits: a name of `qcompile.policy.layouts.LAYOUTS`, or "own" for
+    circuits that are given."""
     scales: Annotated[tuple[Scale, ...], Field(min_length=1)] = (1.0,)
     """Input scale of each copy (or layer) of the features, a number or one for each feature; there
-    are as many copies as scales."""
+    are as many copies as scales. Of own circuits: one for all inputs or one for each, times the
+    scales that a policy's encoder has."""
     trainable_scale: bool = False
     """Whether input scales are trained along."""
+    features: Annotated[tuple[Feature, ...], Field(min_length=1)] | None = None
+    """The features that are read: of a layout those it is made for, of own circuits that of each
+    input. None is all of them, in order, or what the policy reads that the circuits are of."""
+    encoder: Encoding | Annotated[tuple[Encoding, ...], Field(min_length=1)] | None = None
+    """The function between a scaled feature and an angle: one for all, or one for each feature of a
+    copy, for each input of own circuits. None is arctan, or what the policy has. bits reads the
+    bits of a Discrete observation, and then its features are bits."""
+    trainable_gain: bool = False
+    """Whether a gain of each input, which multiplies what the encoder's function gives, is trained
+    along. Factors of inputs that are parameters of own circuits always are."""
     reuse: Size = 1
     """Copies of each output before the linear layer."""
     theta_spread_rad: NotNegative = 0.0
@@ -143,6 +162,11 @@ class Settings:
                     f"Model {self.model!r} has no {name!r}, found {getattr(self, name)!r}.",
                     f"It is a setting of {' and '.join(models)}.",
                 )
+        if self.encoder is not None and BITS in self.encoder and self.encoder != BITS:
+            raise TrainingError(
+                f"The encoder {BITS} beside others, found {self.encoder}.",
+                "An observation that is read as bits is one number: name it alone.",
+            )
         budgets = (self.anneal_steps, self.anneal_episodes)
         if not self.anneal and budgets != (None, None):
             return replace(self, anneal_steps=None, anneal_episodes=None)

@@ -18,6 +18,10 @@ from qcompile.verbs.training import Training
 
 if TYPE_CHECKING:
     from gymnasium.envs.registration import EnvSpec
+    from qiskit.circuit import QuantumCircuit
+
+    from qcompile.ir import Program
+    from qcompile.policy import Ansatz, Policy
 
 EVALUATION_EPISODES = 20
 
@@ -39,6 +43,8 @@ def train(
     mitigation: str | None = None,
     imports: Name | Sequence[Name] = (),
     env: Mapping[str, Any] | None = None,
+    circuits: Name | Ansatz | Program | Policy | QuantumCircuit | None = None,
+    init: Name | Policy | None = None,
     evaluate_every: int | None = None,
     evaluate_episodes: int | None = None,
     log: Name | None = None,
@@ -62,6 +68,11 @@ def train(
     `settings` changes others of its settings by name. On a `backend` with noise the policy learns
     under it: with 1024 shots and mitigation readout, unless `shots` (a number or "exact") and
     `mitigation` say otherwise.
+
+    `circuits` are trained in place of a layout: those of a policy with its encoder and its numbers
+    as a start, of an OpenQASM file, a Program, an Ansatz or a Qiskit circuit; the head is new.
+    `init` starts from a policy with its head. Settings of such circuits are `features`, `encoder`,
+    `scales`, `trainable_scale` and `trainable_gain`.
 
     After every `evaluate_every` episodes it plays `evaluate_episodes` (20) test episodes. `log` is
     a CSV file, `tensorboard` a folder, `checkpoint` a file from which `resume` continues; settings
@@ -90,6 +101,8 @@ def train(
         shots=shots,
         mitigation=mitigation,
         env=env or {},
+        circuits=circuits,
+        init=init,
     )
     if evaluate_episodes is not None and evaluate_every is None:
         raise OptionError("evaluate-episodes needs evaluate-every: how often they are played.")

@@ -12,6 +12,7 @@ from qcompile.catalogue import nearest
 from qcompile.device import IDEAL_NAME, load_device
 from qcompile.errors import OptionError, TrainingError
 from qcompile.policy.arguments import check_env
+from qcompile.policy import Ansatz, Policy, load_ansatz, load_policy
 from qcompile.sweep.arguments import Name, Words
 
 if TYPE_CHECKING:
@@ -24,6 +25,13 @@ MODEL, PRESET, LAYOUT, SEED = "svqc", "tuned", "parallel", 0
 """What is trained where nothing is named."""
 
 _PRESET_OF = ("model", "layout")
+
+_NOT_WITH = {"circuits": ("init", "layout"), "init": ("layout", "reuse")}
+_WHY = {
+    "init": "circuits has a new head, init starts from that of the policy.",
+    "layout": "The circuits are those of the file, or of the object.",
+    "reuse": "The policy has a head already, and it is trained further.",
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +49,8 @@ class TrainingRequest:
     backend: Name | None = None
     shots: int | Literal["exact"] | None = None
     mitigation: str | None = None
+    circuits: Any = None
+    init: Name | Policy | None = None
     settings: Mapping[str, Any] = field(default_factory=dict)
     env: Mapping[str, Any] = field(default_factory=dict)
 
@@ -54,16 +64,38 @@ class TrainingRequest:
         from qcompile.rl.ppo import Trainer
 
         check_env(self.env, kept=True)
+        ansatz = self._ansatz()
         seed = SEED if self.seed is None else self.seed
-        return Trainer(self.environment, self._settings(), seed, arguments=self.env)
+        settings = self._settings(ansatz)
+        return Trainer(self.environment, settings, seed, arguments=self.env, ansatz=ansatz)
 
-    def _settings(self) -> Settings:
+    def _ansatz(self) -> Ansatz | None:
+        """The circuits that are trained in place of a layout, if any."""
+        own = "circuits" if self.circuits is not None else "init"
+        if getattr(self, own) is None:
+            return None
+        for other in _NOT_WITH[own]:
+            if getattr(self, other) is not None or other in self.settings:
+                raise OptionError(f"{own} and {other} cannot be given together.", _WHY[other])
+        if self.model not in (None, MODEL):
+            raise OptionError(
+                f"{own} and model {self.model!r} cannot be given together.",
+                f"Circuits of your own are of model {MODEL}.",
+            )
+        if self.circuits is not None:
+            return load_ansatz(self.circuits)
+        policy = self.init if isinstance(self.init, Policy) else load_policy(self.init)  # type: ignore[arg-type]
+        return Ansatz.of_policy(policy, head=True)
+
+    def _settings(self, ansatz: Ansatz | None) -> Settings:
         from qcompile.rl.presets import settings_for
 
         settings = settings_for(
             self.preset or PRESET, self.environment, self.model or MODEL, self.layout or LAYOUT
         )
         changed = self._named_settings()
+        if ansatz is not None:  # a preset's scales are those of its layout
+            changed = {"scales": (1.0,)} | changed | {"layout": "own"}
         if self.episodes is not None or self.steps is not None:
             changed = {"episodes": self.episodes, "steps": self.steps} | changed
         if self.backend is not None:

@@ -73,7 +73,7 @@ def test_scales_that_are_not_positive_are_refused(scales: tuple[Any, ...]) -> No
 @pytest.mark.parametrize(
     ("name", "value", "known"),
     [
-        ("layout", "ring", "'parallel', 'serial' or 'single'"),
+        ("layout", "ring", "'parallel', 'serial', 'single' or 'own'"),
         ("model", "gnn", "'svqc', 'mvqc', 'fcn', 'cnn' or 'surrogate'"),
         ("mitigation", "magic", "'none' or 'readout'"),
         ("activation", "step", "'relu' or 'tanh'"),
@@ -203,7 +203,7 @@ def test_a_layout_without_a_preset_of_its_own_changes_that_of_the_environment() 
         (("tuned", "CartPole-v1", "mvqc"), "Model 'mvqc' has: paper."),
         (("paper", "CartPole-v1", "gnn"), "Preset 'paper' has no settings for model 'gnn'."),
         (("paper", "CartPole-v1", "fcn", "single"), "Model 'fcn' has no 'layout', found 'single'."),
-        (("paper", "CartPole-v1", "svqc", "ring"), "'parallel', 'serial' or 'single'"),
+        (("paper", "CartPole-v1", "svqc", "ring"), "'parallel', 'serial', 'single' or 'own'"),
     ],
 )
 def test_a_preset_that_is_not_there_is_refused(arguments: tuple[str, ...], message: str) -> None:

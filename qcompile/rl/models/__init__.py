@@ -7,6 +7,8 @@ from dataclasses import replace
 
 import torch
 
+from qcompile.errors import TrainingError
+from qcompile.policy import Ansatz
 from qcompile.rl.models.head import ReusedLinear
 from qcompile.rl.models.mvqc import MVQC
 from qcompile.rl.models.networks import convolutional, fully_connected
@@ -37,26 +39,47 @@ _FIRST_VALUE_SPREAD = 0.01
 
 
 def make_model(
-    settings: Settings, features: int, outputs: int, generator: torch.Generator
+    settings: Settings,
+    features: int,
+    outputs: int,
+    generator: torch.Generator,
+    ansatz: Ansatz | None = None,
 ) -> torch.nn.Module:
-    """The model that the settings name; its first numbers are drawn from `generator`.
+    """The model that the settings name, svqc of own circuits if there is an `ansatz`.
+
+    Its first numbers are drawn from `generator`, but for those that the circuits bring along.
 
     Raises:
         TrainingError: the model cannot have this shape.
     """
-    return _MAKERS[settings.model](features, outputs, settings, generator)
+    if ansatz is None:
+        return _MAKERS[settings.model](features, outputs, settings, generator)
+    if settings.model != "svqc":
+        raise TrainingError(
+            f"Model {settings.model!r} has no circuits of one's own.", "Train them as svqc."
+        )
+    if ansatz.bias is not None and len(ansatz.bias) != outputs:
+        raise TrainingError(
+            f"{ansatz.origin} has {len(ansatz.bias)} actions; the environment has {outputs}.",
+            "--circuits takes its circuits and their numbers alone, with a new head.",
+        )
+    return SVQC(features, outputs, settings, generator, ansatz)
 
 
-def make_critic(settings: Settings, features: int, generator: torch.Generator) -> torch.nn.Module:
+def make_critic(
+    settings: Settings, features: int, generator: torch.Generator, ansatz: Ansatz | None = None
+) -> torch.nn.Module:
     """The model of the value, with one output: the policy's kind, or `critic_hidden`'s network.
 
-    The network's last layer is drawn small, so that its first values are near 0.
+    The network's last layer is drawn small, so that its first values are near 0. Of own circuits
+    it starts from numbers of its own.
 
     Raises:
         TrainingError: the model cannot have this shape.
     """
     if settings.critic_hidden is None:
-        return make_model(settings, features, 1, generator)
+        circuits = None if ansatz is None else ansatz.without_numbers
+        return make_model(settings, features, 1, generator, circuits)
     return fully_connected(features, 1, _critic_settings(settings), generator)
 
 
@@ -71,7 +94,9 @@ def _critic_settings(settings: Settings) -> Settings:
     )
 
 
-def model_size(settings: Settings, features: int, outputs: int) -> int:
+def model_size(
+    settings: Settings, features: int, outputs: int, ansatz: Ansatz | None = None
+) -> int:
     """How many numbers the state of `make_model` has, told without making it."""
     copies = len(settings.scales)
     if settings.model in ("fcn", "cnn"):
@@ -79,21 +104,27 @@ def model_size(settings: Settings, features: int, outputs: int) -> int:
         sizes = [first, *settings.hidden]
         hidden = sum((kernel * a + 1) * b for a, b in itertools.pairwise(sizes))
         return hidden + (sizes[-1] * values + 1) * outputs
+    if settings.features is not None:
+        features = len(settings.features)
     inputs = 3 * copies if settings.layout == "single" else features * copies
+    if ansatz is not None:
+        inputs = len(ansatz.inputs)
     theta, values = {
+        "svqc own": (0, 0) if ansatz is None else (len(ansatz.parameters), len(ansatz.program)),
         "svqc parallel": (inputs, inputs),
         "svqc serial": (inputs, features),
         "svqc single": (copies, copies),
         "mvqc parallel": (2 * features * (copies + 1), features),
         "surrogate parallel": (0, 2 * inputs),
     }[f"{settings.model} {settings.layout}"]
-    return inputs + theta + (values * settings.reuse + 1) * outputs
+    encoder = inputs * (1 + settings.trainable_gain)
+    return encoder + theta + (values * settings.reuse + 1) * outputs
 
 
-def critic_size(settings: Settings, features: int) -> int:
+def critic_size(settings: Settings, features: int, ansatz: Ansatz | None = None) -> int:
     """How many numbers the state of `make_critic` has, told without making it."""
     if settings.critic_hidden is None:
-        return model_size(settings, features, 1)
+        return model_size(settings, features, 1, ansatz)
     return model_size(_critic_settings(settings), features, 1)
 
 

@@ -8,7 +8,7 @@ from qcompile.errors import TrainingError
 from qcompile.rl.settings import Settings
 
 
-def input_scale(settings: Settings, columns: int) -> torch.nn.Parameter:
+def log_scales(settings: Settings, columns: int) -> torch.Tensor:
     """The logarithms of the input scales, copy by copy, `columns` to a copy.
 
     Raises:
@@ -23,7 +23,12 @@ def input_scale(settings: Settings, columns: int) -> torch.nn.Parameter:
                 "Give a number for each copy, or one for each feature.",
             )
         rows.append(row.expand(columns))
-    return torch.nn.Parameter(torch.cat(rows).log(), requires_grad=settings.trainable_scale)
+    return torch.cat(rows).log()
+
+
+def input_scale(settings: Settings, columns: int) -> torch.nn.Parameter:
+    """`log_scales`, trained along where the settings say so."""
+    return torch.nn.Parameter(log_scales(settings, columns), settings.trainable_scale)
 
 
 def first_theta(
@@ -51,6 +56,12 @@ class ReusedLinear(torch.nn.Module):
             weights = settings.weight_spread * torch.randn(outputs, columns, generator=generator)
         self.weights = torch.nn.Parameter(weights)
         self.bias = torch.nn.Parameter(torch.zeros(outputs))
+
+    def start(self, weights: torch.Tensor, bias: torch.Tensor) -> None:
+        """Start from weights (outputs, values) of values read once, and bias (outputs,)."""
+        with torch.no_grad():
+            self.weights.copy_(weights.repeat(1, self.reuse) / self.reuse)
+            self.bias.copy_(bias)
 
     def forward(self, values: torch.Tensor) -> torch.Tensor:
         """(B, values) to (B, outputs)."""

@@ -2,42 +2,132 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import torch
 
-from qcompile.policy import Encoder, Policy
-from qcompile.policy.layouts import LAYOUTS
-from qcompile.rl.models.head import ReusedLinear, first_theta, input_scale
+from qcompile.limits import MAX_KEYS
+from qcompile.policy import Ansatz, Encoder, Policy
+from qcompile.policy.ansatz import NO_FACTOR
+from qcompile.policy.encoder import BITS
+from qcompile.rl.models.head import ReusedLinear, first_theta
+from qcompile.rl.models.wiring import wiring
 from qcompile.rl.settings import Settings
 from qcompile.simulate import Simulator
+
+_FUNCTIONS: dict[str, Callable[[torch.Tensor], torch.Tensor]] = {
+    "arctan": torch.arctan,
+    "tanh": torch.tanh,
+    "identity": lambda values: values,
+    "clip": lambda values: values.clamp(-1.0, 1.0),
+    BITS: lambda values: math.pi * values,
+}
+"""`qcompile.policy.ENCODINGS` in torch; observations that are read as bits are vectors of bits."""
 
 
 class SVQC(torch.nn.Module):
     """Single-qubit variational circuits and a linear layer: observations to outputs.
 
+    The circuits are those of a layout, or `ansatz`, which says where its numbers start.
+
     Source: arXiv 2203.14348.
     """
 
-    def __init__(self, features: int, outputs: int, settings: Settings, generator: torch.Generator):
+    def __init__(
+        self,
+        features: int,
+        outputs: int,
+        settings: Settings,
+        generator: torch.Generator,
+        ansatz: Ansatz | None = None,
+    ):
         super().__init__()
-        copies = len(settings.scales)
-        self.program, feature = LAYOUTS[settings.layout](features, copies)
-        self.register_buffer("feature", torch.tensor(feature), persistent=False)
+        wired = wiring(settings, features, ansatz)
+        self.ansatz, self._encoder = wired.ansatz, wired.encoder
+        self.program = self.ansatz.program
         self.feature: torch.Tensor
+        self._keep("feature", wired.encoder.feature)
         self._simulator = Simulator(self.program, torch, torch.float32)
-        self.log_scale = input_scale(settings, len(feature) // copies)
+        self.log_scale = torch.nn.Parameter(wired.log_scale, settings.trainable_scale)
         self.theta = first_theta(settings, (len(self.program.parameters),), generator)
         self.head = ReusedLinear(len(self.program), outputs, settings, generator)
+        gain = torch.tensor(wired.encoder.gains, dtype=torch.float32)
+        self.gain = torch.nn.Parameter(gain) if settings.trainable_gain else None
+        self._start()
+        self._wire()
+
+    def _keep(self, name: str, array: np.ndarray[Any, Any] | None) -> None:
+        """An array as a tensor that is not trained, or None."""
+        tensor = None if array is None else torch.tensor(array)
+        self.register_buffer(name, tensor, persistent=False)
+
+    def _start(self) -> None:
+        """Put in the numbers that the circuits bring along; factors of inputs start at 1."""
+        ansatz = self.ansatz
+        with torch.no_grad():
+            self.theta[ansatz.factors[ansatz.factors != NO_FACTOR]] = 1.0
+            if ansatz.theta is not None:
+                self.theta.copy_(torch.tensor(ansatz.theta))
+            if ansatz.weights is not None and ansatz.bias is not None:
+                self.head.start(torch.tensor(ansatz.weights), torch.tensor(ansatz.bias))
+
+    def _wire(self) -> None:
+        """What `inputs` needs beyond features and scales, None where it does not."""
+        ansatz, encoder = self.ansatz, self._encoder
+        self._base: torch.Tensor | None
+        self._gain: torch.Tensor | None
+        self._mean: torch.Tensor | None
+        self._std: torch.Tensor | None
+        self._reads: torch.Tensor | None
+        self._factors: torch.Tensor | None
+        self._keep("_base", encoder.scale if (encoder.scale != 1).any() else None)
+        self._keep("_gain", encoder.gain if self.gain is None else None)
+        for name, array in (("_mean", encoder.mean), ("_std", encoder.std)):
+            self._keep(name, None if array is None else array[encoder.feature])
+        own = np.array_equal(ansatz.reads, np.arange(len(ansatz.inputs)))
+        self._keep("_reads", None if own else ansatz.reads)
+        # Inputs without a factor take the 1 that stands behind theta.
+        multiplied = (ansatz.factors != NO_FACTOR).any()
+        self._keep("_factors", ansatz.factors % (len(self.theta) + 1) if multiplied else None)
+        names = np.array(encoder.functions)
+        self._columns = [
+            (_FUNCTIONS[name], torch.tensor(np.flatnonzero(names == name)))
+            for name in dict.fromkeys(encoder.functions)
+        ]
+        self._order = torch.cat([columns for _, columns in self._columns]).argsort()
 
     def inputs(self, observations: torch.Tensor) -> torch.Tensor:
         """Observations (B, features) to the inputs x of the circuits (B, inputs), in radians.
 
         Observations in double precision are encoded in it, as the deployed policy does.
         """
-        scaled = observations.index_select(1, self.feature) * self.log_scale.exp()
-        return torch.arctan(scaled).to(self.theta.dtype)
+        values = observations.index_select(1, self.feature)
+        if self._mean is not None:
+            values = values - self._mean
+        if self._std is not None:
+            values = values / self._std
+        scale = self.log_scale.exp()
+        x = self._encoded(values * (scale if self._base is None else scale * self._base))
+        gain = self._gain if self.gain is None else self.gain
+        if gain is not None:
+            x = x * gain
+        x = x.to(self.theta.dtype)
+        if self._reads is not None:
+            x = x.index_select(1, self._reads)
+        if self._factors is not None:
+            x = x * torch.cat([self.theta, self.theta.new_ones(1)])[self._factors]
+        return x
+
+    def _encoded(self, scaled: torch.Tensor) -> torch.Tensor:
+        """The functions of the scaled features (B, inputs)."""
+        if len(self._columns) == 1:
+            ((function, _),) = self._columns
+            return function(scaled)
+        parts = [function(scaled[:, columns]) for function, columns in self._columns]
+        return torch.cat(parts, dim=1).index_select(1, self._order)
 
     def expectation(self, observations: torch.Tensor) -> torch.Tensor:
         """Observations (B, features) to the ideal `<Z>` of every circuit (B, circuits)."""
@@ -50,19 +140,64 @@ class SVQC(torch.nn.Module):
         return outputs
 
     def policy(self, name: str, environment: str, metadata: dict[str, Any]) -> Policy:
-        """The policy to deploy: numbers in double precision, output reuse folded."""
-        encoder = Encoder("arctan", self.feature.numpy().copy(), numbers(self.log_scale.exp()))
+        """The policy to deploy: numbers in double precision, output reuse folded.
+
+        Factors of inputs become gains of its encoder.
+        """
+        ansatz, theta = self.ansatz, numbers(self.theta)
+        used = {symbol for circuit in self.program.circuits for symbol in circuit.symbols}
+        kept = [
+            index
+            for index, symbol in enumerate(self.program.parameters)
+            if symbol in used or index not in ansatz.factors
+        ]
+        program = self.program
+        if len(kept) < len(theta):
+            names = {f"theta{index}": f"theta{i}" for i, index in enumerate(kept)}
+            circuits = [circuit.rename(names) for circuit in program.circuits]
+            program = type(program).of(circuits, len(program.inputs), len(kept))
         return Policy(
             name,
             environment,
-            encoder,
-            self.program,
-            numbers(self.theta),
+            self._trained_encoder(theta),
+            program,
+            theta[kept],
             numbers(self.head.weights),
             numbers(self.head.bias),
             self.head.reuse,
             metadata,
         ).folded()
+
+    def circuits_metadata(self) -> dict[str, Any]:
+        """Where the circuits come from, and their trained numbers by the names they have there."""
+        values: dict[str, Any] = {"origin": self.ansatz.origin}
+        if self.ansatz.has_own_names and len(self.theta) <= MAX_KEYS:
+            named = zip(self.ansatz.parameters, numbers(self.theta).tolist(), strict=True)
+            values["parameters"] = dict(named)
+        return values
+
+    def _trained_encoder(self, theta: np.ndarray[Any, Any]) -> Encoder:
+        """The encoder of the program's inputs with the numbers as they are."""
+        encoder, reads, factors = self._encoder, self.ansatz.reads, self.ansatz.factors
+        scale = encoder.scale * numbers(self.log_scale.exp())
+        gain = encoder.gain if self.gain is None else numbers(self.gain)
+        if encoder.reads_bits:  # a scale of bits is a gain
+            factor = scale if gain is None else scale * gain
+            gain, scale = (factor if (factor != 1).any() else None), np.ones(len(scale))
+        if gain is not None:
+            gain = gain[reads]
+        if (factors != NO_FACTOR).any():
+            factor = np.append(theta, 1.0)[factors]
+            gain = factor if gain is None else gain * factor
+        names = np.array(encoder.functions)[reads]
+        return Encoder(
+            encoder.function if isinstance(encoder.function, str) else tuple(names.tolist()),
+            encoder.feature[reads].copy(),
+            scale[reads],
+            gain,
+            encoder.mean,
+            encoder.std,
+        )
 
 
 def numbers(tensor: torch.Tensor) -> np.ndarray[Any, Any]:

@@ -1,0 +1,226 @@
+"""Circuits to train: a program, what its inputs read, and the numbers it starts from."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from qcompile.arrays import FloatArray, IntArray
+from qcompile.errors import PolicyError
+from qcompile.ir import Program
+from qcompile.notebook import count
+from qcompile.policy.encoder import Encoder, check_arrays
+from qcompile.policy.policy import Policy
+
+if TYPE_CHECKING:
+    from qcompile.interop.uploads import Uploads
+
+NO_FACTOR = -1
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Ansatz:
+    """Circuits as `train` takes them in place of a layout.
+
+    The circuits' own inputs are called `inputs`, their trained numbers `parameters`. The program
+    has symbols x0, ... and theta0, ...: theta_j is parameter j, and x_i is input `reads[i]`, times
+    parameter `factors[i]` unless that is -1. So an angle such as scale*x + shift, of two trained
+    numbers, is affine in what the program declares.
+
+    What is None is left to the training: `encoder` says how the inputs follow from an observation,
+    `theta` (parameters,), `weights` (actions, circuits) and `bias` (actions,) where to start.
+    `origin` says in a few words where the circuits come from.
+
+    Raises:
+        PolicyError: the parts do not fit each other, or the circuits read no input.
+    """
+
+    program: Program
+    inputs: tuple[str, ...]
+    parameters: tuple[str, ...]
+    reads: IntArray
+    factors: IntArray
+    origin: str
+    encoder: Encoder | None = None
+    theta: FloatArray | None = None
+    weights: FloatArray | None = None
+    bias: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        symbols = len(self.program.inputs), len(self.program.parameters)
+        if self.program.late_angles:
+            raise PolicyError("A compiled program cannot be trained.", "Give what it came from.")
+        if not len(self.program) or not symbols[0]:
+            raise PolicyError(
+                f"Circuits to train need an input: found {count(len(self.program), 'circuit')} "
+                f"that read{'s' * (len(self.program) == 1)} {symbols[0]}.",
+                "inputs= says which symbols stand for what is observed; else it is those whose "
+                "names start with x.",
+            )
+        check_arrays(
+            {
+                "reads": (self.reads, symbols[:1]),
+                "factors": (self.factors, symbols[:1]),
+                "theta": (self.theta, symbols[1:]),
+            }
+        )
+        if len(self.parameters) != symbols[1]:
+            raise PolicyError(f"{symbols[1]} parameters have {len(self.parameters)} names.")
+        for name, numbers, least, size in (
+            ("reads", self.reads, 0, len(self.inputs)),
+            ("factors", self.factors, NO_FACTOR, symbols[1]),
+        ):
+            if not ((numbers >= least) & (numbers < size)).all():
+                raise PolicyError(f"{name} holds a number outside {least} to {size - 1}.")
+        if self.encoder is not None:
+            self.encoder.check(len(self.inputs))
+        if self.weights is not None and self.bias is not None:
+            shape = (len(self.bias), len(self.program))
+            check_arrays({"weights": (self.weights, shape), "bias": (self.bias, (len(self.bias),))})
+
+    @classmethod
+    def of_program(cls, program: Program, origin: str = "a Program") -> Ansatz:
+        """The circuits of a program; inputs and parameters are its own."""
+        count = len(program.inputs)
+        return cls._read(
+            program,
+            program.inputs,
+            program.parameters,
+            np.arange(count),
+            np.full(count, NO_FACTOR),
+            origin,
+        )
+
+    @classmethod
+    def of_policy(cls, policy: Policy, *, head: bool = False) -> Ansatz:
+        """The circuits of a policy, its encoder and its theta, with `head` weights and bias too."""
+        ansatz = replace(
+            cls.of_program(policy.program, f"policy {policy.name}"),
+            encoder=policy.encoder,
+            theta=np.asarray(policy.theta, dtype=float),
+        )
+        if not head:
+            return ansatz
+        return replace(ansatz, weights=policy.folded().weights, bias=policy.bias)
+
+    @classmethod
+    def from_qiskit(cls, circuit: Any, inputs: str | Iterable[Any] | None = None) -> Ansatz:
+        """Those of a Qiskit QuantumCircuit, as `Program.from_qiskit` reads it.
+
+        Its angles may hold products of an input and a parameter, such as s * x + t.
+
+        Raises:
+            CircuitError, MissingExtraError: as there.
+        """
+        from qcompile.interop.qiskit import uploads_of
+
+        return cls._of_uploads(uploads_of(circuit, inputs), "a Qiskit circuit")
+
+    @classmethod
+    def from_pennylane(
+        cls, function: Any, inputs: int | tuple[int, ...] = 0, parameters: int | tuple[int, ...] = 0
+    ) -> Ansatz:
+        """Those of a PennyLane function, as `Program.from_pennylane` reads it.
+
+        Its angles may hold products of an input and a parameter.
+
+        Raises:
+            CircuitError, MissingExtraError: as there.
+        """
+        from qcompile.interop.pennylane import uploads_of
+
+        uploads = uploads_of(function, inputs, parameters)
+        return cls._of_uploads(uploads, "a PennyLane circuit")
+
+    @classmethod
+    def from_qasm(
+        cls, text_or_path: str | Path, inputs: str | Iterable[Any] | None = None
+    ) -> Ansatz:
+        """Those of OpenQASM 2 or 3, as `Program.from_qasm` reads it.
+
+        Its angles may hold products of an input and a parameter.
+
+        Raises:
+            CircuitError, ProgramFileError: as there.
+        """
+        from qcompile.interop.openqasm import uploads_of
+
+        return cls._of_uploads(uploads_of(text_or_path, inputs), "OpenQASM")
+
+    def save(self, path: str | Path) -> None:
+        """Write it to a JSON file, which `train --circuits` reads.
+
+        Raises:
+            PolicyError: the name does not end with .json.
+            OutputError: the file cannot be written.
+        """
+        from qcompile.policy.ansatz_file import save_ansatz
+
+        save_ansatz(self, Path(path))
+
+    @property
+    def has_own_names(self) -> bool:
+        """Whether its parameters are called other than theta0, theta1, ..."""
+        return self.parameters != self.program.parameters
+
+    @property
+    def without_numbers(self) -> Ansatz:
+        """The same circuits and encoder, to start from numbers of their own."""
+        return replace(self, theta=None, weights=None, bias=None)
+
+    @classmethod
+    def _of_uploads(cls, uploads: Uploads, origin: str) -> Ansatz:
+        own = len(uploads.inputs)
+        products = np.array(uploads.products, dtype=np.intp).reshape(-1, 2)
+        return cls._read(
+            uploads.program,
+            uploads.inputs,
+            uploads.parameters,
+            np.concatenate([np.arange(own), products[:, 0]]),
+            np.concatenate([np.full(own, NO_FACTOR), products[:, 1]]),
+            origin,
+        )
+
+    @classmethod
+    def _read(
+        cls,
+        program: Program,
+        inputs: tuple[str, ...],
+        parameters: tuple[str, ...],
+        reads: IntArray,
+        factors: IntArray,
+        origin: str,
+    ) -> Ansatz:
+        """Its symbols are renamed; inputs of the program that no circuit uses are left out."""
+        if program.late_angles:
+            raise PolicyError("A compiled program cannot be trained.", "Give what it came from.")
+        used = {symbol for circuit in program.circuits for symbol in circuit.symbols}
+        kept = [index for index, name in enumerate(program.inputs) if name in used]
+        names = {program.inputs[index]: f"x{i}" for i, index in enumerate(kept)}
+        names |= {name: f"theta{j}" for j, name in enumerate(program.parameters)}
+        circuits = [circuit.rename(names) for circuit in program.circuits]
+        renamed = Program.of(circuits, len(kept), len(program.parameters))
+        return cls(renamed, inputs, parameters, reads[kept], factors[kept], origin)
+
+    def __repr__(self) -> str:
+        sizes = {"circuit": self.program, "input": self.inputs, "parameter": self.parameters}
+        words = ", ".join(count(len(things), noun) for noun, things in sizes.items())
+        return f"Ansatz({words}, of {self.origin})"
+
+    def __str__(self) -> str:
+        lines = [f"inputs {' '.join(self.inputs)}", f"parameters {' '.join(self.parameters)}"]
+        shown = dict(zip(self.program.parameters, self.parameters, strict=True))
+        shown |= {f"x{i}": self._input_text(i) for i in range(len(self.reads))}
+        for index, circuit in enumerate(self.program.circuits):
+            text = re.sub(r"[^\W\d]\w*", lambda word: shown.get(word[0], word[0]), str(circuit))
+            lines.append(f"{index}: {text}")
+        return "\n".join(line.rstrip() for line in lines)
+
+    def _input_text(self, index: int) -> str:
+        read, factor = self.inputs[self.reads[index]], self.factors[index]
+        return read if factor == NO_FACTOR else f"{self.parameters[factor]}*{read}"

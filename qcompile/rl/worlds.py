@@ -1,0 +1,49 @@
+"""The environments of a training: as they are played, but that numbers may be seen as bits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+from qcompile.deploy.environments import Environment, close_environments, make_environments
+from qcompile.deploy.flattening import StateNumber
+from qcompile.errors import TrainingError
+
+
+def training_environments(
+    name: str, count: int, bits: bool, arguments: Mapping[str, Any] | None
+) -> list[Environment]:
+    """`count` environments, that observe with `bits` the bits of a number, the lowest first.
+
+    Raises:
+        EnvironmentMismatchError: as `make_environments`.
+        TrainingError: `bits`, and an observation is not one number.
+    """
+    environments = make_environments(name, count, bits=bits, arguments=arguments)
+    if not bits:
+        return environments
+    if not all(isinstance(environment, StateNumber) for environment in environments):
+        space = environments[0].observation_space
+        close_environments(environments)
+        raise TrainingError(
+            f"The encoder bits reads the bits of a number; {name} observes {space}.",
+            "It is for environments with a Discrete observation.",
+        )
+    return [StateBits(environment) for environment in environments]
+
+
+class StateBits(gymnasium.ObservationWrapper[Any, Any, Any]):
+    """Observes the bits of the number that a StateNumber observes, as 0 and 1."""
+
+    def __init__(self, environment: Environment):
+        super().__init__(environment)
+        assert isinstance(environment, StateNumber)
+        self._bits = np.arange(max((environment.states - 1).bit_length(), 1))
+        self.observation_space = gymnasium.spaces.Box(0, 1, self._bits.shape, np.float32)
+
+    def observation(self, observation: NDArray[np.int64]) -> NDArray[np.float32]:
+        return (observation >> self._bits & 1).astype(np.float32)
