@@ -90,6 +90,14 @@ class _Scaled(BaseModel):
     moments: tuple[NotNegative, Finite, NotNegative]
 
 
+class _Normalised(BaseModel):
+    """The state of a `Normaliser`."""
+
+    count: NotNegative
+    mean: list[Finite]
+    var: list[NotNegative]
+
+
 class _Plain(BaseModel):
     """The plain values of a trainer's state."""
 
@@ -97,6 +105,7 @@ class _Plain(BaseModel):
     collector: _Collected
     return_scale: _Scaled
     noise: dict[str, Any] | None
+    normaliser: _Normalised | None = None
 
 
 def save_checkpoint(trainer: Trainer, path: Path, state: Mapping[str, Any] | None = None) -> None:
@@ -169,7 +178,8 @@ def _check_sizes(settings: Settings, saved: _Saved, state: _Plain) -> None:
     features, actions = features_and_actions(environment)
     close_environments([environment])
     actor, best = saved.tensors.actor, saved.tensors.pause.best
-    _check_model("actor", actor, model_size(settings, features, actions))
+    statistics = 2 * features * settings.normalise
+    _check_model("actor", actor, model_size(settings, features, actions) + statistics)
     _check_model("critic", saved.tensors.critic, critic_size(settings, features))
     if best is not None and _shapes(best) != _shapes(actor):
         raise ContentsError("Its best actor has other tensors than its actor.")
