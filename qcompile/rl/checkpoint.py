@@ -131,6 +131,19 @@ def save_checkpoint(trainer: Trainer, path: Path, state: Mapping[str, Any] | Non
     write_file(path, contents.getvalue())
 
 
+def identity(path: Path) -> tuple[str, Settings, int]:
+    """Environment, settings and seed of the training that wrote a checkpoint.
+
+    Raises:
+        TrainingError: the file is not a checkpoint of this version.
+    """
+    saved = _read(path)
+    try:
+        return saved.environment, restored(load_json(saved.settings)), saved.seed
+    except ContentsError as error:
+        raise TrainingError(f"Checkpoint {path} is damaged.", *explain(error, 1)) from error
+
+
 def load_checkpoint(path: Path) -> tuple[Trainer, list[str]]:
     """The trainer of a checkpoint, ready to resume, and the versions that differ from its own.
 

@@ -88,13 +88,14 @@ class Trainer:
     def train(
         self,
         on_episode: Callable[[FinishedEpisode, float], None] = lambda episode, progress: None,
-        on_update: Callable[[], None] = lambda: None,
+        on_update: Callable[[], object] = lambda: None,
     ) -> TrainingResult:
         """Train until the budget of the settings is spent, or until Ctrl-C.
 
         `on_episode` is called with each finished episode and the progress of the run, `on_update`
-        after each rollout and what was learned from it: there `state` can be taken. After an error
-        the actor is as it was after the last whole update, and `result` has it.
+        after each rollout and what was learned from it: there `state` can be taken, and False ends
+        the training. After an error the actor is as it was after the last whole update, and
+        `result` has it.
 
         Raises:
             EnvironmentStepError: an environment fails, or gives what no policy can use.
@@ -106,15 +107,16 @@ class Trainer:
         try:
             while self.progress < 1.0:
                 rollout = self._collector.collect(self._act, self.settings.horizon)
-                if self.normaliser is not None:
-                    self.normaliser.keep()
                 for episode in rollout.finished:
                     on_episode(episode, self.progress)
+                if self.normaliser is not None:
+                    self.normaliser.keep()
                 if not self._pause.holds(rollout.finished, self.actor):
                     self._update(rollout)
                 elif self._noise is not None:
                     self._noise.taken()
-                on_update()
+                if on_update() is False:
+                    break
         except KeyboardInterrupt:
             interrupted = True
         finally:
