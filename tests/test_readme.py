@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import re
 import shlex
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import click
 import pytest
+from trackers import trackers
 
 from qcompile.cli.group import cli
 
@@ -41,6 +43,8 @@ def test_python_blocks_run_as_they_stand(
     page: str, text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    for tracker, module in trackers().items():
+        monkeypatch.setitem(sys.modules, tracker, module)
     exec(compile(text, page, "exec"), {"__name__": "__main__"})
 
 

@@ -127,11 +127,33 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
     help="Resume from this checkpoint with its settings and seed, and keep it up to date.",
 )
 @click.option(
+    "--seeds",
+    type=click.IntRange(1, 1000),
+    help="Train with so many seeds, from --seed on, side by side; --out is the best of them.",
+)
+@click.option(
+    "--evaluation",
+    type=click.IntRange(1, MAX_EPISODES),
+    metavar="EPISODES",
+    help="With --seeds: fresh episodes by which the best is chosen.  [default: 100]",
+)
+@click.option(
+    "--workers",
+    type=click.IntRange(1, 10_000),
+    help="With --seeds: trainings at a time.  [default: one for each core]",
+)
+@click.option(
     "--out",
     type=_FILE,
     required=True,
-    help="Policy file to write, .pt or .json; overwritten. For mvqc, fcn and cnn, which are no "
-    "one-qubit circuits, their checkpoint, .pt.",
+    help="Policy file to write, .pt or .json. For mvqc, fcn and cnn, which are no one-qubit "
+    "circuits, their checkpoint, .pt.",
+)
+@click.option(
+    "--force",
+    is_flag=True,
+    help="Overwrite the files of --out and --checkpoint. A resumed training needs it for files of "
+    "other trainings alone.",
 )
 @json_option
 def command(environment: str, as_json: bool, **options: Any) -> None:
@@ -140,11 +162,14 @@ def command(environment: str, as_json: bool, **options: Any) -> None:
     Ctrl-C ends the training and keeps the policy as it is by then; with --checkpoint, --resume
     continues from there as if nothing had happened.
     """
+    from qcompile.report.tables import print_table
     from qcompile.verbs.train import train
 
     training = train(environment, **options, on_note=echo_note)
     if as_json:
         echo_json(training.to_dict())
     else:
+        if options["seeds"] is not None:
+            print_table(*training.table, right=range(5))
         click.echo(training.words)
     training.check_complete()

@@ -108,6 +108,14 @@ class _Scaled(BaseModel):
     moments: tuple[NotNegative, Finite, NotNegative]
 
 
+class _Normalised(BaseModel):
+    """The state of a `Normaliser`."""
+
+    count: NotNegative
+    mean: list[Finite]
+    var: list[NotNegative]
+
+
 class _Plain(BaseModel):
     """The plain values of a trainer's state."""
 
@@ -115,6 +123,7 @@ class _Plain(BaseModel):
     collector: _Collected
     return_scale: _Scaled
     noise: dict[str, Any] | None
+    normaliser: _Normalised | None = None
 
 
 def save_checkpoint(trainer: Trainer, path: Path, state: Mapping[str, Any] | None = None) -> None:
@@ -140,6 +149,19 @@ def save_checkpoint(trainer: Trainer, path: Path, state: Mapping[str, Any] | Non
         contents,
     )
     write_file(path, contents.getvalue())
+
+
+def identity(path: Path) -> tuple[str, Settings, int]:
+    """Environment, settings and seed of the training that wrote a checkpoint.
+
+    Raises:
+        TrainingError: the file is not a checkpoint of this version.
+    """
+    saved = _read(path)
+    try:
+        return saved.environment, restored(load_json(saved.settings)), saved.seed
+    except ContentsError as error:
+        raise TrainingError(f"Checkpoint {path} is damaged.", *explain(error, 1)) from error
 
 
 def load_checkpoint(path: Path) -> tuple[Trainer, list[str]]:
@@ -200,7 +222,8 @@ def _check_sizes(
     features, actions = features_and_actions(environment)
     close_environments([environment])
     actor, best = saved.tensors.actor, saved.tensors.pause.best
-    _check_model("actor", actor, model_size(settings, features, actions, ansatz))
+    statistics = 2 * features * settings.normalise
+    _check_model("actor", actor, model_size(settings, features, actions, ansatz) + statistics)
     _check_model("critic", saved.tensors.critic, critic_size(settings, features, ansatz))
     if best is not None and _shapes(best) != _shapes(actor):
         raise ContentsError("Its best actor has other tensors than its actor.")

@@ -21,6 +21,7 @@ from qcompile.rl.draw import draw_actions
 from qcompile.rl.flat import FlatParameters
 from qcompile.rl.models import SVQC, SurrogateModel, make_critic, make_model, parameter_count
 from qcompile.rl.models.wiring import reads_bits
+from qcompile.rl.normalise import Normaliser
 from qcompile.rl.pause import Pause
 from qcompile.rl.result import TrainingResult
 from qcompile.rl.rollout import Collector, FinishedEpisode, Rollout
@@ -60,6 +61,7 @@ class Trainer:
         features, actions = self._collector.features, self._collector.actions
         self.actor = make_model(settings, features, actions, self._generator, ansatz)
         self._critic = make_critic(settings, features, self._generator, ansatz)
+        self.normaliser = Normaliser(self.actor, features) if settings.normalise else None
         self._learned = [FlatParameters(self.actor), FlatParameters(self._critic)]
         groups = [{"params": [flat.parameter]} for flat in self._learned]
         self._optimiser = torch.optim.Adam(groups, eps=1e-5, fused=True)
@@ -102,13 +104,14 @@ class Trainer:
     def train(
         self,
         on_episode: Callable[[FinishedEpisode, float], None] = lambda episode, progress: None,
-        on_update: Callable[[], None] = lambda: None,
+        on_update: Callable[[], object] = lambda: None,
     ) -> TrainingResult:
         """Train until the budget of the settings is spent, or until Ctrl-C.
 
         `on_episode` is called with each finished episode and the progress of the run, `on_update`
-        after each rollout and what was learned from it: there `state` can be taken. After an error
-        the actor is as it was after the last whole update, and `result` has it.
+        after each rollout and what was learned from it: there `state` can be taken, and False ends
+        the training. After an error the actor is as it was after the last whole update, and
+        `result` has it.
 
         Raises:
             EnvironmentStepError: an environment fails, or gives what no policy can use.
@@ -122,11 +125,14 @@ class Trainer:
                 rollout = self._collector.collect(self._act, self.settings.horizon)
                 for episode in rollout.finished:
                     on_episode(episode, self.progress)
+                if self.normaliser is not None:
+                    self.normaliser.keep()
                 if not self._pause.holds(rollout.finished, self.actor):
                     self._update(rollout)
                 elif self._noise is not None:
                     self._noise.taken()
-                on_update()
+                if on_update() is False:
+                    break
         except KeyboardInterrupt:
             interrupted = True
         finally:
@@ -155,7 +161,8 @@ class Trainer:
             metadata["circuits"] = self.actor.circuits_metadata()
         name = self.environment.rsplit("-v", 1)[0].lower()
         policy = self.actor.policy(name, self.environment, metadata)
-        return replace(policy, environment_kwargs=self.arguments)
+        policy = replace(policy, environment_kwargs=self.arguments)
+        return policy if self.normaliser is None else self.normaliser.deployed(policy)
 
     @property
     def parameter_count(self) -> int:
@@ -165,8 +172,13 @@ class Trainer:
     def _act(self, observations: NDArray[np.floating]) -> NDArray[np.intp]:
         with torch.no_grad():
             model = self.actor if self._noise is None else self._noise.act
-            logits = model(torch.from_numpy(observations)).numpy()
+            logits = model(self._seen(observations)).numpy()
         return draw_actions(logits, self._rng)
+
+    def _seen(self, observations: NDArray[np.floating]) -> torch.Tensor:
+        """Observations (..., features) as the models see them."""
+        tensor = torch.from_numpy(observations)
+        return tensor if self.normaliser is None else self.normaliser(tensor)
 
     def _update(self, rollout: Rollout) -> None:
         settings, left = self.settings, 1.0
@@ -176,7 +188,7 @@ class Trainer:
         rates = (settings.actor_lr, settings.critic_lr)
         for group, rate in zip(self._optimiser.param_groups, rates, strict=True):
             group["lr"] = rate * max(left, _LEAST_RATE)
-        observations = torch.from_numpy(rollout.observations).flatten(0, 1)
+        observations = self._seen(rollout.observations).flatten(0, 1)
         actions = torch.from_numpy(rollout.actions).flatten()
         residual = [] if self._noise is None else [self._noise.taken()]
         with torch.no_grad():
@@ -209,6 +221,8 @@ class Trainer:
             divergence = (ratio - 1 - ratio.log()).mean().item()
             share = (ratio != clipped).float().mean().item()
             self.last_update = Update(self.steps, len(self.history), *losses, divergence, share)
+        if self.normaliser is not None:
+            self.normaliser.add(rollout.observations)
 
     def _outputs(self, observations: torch.Tensor, *residual: torch.Tensor) -> torch.Tensor:
         model = self.actor if self._noise is None else self._noise.outputs
@@ -222,7 +236,7 @@ class Trainer:
             rewards = rewards / self._scale.update(rewards, rollout.done)
         with torch.no_grad():
             both = (rollout.observations, rollout.next_observations)
-            outputs = (self._critic(torch.from_numpy(o).flatten(0, 1)).double() for o in both)
+            outputs = (self._critic(self._seen(o).flatten(0, 1)).double() for o in both)
             values, next_values = (value.numpy().reshape(rewards.shape) for value in outputs)
         ended = rollout.terminated if settings.bootstrap_truncated else rollout.done
         advantages = generalised_advantage(
@@ -263,6 +277,7 @@ class Trainer:
             "return_scale": self._scale.state(),
             "pause": self._pause.state(),
             "noise": None if self._noise is None else self._noise.state(),
+            "normaliser": None if self.normaliser is None else self.normaliser.state(),
         }
 
     def restore(self, state: dict[str, Any]) -> None:
@@ -287,6 +302,8 @@ class Trainer:
         self._pause.restore(state["pause"])
         if self._noise is not None:
             self._noise.restore(state["noise"])
+        if self.normaliser is not None:
+            self.normaliser.restore(state["normaliser"])
         self._collector.restore(state["collector"])
 
 

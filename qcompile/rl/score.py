@@ -53,11 +53,12 @@ def score(trainer: Trainer, episodes: int, first_seed: int) -> FloatArray:
 def _sampling(trainer: Trainer, seed: int) -> Act:
     """Actions drawn from the softmax of a network's outputs, which sees what it learns from."""
     rng = np.random.default_rng(seed)
+    mean, std = (0.0, 1.0) if trainer.normaliser is None else trainer.normaliser.kept
 
     def act(observations: FloatArray, rows: Rows) -> IntArray:
         with torch.no_grad():
-            inputs = torch.from_numpy(observations.astype(trainer.observation_dtype))
-            logits = trainer.actor(inputs).numpy()
+            seen = (observations.astype(trainer.observation_dtype) - mean) / std
+            logits = trainer.actor(torch.from_numpy(seen)).numpy()
         return draw_actions(logits, rng)
 
     return act

@@ -102,6 +102,9 @@ class Settings:
     """What is done about readout errors."""
 
     # The experience
+    normalise: bool = False
+    """Whether the models see observations less their running mean and divided by their running
+    standard deviation, which the policy keeps."""
     environments: Size = 1
     """Environments that step together."""
     horizon: Annotated[int, Field(ge=1, le=1_000_000)] | None = None

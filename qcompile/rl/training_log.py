@@ -1,9 +1,9 @@
-"""What a training leaves as it goes: averages, updates, rows of a CSV file, TensorBoard."""
+"""What a training tells as it goes: averages, updates, rows of a CSV file, scalars."""
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +15,10 @@ from qcompile.rl.order import AVERAGED, StartOrder
 
 if TYPE_CHECKING:
     from qcompile.rl.rollout import FinishedEpisode
+
+Callback = Callable[[Mapping[str, float], int], object]
+"""Is told scalars by their names and the environment steps taken by then; False ends the training
+after the update that follows."""
 
 _FLUSH_SECONDS = 5
 
@@ -34,6 +38,12 @@ class Update:
     entropy: float
     divergence: float
     clipped: float
+
+    @property
+    def scalars(self) -> dict[str, float]:
+        """How it went, by the names of the scalars."""
+        names = ("actor_loss", "critic_loss", "entropy", "divergence", "clipped")
+        return {f"update/{name}": getattr(self, name) for name in names}
 
 
 class Averages:
@@ -109,8 +119,8 @@ class EpisodeLog:
         self._file.close()
 
 
-class Scalars:
-    """Scalars for TensorBoard in `folder`, over the environment steps.
+class TensorBoard:
+    """A callback that writes scalars for TensorBoard in `folder`, over the environment steps.
 
     `steps` is where a training resumes: TensorBoard drops what an earlier run wrote beyond.
 
@@ -129,20 +139,9 @@ class Scalars:
         make: Any = SummaryWriter
         self._writer = make(str(folder), purge_step=purge, flush_secs=_FLUSH_SECONDS)
 
-    def episode(self, episode: FinishedEpisode, average: float | None) -> None:
-        """Add the reward of an episode, and the average of the last 20 by then."""
-        self._writer.add_scalar("rollout/episode_reward", episode.reward, episode.steps)
-        if average is not None:
-            self._writer.add_scalar("rollout/average_20", average, episode.steps)
-
-    def update(self, update: Update) -> None:
-        """Add how an update went."""
-        for name in ("actor_loss", "critic_loss", "entropy", "divergence", "clipped"):
-            self._writer.add_scalar(f"update/{name}", getattr(update, name), update.steps)
-
-    def evaluation(self, mean_reward: float, steps: int) -> None:
-        """Add the mean reward of an evaluation."""
-        self._writer.add_scalar("evaluation/mean_reward", mean_reward, steps)
+    def __call__(self, scalars: Mapping[str, float], steps: int) -> None:
+        for name, value in scalars.items():
+            self._writer.add_scalar(name, value, steps)
 
     def __enter__(self) -> Self:
         return self

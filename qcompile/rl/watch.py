@@ -1,19 +1,21 @@
-"""Follow a training: log its episodes, evaluate it, and keep its checkpoint."""
+"""Follow a training: tell how it goes, evaluate it, and keep its checkpoint."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from qcompile.rl.checkpoint import save_checkpoint
 from qcompile.rl.ppo import Trainer
 from qcompile.rl.result import TrainingResult
 from qcompile.rl.rollout import FinishedEpisode
 from qcompile.rl.score import score
-from qcompile.rl.training_log import Averages, EpisodeLog, Scalars, Update
+from qcompile.rl.training_log import Averages, Callback, EpisodeLog, Update
 
 CHECKPOINT_SECONDS = 10.0
 EVALUATION_SEED = 1_000_000
@@ -31,11 +33,12 @@ class Evaluation:
 
 
 class Watch:
-    """The listeners of one training, and what they found.
+    """What follows one training, and what it found.
 
     `every` is the number of training episodes between evaluations, None for none; an evaluation
-    plays `episodes`. `checkpoint` is written at most every 10 seconds, and at the end. `log` and
-    `scalars` can be set before `train`.
+    plays `episodes`. `checkpoint` is written at most every 10 seconds, and at the end. `log` can be
+    set before `train`, and `callbacks` filled. `callback_error` is what one of these raised, which
+    ended the training; `stopped` says that one of them did by False.
     """
 
     def __init__(
@@ -49,7 +52,9 @@ class Watch:
         self._trainer, self._show, self._checkpoint = trainer, show, checkpoint
         self._every, self._episodes = every, episodes
         self.log: EpisodeLog | None = None
-        self.scalars: Scalars | None = None
+        self.callbacks: list[Callback] = []
+        self.callback_error: Exception | None = None
+        self.stopped = False
         self.averages = Averages(trainer.settings.environments, trainer.history)
         self.evaluations: list[Evaluation] = []
         self._seen = len(trainer.history)
@@ -62,18 +67,22 @@ class Watch:
         """Whether there was a whole rollout, now or before a checkpoint."""
 
     def train(self) -> TrainingResult:
-        """Train to the end, or to Ctrl-C; then the log and the checkpoint are complete.
+        """Train to the end, to Ctrl-C or to a callback's False; then the log and the checkpoint are
+        complete.
 
         Raises:
             EnvironmentStepError, TrainingError: what ends a training early; they are complete too.
+            Exception: what a callback raises; they are complete too.
         """
         try:
             return self._trainer.train(self._on_episode, self._on_update)
         finally:
-            for episode in self._trainer.history[self._seen :]:  # of a rollout that was cut short
-                self._note(episode)
-            if self._checkpoint is not None:
-                self.save(self._checkpoint)
+            try:  # of a rollout that was cut short
+                for episode in self._trainer.history[self._seen :]:
+                    self._note(episode)
+            finally:
+                if self._checkpoint is not None:
+                    self.save(self._checkpoint)
 
     def save(self, path: Path) -> None:
         """Write a checkpoint of the training as it was after its last whole update."""
@@ -96,20 +105,35 @@ class Watch:
         self.averages.add(episode)
         if self.log is not None:
             self.log.add_missing([episode])
-        if self.scalars is not None:
-            self.scalars.episode(episode, self.averages.last)
+        scalars = {"rollout/episode_reward": episode.reward}
+        if self.averages.last is not None:
+            scalars["rollout/average_20"] = self.averages.last
+        self._tell(scalars, episode.steps)
 
-    def _on_update(self) -> None:
-        update = self._trainer.last_update
-        if self.scalars is not None and update is not None and update is not self._update:
-            self.scalars.update(update)
-        self._update, self.has_learned = update, True
+    def _tell(self, scalars: Mapping[str, float], steps: int) -> None:
+        """Call every callback; none after one that has raised an exception."""
+        for callback in self.callbacks if self.callback_error is None else ():
+            try:
+                answer = callback(scalars, steps)
+            except Exception as error:
+                self.callback_error = error
+                raise
+            if isinstance(answer, bool | np.bool_) and not answer:
+                self.stopped = True
+
+    def _on_update(self) -> bool:
+        """Whether the training goes on."""
+        update, self.has_learned = self._trainer.last_update, True
+        if update is not None and update is not self._update:
+            self._tell(update.scalars, update.steps)
+        self._update = update
         self._evaluate()  # before the state is kept: resuming repeats what Ctrl-C breaks off
         if self._saves:
             self._state = self._trainer.state()
         late = time.monotonic() - self._written >= CHECKPOINT_SECONDS
         if self._checkpoint is not None and late:
             self.save(self._checkpoint)
+        return not self.stopped
 
     def _evaluate(self) -> None:
         episode, steps = len(self._trainer.history), self._trainer.steps
@@ -119,5 +143,4 @@ class Watch:
         self._due = (episode // self._every + 1) * self._every
         mean = float(rewards.mean())
         self.evaluations.append(Evaluation(episode, steps, mean, float(rewards.std())))
-        if self.scalars is not None:
-            self.scalars.evaluation(mean, steps)
+        self._tell({"evaluation/mean_reward": mean}, steps)

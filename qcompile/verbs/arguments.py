@@ -47,6 +47,7 @@ _WORDS = {
     "Shots": "a whole number, 'exact' or None",
     "Live": "a qcompile.Live",
     "Words": "a function",
+    "Callback": "a function of scalars and steps",
 }
 
 
@@ -144,6 +145,7 @@ _KINDS: Mapping[str, Callable[[Any], bool]] = {
     "Shots": lambda value: value is None or _is_exact(value) or _is_whole(value),
     "Live": _is_live,
     "Words": callable,
+    "Callback": callable,
     "Callable[[str], None]": callable,
     "Mapping[str, Any]": lambda value: (
         isinstance(value, Mapping) and all(isinstance(key, str) for key in value)

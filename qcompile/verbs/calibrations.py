@@ -11,13 +11,13 @@ import numpy as np
 
 from qcompile.calibration import Calibration
 from qcompile.device import Device
-from qcompile.errors import CalibrationError, OptionError, OutputError
+from qcompile.errors import CalibrationError, OptionError
 from qcompile.limits import CLOCK_HOURS
 from qcompile.mitigation.measure import PARTS, Part
 from qcompile.output import check_writable
 from qcompile.report.calibration_values import calibration_table
 from qcompile.report.figure import Figure
-from qcompile.verbs.files import check_distinct
+from qcompile.verbs.files import check_distinct, check_new
 from qcompile.verbs.results import Result
 
 
@@ -54,12 +54,7 @@ class CalibrationOutputs:
         """
         self.check_words()
         if self.out is not None:
-            if self.out.is_file() and not self.force:
-                raise OutputError(
-                    f"{self.out} is there already.",
-                    "It may have been paid for: choose another with --out, or overwrite it with "
-                    "--force.",
-                )
+            check_new(self.out, "out", self.force, "It may have been paid for")
             check_writable(self.out)
         if self.plot is not None:
             check_writable(self.plot)

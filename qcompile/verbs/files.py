@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Container, Mapping
 from pathlib import Path
 
-from qcompile.errors import OptionError
+from qcompile.errors import OptionError, OutputError
 from qcompile.output import resolved
 from qcompile.sweep.arguments import Name
 
@@ -31,3 +31,15 @@ def check_distinct(
         if other != option and frozenset({other, option}) not in allowed:
             raise OptionError(f"{path} is the file of {other} and of {option}.")
     return taken
+
+
+def check_new(path: Path, option: str, force: bool, why: str = "") -> None:
+    """Nothing, if there is no such file, or `force` lets it be overwritten.
+
+    Raises:
+        OutputError: there is; the message has `why`, and the option that would name another.
+    """
+    if path.is_file() and not force:
+        advice = f"choose another with --{option}, or overwrite it with --force."
+        words = f"{why}: {advice}" if why else advice.capitalize()
+        raise OutputError(f"{path} is there already.", words)

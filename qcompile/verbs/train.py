@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any, Literal
 
 from qcompile.deploy.registration import environment_id, import_modules
-from qcompile.errors import EnvironmentStepError, OptionError, QcompileError, TrainingError
+from qcompile.errors import OptionError
 from qcompile.report import progress as bars
 from qcompile.sweep.arguments import Name, Words, ignore, several
 from qcompile.verbs.arguments import checked
 from qcompile.verbs.files import path_of
+from qcompile.verbs.train_one import Follow, train_one
 from qcompile.verbs.train_outputs import TrainingOutputs
+from qcompile.verbs.train_seeds import SeedsRequest, train_seeds
 from qcompile.verbs.train_settings import PRESET, TrainingRequest
 from qcompile.verbs.training import Training
 
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
     from qcompile.ir import Program
     from qcompile.policy import Ansatz, Policy
+    from qcompile.rl.training_log import Callback
 
 EVALUATION_EPISODES = 20
 
@@ -52,6 +54,11 @@ def train(
     checkpoint: Name | None = None,
     resume: Name | None = None,
     out: Name | None = None,
+    force: bool = False,
+    seeds: int | None = None,
+    evaluation: int | None = None,
+    workers: int | None = None,
+    callback: Callback | None = None,
     progress: bool = True,
     on_note: Words = ignore,
 ) -> Training:
@@ -74,14 +81,23 @@ def train(
     `init` starts from a policy with its head. Settings of such circuits are `features`, `encoder`,
     `scales`, `trainable_scale` and `trainable_gain`.
 
-    After every `evaluate_every` episodes it plays `evaluate_episodes` (20) test episodes. `log` is
-    a CSV file, `tensorboard` a folder, `checkpoint` a file from which `resume` continues; settings
-    then come from the checkpoint. `out` is the file of the policy, .pt or .json, overwritten;
-    without it the policy is in the result alone. Ctrl-C, or an environment that fails, ends the
-    training and keeps what was trained: see `Training.check_complete`.
+    With `seeds` so many trainings run side by side, `workers` at a time, with the seeds from `seed`
+    on. Each plays `evaluation` (100) fresh episodes; the best by their mean is the result, whose
+    `trainings` are all: see `Trainings`.
+
+    After every `evaluate_every` episodes it plays `evaluate_episodes` (20) test episodes.
+    `callback` is called with scalars by their names, and with the steps taken by then, after each
+    episode, update and evaluation; it ends the training where it returns False. What it raises is
+    raised once the files are written. `log` is a CSV file, `tensorboard` a folder, `checkpoint` a
+    file from which `resume` continues; settings then come from the checkpoint. `out` is the file of
+    the policy, .pt or .json; without it the policy is in the result alone. `force` overwrites
+    `out` and `checkpoint`; without it, files that are there are refused, but those of the training
+    that is resumed. Ctrl-C, or an environment that fails, ends the training and keeps what was
+    trained: see `Training.check_complete`.
 
     Raises:
         OptionError: options contradict each other.
+        OutputError: a file that is there already, or cannot be written.
         QcompileError: an environment, settings or files that cannot be used; an environment fails
             before anything was learned.
     """
@@ -107,42 +123,31 @@ def train(
     if evaluate_episodes is not None and evaluate_every is None:
         raise OptionError("evaluate-episodes needs evaluate-every: how often they are played.")
     state = path_of(resume)
-    trainer = request.trainer() if state is None else request.resumed(state, on_note)
     outputs = TrainingOutputs(
-        path_of(out), path_of(checkpoint) or state, path_of(log), state, path_of(tensorboard)
+        out=path_of(out),
+        checkpoint=path_of(checkpoint) or state,
+        log=path_of(log),
+        resume=state,
+        tensorboard=path_of(tensorboard),
+        force=force,
     )
+    follow = Follow(
+        evaluate_every=evaluate_every,
+        evaluate_episodes=EVALUATION_EPISODES if evaluate_episodes is None else evaluate_episodes,
+        preset=None if state else preset or PRESET,
+        callback=callback,
+        imports=modules,
+    )
+    if seeds is not None:
+        return train_seeds(
+            SeedsRequest(request, outputs, follow, seeds, evaluation), workers, progress, on_note
+        )
+    for name, value in (("evaluation", evaluation), ("workers", workers)):
+        if value is not None:
+            raise OptionError(f"{name} needs seeds: how many are trained.")
+    trainer = request.trainer() if state is None else request.resumed(state, on_note)
     outputs.check(trainer)
-    from qcompile.rl.training_log import EpisodeLog, Scalars
-    from qcompile.rl.watch import Watch
-
     if trainer.progress >= 1.0:
         on_note(f"The training of {resume} was finished; only its outputs are made.")
-    failure: QcompileError | None = None
-    with ExitStack() as stack:
-        show = stack.enter_context(bars.progress_bar(request.environment, 1.0, enabled=progress))
-        count = EVALUATION_EPISODES if evaluate_episodes is None else evaluate_episodes
-        watch = Watch(trainer, show, outputs.checkpoint, evaluate_every, count)
-        if outputs.tensorboard is not None:
-            watch.scalars = stack.enter_context(Scalars(outputs.tensorboard, trainer.steps))
-        if outputs.log is not None:
-            watch.log = stack.enter_context(EpisodeLog(outputs.log, trainer.history))
-        try:
-            result = watch.train()
-        except (EnvironmentStepError, TrainingError) as error:
-            if not watch.has_learned:
-                hint = "Nothing was learned by then"
-                raise error.with_hints(
-                    f"{hint}." if out is None else f"{hint}: {out} is not written."
-                ) from error
-            failure, result = error, trainer.result(interrupted=True)
-    policy = outputs.write(result.policy, watch)
-    return Training(
-        trainer=trainer,
-        policy=policy,
-        watch=watch,
-        outputs=outputs,
-        imports=modules,
-        preset=None if state else preset or PRESET,
-        interrupted=result.interrupted,
-        failure=failure,
-    )
+    with bars.progress_bar(request.environment, 1.0, enabled=progress) as show:
+        return train_one(trainer, outputs, follow, show)

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from qcompile.errors import OptionError
-from qcompile.output import check_writable
-from qcompile.policy import save_policy
+from qcompile.errors import OptionError, QcompileError
+from qcompile.output import check_writable, resolved
+from qcompile.policy import load_policy, save_policy
 from qcompile.policy.files import SUFFIXES
-from qcompile.verbs.files import check_distinct
+from qcompile.verbs.files import check_distinct, check_new
 
 if TYPE_CHECKING:
     from qcompile.policy import Policy
@@ -22,7 +22,9 @@ if TYPE_CHECKING:
 class TrainingOutputs:
     """What a training writes, and the checkpoint that it resumes from; None for what it does not.
 
-    `out` is the policy; of a model that makes none it is its checkpoint.
+    `out` is the policy; of a model that makes none it is its checkpoint. `out` and `checkpoint` are
+    overwritten with `force` alone; but the checkpoint that is resumed is kept up to date, and a
+    resumed training overwrites its own policy.
     """
 
     out: Path | None
@@ -30,6 +32,7 @@ class TrainingOutputs:
     log: Path | None
     resume: Path | None
     tensorboard: Path | None
+    force: bool = False
 
     def check(self, trainer: Trainer) -> None:
         """Nothing, if every file can be written and replaces no other.
@@ -37,7 +40,7 @@ class TrainingOutputs:
         Raises:
             OptionError: a wrong suffix, a name that no policy can have, or files that are the same
                 or lie in each other.
-            OutputError: a file that cannot be written.
+            OutputError: a file that is there already, or cannot be written.
         """
         has_policy = trainer.policy() is not None
         if self.out is not None:
@@ -45,14 +48,49 @@ class TrainingOutputs:
         allowed = [frozenset({"resume", "checkpoint"})]
         if not has_policy:
             allowed += [frozenset({"out", other}) for other in ("resume", "checkpoint")]
-        taken = check_distinct(vars(self), allowed)
+        names = ("out", "checkpoint", "log", "resume", "tensorboard")
+        taken = check_distinct({name: getattr(self, name) for name in names}, allowed)
         for inner, option in taken.items():
             for outer in inner.parents:
                 if outer in taken and taken[outer] != "tensorboard" and not outer.is_dir():
                     raise OptionError(f"{option}: {inner} lies in the file of {taken[outer]}.")
+        for option, path in (("checkpoint", self.checkpoint), ("out", self.out)):
+            if path is not None and not self._continues(path, trainer):
+                check_new(path, option, self.force)
         for path in (self.log, self.checkpoint, self.out):
             if path is not None:
                 check_writable(path)
+
+    def _continues(self, path: Path, trainer: Trainer) -> bool:
+        """Whether a file is the checkpoint that is resumed, or was made by the same training."""
+        if self.resume is None:
+            return False
+        if resolved(path) == resolved(self.resume):
+            return True
+        from qcompile.rl.checkpoint import identity
+        from qcompile.rl.settings import restored
+
+        try:
+            if trainer.policy() is None:
+                made_by = identity(path)
+            else:
+                policy = load_policy(path)
+                settings = restored(policy.metadata["settings"])
+                made_by = (policy.environment, settings, policy.metadata["seed"])
+        except (QcompileError, LookupError, TypeError, ValueError):  # a file of anything else
+            return False
+        return path == self.out and made_by == (trainer.environment, trainer.settings, trainer.seed)
+
+    def of_seed(self, seed: int) -> TrainingOutputs:
+        """The files of one of several trainings: the seed is in their names, and none is `out`."""
+        return TrainingOutputs(
+            out=None,
+            checkpoint=_numbered(self.checkpoint, seed),
+            log=_numbered(self.log, seed),
+            resume=None,
+            tensorboard=None if self.tensorboard is None else self.tensorboard / f"seed-{seed}",
+            force=self.force,
+        )
 
     @staticmethod
     def _check_name(out: Path, has_policy: bool, model: str) -> None:
@@ -70,11 +108,21 @@ class TrainingOutputs:
 
     def write(self, policy: Policy | None, watch: Watch) -> Policy | None:
         """Write the policy, or the checkpoint of a model that has none; the policy by its name."""
+        if policy is not None:
+            return self.named(policy)
+        if self.out is not None:
+            watch.save(self.out)
+        return None
+
+    def named(self, policy: Policy) -> Policy:
+        """The policy by the name of its file, which is written; without a file as it is."""
         if self.out is None:
             return policy
-        if policy is None:
-            watch.save(self.out)
-            return None
-        named = replace(policy, name=self.out.stem)
-        save_policy(named, self.out)
-        return named
+        policy = replace(policy, name=self.out.stem)
+        save_policy(policy, self.out)
+        return policy
+
+
+def _numbered(path: Path | None, seed: int) -> Path | None:
+    """log-3.csv of log.csv for seed 3."""
+    return None if path is None else path.with_name(f"{path.stem}-{seed}{path.suffix}")

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Literal
 from qcompile.catalogue import nearest
 from qcompile.device import IDEAL_NAME, load_device
 from qcompile.errors import OptionError, TrainingError
-from qcompile.policy.arguments import check_env
 from qcompile.policy import Ansatz, Policy, load_ansatz, load_policy
+from qcompile.policy.arguments import check_env
 from qcompile.sweep.arguments import Name, Words
 
 if TYPE_CHECKING:

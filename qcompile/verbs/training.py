@@ -25,7 +25,8 @@ class Training(Result):
 
     `policy` is what can be played and deployed, None for a model that is not made of one-qubit
     circuits: `save_policy` writes it to a file, `save` writes the document. `model` is the trained
-    torch module. `interrupted` says that Ctrl-C, or `failure`, ended it.
+    torch module. `interrupted` says that Ctrl-C, or `failure`, ended it, `stopped` that a callback
+    did. `trainings` are all that were done for it: itself, or those of several seeds.
     """
 
     def __init__(
@@ -66,8 +67,12 @@ class Training(Result):
         )
         self._imports = imports
         self.policy, self.failure, self.interrupted = policy, failure, interrupted
+        self.stopped, self.trainings = watch.stopped, [self]
         self.model = trainer.actor
         self._history, self._environments = trainer.history, settings.environments
+
+    def _copy_episodes(self, other: Training) -> None:
+        self._history, self._environments = other._history, other._environments
 
     @property
     def episodes(self) -> list[dict[str, Any]]:
@@ -88,6 +93,16 @@ class Training(Result):
         Raises:
             QcompileError: no episode was finished.
         """
+        values = self.to_dict()
+        curve = self.curve(f"{values['model']}, mean and standard deviation")
+        return Figure(draw_curves(f"{values['environment']}, seed {values['seed']}", [curve]))
+
+    def curve(self, label: str) -> Curve:
+        """What `plot` draws, under this label and in a colour of its own.
+
+        Raises:
+            QcompileError: no episode was finished.
+        """
         from qcompile.rl.order import AVERAGED
 
         rewards = np.array(self.rewards)
@@ -95,17 +110,8 @@ class Training(Result):
             raise QcompileError("No episode was finished: there is no curve.")
         last = [rewards[max(0, end - AVERAGED) : end] for end in range(1, len(rewards) + 1)]
         mean, spread = (np.array([of(part) for part in last]) for of in (np.mean, np.std))
-        values = self.to_dict()
-        curve = Curve(
-            f"{values['model']}, mean and standard deviation",
-            values["model"],
-            False,
-            np.arange(1, len(rewards) + 1),
-            mean,
-            mean - spread,
-            mean + spread,
-        )
-        return Figure(draw_curves(f"{values['environment']}, seed {values['seed']}", [curve]))
+        numbers = np.arange(1, len(rewards) + 1)
+        return Curve(label, label, False, numbers, mean, mean - spread, mean + spread)
 
     @property
     def table(self) -> tuple[list[str], list[list[str]]]:
@@ -114,8 +120,15 @@ class Training(Result):
         columns = ["environment", "model", "seed", "episodes", "steps", "parameters"]
         row = [str(values[column]) for column in columns]
         row += ["-" if average is None else f"{average:.1f}" for average in averages]
-        row.append("failed" if self.failure else "interrupted" if self.interrupted else "complete")
+        row.append(self.ended)
         return [*columns, "last 20", "best 20", "training"], [row]
+
+    @property
+    def ended(self) -> str:
+        """How it ended, in a word."""
+        if self.failure is not None:
+            return "failed"
+        return "interrupted" if self.interrupted else "stopped" if self.stopped else "complete"
 
     @property
     def words(self) -> str:

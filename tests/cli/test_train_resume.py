@@ -113,7 +113,7 @@ def test_evaluations_go_on_where_they_stopped(qcompile: Call, ctrl_c: Call) -> N
     often = ("--evaluate-every", 2, "--evaluate-episodes", 3, "--out", "p.pt", "--json")
     whole = qcompile(*words, *often).json()
     ctrl_c(5)
-    first = qcompile(*words, *often, "--checkpoint", "state").json()
+    first = qcompile(*words, *often, "--checkpoint", "state", "--force").json()
     second = qcompile("train", "CartPole-v1", "--resume", "state", *often).json()
     assert [e["episode"] for e in whole["evaluations"]] == [2, 4, 6, 8]
     assert [e["episode"] for e in first["evaluations"]] == [2, 4]

@@ -13,7 +13,7 @@ import pytest
 Call = Callable[..., Any]
 
 PAPER = ("train", "CartPole-v1", "--preset", "paper")
-SHORT = (*PAPER, "--episodes", 2, "--out", "p.json")
+SHORT = (*PAPER, "--episodes", 2, "--out", "p.json", "--force")
 
 
 @pytest.fixture
@@ -174,7 +174,7 @@ def test_the_best_average_is_that_of_twenty_in_a_row(qcompile: Call) -> None:
     found = answer.json()
     assert found["last_20_mean_reward"] == pytest.approx(averages[-1])
     assert found["best_20_mean_reward"] == pytest.approx(averages.max())
-    few = qcompile(*PAPER, "--episodes", 19, "--out", "p.pt", "--json").json()
+    few = qcompile(*PAPER, "--episodes", 19, "--out", "few.pt", "--json").json()
     assert few["last_20_mean_reward"] == pytest.approx(rewards[:19].mean())
     assert few["best_20_mean_reward"] is None
 

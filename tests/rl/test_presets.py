@@ -17,7 +17,7 @@ OF_VERSION_0_1_0 = "b163ec83ef45dec96996ff133d3d21388fc6a9de594d7a8aa3aa63d149d6
 """SHA-256 of the values that version 0.1.0 had in its code: trainings stand on them."""
 
 
-ADDED = {"features": None, "encoder": None, "trainable_gain": False}
+ADDED = {"features": None, "encoder": None, "trainable_gain": False, "normalise": False}
 """Settings that version 0.1.0 had not; what a preset says of them."""
 
 

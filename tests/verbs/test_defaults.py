@@ -71,7 +71,7 @@ def test_a_command_has_the_defaults_of_its_function(name: str) -> None:
 
 
 def test_a_function_takes_nothing_that_its_command_cannot_say() -> None:
-    python = {"progress", "on_note", "sampler", "live"}
+    python = {"progress", "on_note", "sampler", "live", "callback"}
     for name in ("run", "plan", "train", "validate", "study"):
         told = {RENAMED.get(option, option) for option in options(name)}
         assert set(defaults(getattr(qcompile, name))) - python <= told, name

@@ -1,0 +1,91 @@
+"""One training from its first step to its files."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from qcompile.errors import EnvironmentStepError, QcompileError, TrainingError
+from qcompile.report.progress import Show
+from qcompile.verbs.train_outputs import TrainingOutputs
+from qcompile.verbs.training import Training
+
+if TYPE_CHECKING:
+    from qcompile.rl.ppo import Trainer
+    from qcompile.rl.training_log import Callback
+    from qcompile.rl.watch import Watch
+
+
+@dataclass(frozen=True, kw_only=True)
+class Follow:
+    """How a training is followed: test episodes after every so many, and somebody's callback."""
+
+    evaluate_every: int | None
+    evaluate_episodes: int
+    preset: str | None
+    callback: Callback | None = None
+    imports: Sequence[str] = ()
+
+
+def train_one(trainer: Trainer, outputs: TrainingOutputs, follow: Follow, show: Show) -> Training:
+    """Train to the end, or to Ctrl-C, and write the files.
+
+    Raises:
+        QcompileError: an environment fails before anything was learned.
+        OutputError: a file cannot be written.
+        Exception: what the callback raises, with a note; the files are there.
+    """
+    from qcompile.rl.training_log import EpisodeLog, TensorBoard
+    from qcompile.rl.watch import Watch
+
+    failure: QcompileError | None = None
+    with ExitStack() as stack:
+        watch = Watch(
+            trainer, show, outputs.checkpoint, follow.evaluate_every, follow.evaluate_episodes
+        )
+        if outputs.tensorboard is not None:
+            board = TensorBoard(outputs.tensorboard, trainer.steps)
+            watch.callbacks.append(stack.enter_context(board))
+        if follow.callback is not None:
+            watch.callbacks.append(follow.callback)
+        if outputs.log is not None:
+            watch.log = stack.enter_context(EpisodeLog(outputs.log, trainer.history))
+        try:
+            result = watch.train()
+        except Exception as error:
+            if error is watch.callback_error:
+                error.add_note(_keep(trainer, outputs, watch))
+                raise
+            if not isinstance(error, EnvironmentStepError | TrainingError):
+                raise
+            if not watch.has_learned:
+                raise error.with_hints(_nothing_learned(outputs)) from error
+            failure, result = error, trainer.result(interrupted=True)
+    return Training(
+        trainer=trainer,
+        policy=outputs.write(result.policy, watch),
+        watch=watch,
+        outputs=outputs,
+        imports=follow.imports,
+        preset=follow.preset,
+        interrupted=result.interrupted,
+        failure=failure,
+    )
+
+
+def _keep(trainer: Trainer, outputs: TrainingOutputs, watch: Watch) -> str:
+    """Write what was learned before a callback failed, and say where it is."""
+    if not watch.has_learned:
+        return _nothing_learned(outputs)
+    policy = outputs.write(trainer.result(interrupted=True).policy, watch)
+    if outputs.out is None:
+        return "The files of out and checkpoint would have kept what was learned by then."
+    what = "model" if policy is None else "policy"
+    return f"The {what} as it was by then is in {outputs.out}."
+
+
+def _nothing_learned(outputs: TrainingOutputs) -> str:
+    hint = "Nothing was learned by then"
+    return f"{hint}." if outputs.out is None else f"{hint}: {outputs.out} is not written."

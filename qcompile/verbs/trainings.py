@@ -1,0 +1,154 @@
+"""What trainings with several seeds give: all of them, and the best."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from qcompile.arrays import FloatArray
+from qcompile.errors import QcompileError
+from qcompile.report.curves import draw_curves
+from qcompile.report.figure import Figure
+from qcompile.verbs.results import Result
+from qcompile.verbs.training import Training
+
+if TYPE_CHECKING:
+    from qcompile.policy import Policy
+
+_SHARED = ("environment", "model", "preset", "backend", "shots", "mitigation", "parameters")
+
+
+@dataclass(frozen=True, eq=False)
+class Scored:
+    """A training and what its final model scores: the rewards that it is chosen by, and others."""
+
+    training: Training
+    rewards: FloatArray
+    others: FloatArray
+
+    @property
+    def seed(self) -> int:
+        return int(self.training.to_dict()["seed"])
+
+
+class Trainings(Training):
+    """Trainings that differ in their seed: `to_dict` is the document of `qcompile train --seeds`.
+
+    It is the best of them, by the mean reward of fresh episodes: its policy, episodes and rewards.
+    The best of several means is above what its policy goes on to score; `best` in the document has
+    its mean on other episodes, which it was not chosen by. `trainings` are all that came to their
+    end, by their seeds.
+    """
+
+    def __init__(
+        self,
+        scored: Sequence[Scored],
+        *,
+        policy: Policy | None,
+        asked: int,
+        failures: Mapping[int, str],
+        out: Path | None,
+        interrupted: bool,
+    ):
+        best = best_of(scored)
+        means = np.array([one.rewards.mean() for one in scored])
+        document = best.training.to_dict()
+        Result.__init__(
+            self,
+            {name: document[name] for name in _SHARED}
+            | {
+                "seeds": [one.seed for one in scored],
+                "evaluation": len(best.rewards),
+                "trainings": [one.training.to_dict() | _moments(one.rewards) for one in scored],
+                "mean_reward": float(means.mean()),
+                "std_reward": float(means.std()) if len(means) > 1 else None,
+                "best": {"seed": best.seed} | _moments(best.others),
+                "failures": [{"seed": seed, "words": text} for seed, text in failures.items()],
+                "out": None if out is None else str(out),
+                "interrupted": interrupted,
+            },
+        )
+        self.policy, self.failure, self.interrupted = policy, None, interrupted
+        self.stopped, self.trainings = False, [one.training for one in scored]
+        self.model = best.training.model
+        self._copy_episodes(best.training)
+        self._asked = asked
+
+    def plot(self) -> Figure:
+        """The learning curves of all: average rewards of the last 20 episodes.
+
+        Raises:
+            QcompileError: a training finished no episode.
+        """
+        labels = [f"seed {one.to_dict()['seed']}" for one in self.trainings]
+        curves = [one.curve(label) for one, label in zip(self.trainings, labels, strict=True)]
+        values = self.to_dict()
+        title = f"{values['environment']}, {values['model']}"
+        lines = [replace(curve, low=curve.mean, high=curve.mean) for curve in curves]
+        return Figure(draw_curves(title, lines))
+
+    @property
+    def table(self) -> tuple[list[str], list[list[str]]]:
+        rows = [
+            [
+                str(one["seed"]),
+                str(one["episodes"]),
+                str(one["steps"]),
+                "-" if one["last_20_mean_reward"] is None else f"{one['last_20_mean_reward']:.1f}",
+                _words(one),
+            ]
+            for one in self.to_dict()["trainings"]
+        ]
+        columns = ["seed", "episodes", "steps", "last 20"]
+        return [*columns, f"{self.to_dict()['evaluation']} fresh episodes"], rows
+
+    @property
+    def remark(self) -> str:
+        """The mean over the seeds, and what the best scores on episodes it was not chosen by."""
+        values = self.to_dict()
+        best, count = values["best"], len(values["seeds"])
+        words = f"the best is seed {best['seed']}: {_words(best)} on {values['evaluation']} others"
+        return f"mean of {count} seeds: {_words(values)}; {words}" if count > 1 else words
+
+    @property
+    def words(self) -> str:
+        """The remark, and where the policy is."""
+        values = self.to_dict()
+        written = "" if values["out"] is None else f" in {values['out']}"
+        return f"{self.remark}; {values['parameters']} parameters{written}"
+
+    def check_complete(self) -> None:
+        """Nothing, if all trainings came to their end.
+
+        Raises:
+            QcompileError: some failed, or Ctrl-C came before; the message says what is kept.
+        """
+        values = self.to_dict()
+        out, count = values["out"], len(values["seeds"])
+        kept = [] if out is None else [f"The policy of the best of them is in {out}."]
+        if self.interrupted:
+            raise QcompileError(
+                f"Interrupted: {count} of {self._asked} trainings were finished.", *kept
+            )
+        if values["failures"]:
+            words = [f"Seed {one['seed']}: {one['words']}" for one in values["failures"]]
+            raise QcompileError(f"{count} of {self._asked} trainings were finished.", *words, *kept)
+
+
+def best_of(scored: Sequence[Scored]) -> Scored:
+    """That with the highest mean reward; of equal ones the lowest seed."""
+    return max(scored, key=lambda one: (one.rewards.mean(), -one.seed))
+
+
+def _moments(rewards: FloatArray) -> dict[str, float]:
+    return {"mean_reward": float(rewards.mean()), "std_reward": float(rewards.std())}
+
+
+def _words(moments: Mapping[str, Any]) -> str:
+    """Mean ± standard deviation, which one alone does not have."""
+    spread = moments["std_reward"]
+    return f"{moments['mean_reward']:.1f}" + ("" if spread is None else f" ± {spread:.1f}")

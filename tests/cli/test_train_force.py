@@ -1,0 +1,93 @@
+"""`qcompile train`: files that are there are kept, unless --force is said or they are its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+Call = Callable[..., Any]
+
+SHORT = ("train", "CartPole-v1", "--preset", "paper", "--episodes", 2)
+
+
+@pytest.mark.parametrize(
+    ("option", "name"), [("--out", "p.pt"), ("--out", "p.json"), ("--checkpoint", "state")]
+)
+def test_a_file_that_is_there_is_kept(
+    qcompile: Call, monkeypatch: pytest.MonkeyPatch, option: str, name: str
+) -> None:
+    Path(name).write_text("good")
+    words = (*SHORT, *(() if option == "--out" else ("--out", "q.pt")), option, name)
+    with monkeypatch.context() as patch:
+        patch.setattr("qcompile.rl.ppo.Trainer.train", lambda *_: pytest.fail("trained"))
+        answer = qcompile(*words)
+    assert (answer.code, answer.out) == (1, "")
+    assert answer.err == (
+        f"Error: {name} is there already.\n"
+        f"  Choose another with {option}, or overwrite it with --force.\n"
+    )
+    assert Path(name).read_text() == "good"
+    assert qcompile(*words, "--force").code == 0
+    assert Path(name).read_bytes() != b"good"
+
+
+def test_a_resumed_training_overwrites_its_own_policy(qcompile: Call, ctrl_c: Call) -> None:
+    """The command that Ctrl-C advises works as it is typed."""
+    words = ("train", "CartPole-v1", "--preset", "paper", "--episodes", 6)
+    ctrl_c(3)
+    answer = qcompile(*words, "--out", "p.pt", "--checkpoint", "state")
+    advice = answer.err.splitlines()[-1]
+    assert advice == "  Resume with: qcompile train CartPole-v1 --resume state --out p.pt"
+    before = Path("p.pt").read_bytes()
+    assert qcompile(*advice.partition("qcompile ")[2].split()).code == 0
+    assert Path("p.pt").read_bytes() != before
+    assert qcompile(*advice.partition("qcompile ")[2].split()).code == 0
+
+
+def test_of_a_model_without_a_policy_it_overwrites_its_own_checkpoint(
+    qcompile: Call, ctrl_c: Call
+) -> None:
+    words = ("train", "CartPole-v1", "--preset", "paper", "--model", "mvqc", "--episodes", 4)
+    ctrl_c(2)
+    assert qcompile(*words, "--out", "m.pt", "--checkpoint", "state").code == 1
+    resumed = ("train", "CartPole-v1", "--resume", "state", "--out")
+    assert qcompile(*resumed, "m.pt").code == 0
+    assert qcompile(*words, "--seed", 1, "--out", "other.pt").code == 0
+    assert "other.pt is there already." in qcompile(*resumed, "other.pt").err
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        ("--seed", 1),
+        ("--set", "clip=0.3"),
+        ("--episodes", 3),
+    ],
+)
+def test_a_resumed_training_keeps_what_is_another_training_s(
+    qcompile: Call, other: tuple[object, ...]
+) -> None:
+    assert qcompile(*SHORT, "--out", "p.pt", "--checkpoint", "state").code == 0
+    words = [*SHORT, *other] if other[0] != "--episodes" else [*SHORT[:-2], *other]
+    assert qcompile(*words, "--out", "other.pt").code == 0
+    before = Path("other.pt").read_bytes()
+    resumed = ("train", "CartPole-v1", "--resume", "state", "--out", "other.pt")
+    answer = qcompile(*resumed)
+    assert answer.code == 1
+    assert answer.err.startswith("Error: other.pt is there already.\n")
+    assert Path("other.pt").read_bytes() == before
+    assert qcompile(*resumed, "--force").code == 0
+
+
+def test_a_resumed_training_keeps_what_is_no_policy(qcompile: Call) -> None:
+    assert qcompile(*SHORT, "--out", "p.pt", "--checkpoint", "state").code == 0
+    Path("notes.json").write_text("mine")
+    Path("copy").write_bytes(Path("state").read_bytes())
+    for words in (("--out", "notes.json"), ("--out", "p.pt", "--checkpoint", "copy")):
+        answer = qcompile("train", "CartPole-v1", "--resume", "state", *words)
+        assert answer.code == 1
+        assert "is there already." in answer.err
+    assert Path("notes.json").read_text() == "mine"
