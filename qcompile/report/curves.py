@@ -59,11 +59,13 @@ def draw_curves(
     longest = max(int(curve.episodes[-1]) for curve in curves)
     axes.set_xlim(0, min(longest, most_episodes or longest))
     axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
-    axes.set_title(title, loc="left", fontsize=11)
+    axes.set_title(title, loc="left", fontsize=11, parse_math=False)
     axes.set_xlabel("episode")
     axes.set_ylabel("average reward of the last 20 episodes")
     axes.spines[["top", "right"]].set_visible(False)
-    figure.legend(loc="outside lower center", frameon=False, fontsize=8, ncols=4)
+    legend = figure.legend(loc="outside lower center", frameon=False, fontsize=8, ncols=4)
+    for label in legend.get_texts():
+        label.set_parse_math(False)  # a dollar is a dollar
     FigureCanvasAgg(figure)
     picture = BytesIO()
     figure.savefig(picture, format="png", dpi=120, metadata={"Software": None})

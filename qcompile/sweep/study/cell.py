@@ -40,6 +40,7 @@ class CellResult(BaseModel):
     row: str
     seed: int
     environment: str
+    environment_kwargs: dict[str, Any] = {}
     settings: dict[str, Any]
     versions: dict[str, str]
     parameters: int
@@ -111,6 +112,7 @@ def run_cell(cell: Cell, evaluation: int = EVALUATION_EPISODES) -> CellResult:
         row=cell.row.name,
         seed=cell.seed,
         environment=cell.row.environment,
+        environment_kwargs=dict(cell.row.arguments),
         settings=plain(cell.row.settings),
         versions=versions(*PACKAGES),
         parameters=trainer.parameter_count if policy is None else policy.parameter_count,
@@ -127,12 +129,13 @@ def folder_of(path: Path, evaluation: int | None = None) -> Folder[Cell, CellRes
 
 
 def _match(cell: Cell, result: CellResult, evaluation: int | None) -> CellResult | None:
-    """The result, if it has the cell's settings, environment and seed."""
+    """The result, if it has the cell's settings, environment with its arguments, and seed."""
     try:
         settings = restored(result.settings)
     except TrainingError:
         return None
-    expected = (cell.row.environment, cell.row.settings, cell.seed)
-    if (result.environment, settings, result.seed) != expected:
+    row = cell.row
+    expected = (row.environment, row.arguments, row.settings, cell.seed)
+    if (result.environment, result.environment_kwargs, settings, result.seed) != expected:
         return None
     return result if evaluation in (None, len(result.evaluation)) else None
