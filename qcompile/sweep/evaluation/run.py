@@ -123,7 +123,10 @@ def evaluate(
     )
     for policy in different:
         (environment,) = make_environments(
-            policy.environment, 1, arguments=policy.environment_kwargs
+            policy.environment,
+            1,
+            bits=policy.encoder.reads_bits,
+            arguments=policy.environment_kwargs,
         )
         try:
             check_fit(policy, environment)
