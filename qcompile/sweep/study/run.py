@@ -14,7 +14,7 @@ from qcompile.sweep.arguments import no_progress
 from qcompile.sweep.complete import OnProgress, Pool, complete
 from qcompile.sweep.study.cell import CellResult, folder_of, run_cell
 from qcompile.sweep.study.request import StudyRequest
-from qcompile.sweep.study.rows import Cell
+from qcompile.sweep.study.rows import Cell, Row
 from qcompile.sweep.study.summary import RowSummary
 from qcompile.sweep.study.write_up import summaries, write_up
 
@@ -76,7 +76,9 @@ def _check_environments(cells: Sequence[Cell]) -> None:
     """Raise EnvironmentMismatchError where a training has an environment that cannot be made."""
     from qcompile.deploy.environments import close_environments, make_environments
 
-    rows = {(cell.row.environment, repr(cell.row.arguments)): cell.row for cell in cells}
+    rows: dict[tuple[str, str], Row] = {}
+    for cell in cells:
+        rows.setdefault((cell.row.environment, repr(cell.row.arguments)), cell.row)
     for row in rows.values():
         try:
             environments = make_environments(row.environment, 1, arguments=row.arguments)
