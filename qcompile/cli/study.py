@@ -1,4 +1,4 @@
-"""`qcompile study`: rows trained with several seeds, as a command."""
+"""`qcompile study`: rows trained with several seeds and written up, as a command."""
 
 from __future__ import annotations
 
@@ -65,9 +65,9 @@ def command(
 ) -> None:
     """Train every row of a study with several seeds and write up all that the folder holds.
 
-    The study is the paper's own, or the rows in a file of yours. Writes results.csv, curves.csv, a
-    picture for each figure and reproduction.md. Ctrl-C keeps every finished training; the same
-    command resumes from there.
+    A study is `paper`, the paper's, or a TOML file with rows of your own. Writes results.csv,
+    curves.csv, a picture for each figure and reproduction.md. Ctrl-C keeps every finished training;
+    the same command resumes from there.
     """
     from qcompile.report.tables import print_table
     from qcompile.sweep.study import StudyRequest

@@ -141,8 +141,8 @@ def _faults(error: ValidationError) -> list[str]:
     for fault in error.errors(include_url=False):
         if fault["type"] == "extra_forbidden":
             *place, key = fault["loc"]
-            table: type[_Table] = {0: _File, 2: _FigureTable}.get(len(place), _RowTable)
-            return [*lines, nearest(str(key), table.model_fields)]
+            tables: dict[int, type[_Table]] = {0: _File, 2: _FigureTable}
+            return [*lines, nearest(str(key), tables.get(len(place), _RowTable).model_fields)]
     return lines
 
 
