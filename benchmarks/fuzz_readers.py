@@ -34,7 +34,9 @@ from qcompile.sweep.evaluation import cell as evaluated
 from qcompile.sweep.evaluation.grid import Cell
 from qcompile.sweep.study import cell as trained
 from qcompile.sweep.study.rows import Cell as Training
-from qcompile.sweep.study.rows import Claim, Row
+from qcompile.sweep.study.rows import Row
+from qcompile.sweep.study.rows_file import read_rows
+from qcompile.sweep.study.studies import BUILT_IN
 
 ROOT = Path(qcompile.__file__).parent.parent
 
@@ -173,12 +175,25 @@ def cells() -> list[bytes]:
 @cache
 def training() -> Training:
     settings = Settings(episodes=3)
-    row = Row("cartpole", "SVQC", "cartpole", "CartPole-v1", "paper", settings, 1, 10.0, Claim("-"))
+    row = Row(
+        name="cartpole",
+        title="SVQC",
+        group="SVQC",
+        figure="cartpole",
+        environment="CartPole-v1",
+        preset="paper",
+        settings=settings,
+        seeds=(0,),
+    )
     return Training(row, 0)
 
 
 def trainings() -> list[bytes]:
     return [json.dumps(trained.run_cell(training(), 2).model_dump()).encode()]
+
+
+def studies() -> list[bytes]:
+    return [(ROOT / "examples" / "study.toml").read_bytes(), BUILT_IN["paper"].read_bytes()]
 
 
 def journals() -> list[bytes]:
@@ -238,5 +253,6 @@ READERS = {
         trainings,
         1,
     ),
+    "study": Reader("text", "s.toml", lambda path: read_rows(path, "s.toml"), studies, 1),
     "journal": Reader("sqlite", FILE, use_journal, journals, 1),
 }

@@ -8,7 +8,7 @@ train        train a policy with PPO
 calibrate    measure the readout and the response of a device's qubits
 validate     test a calibration's twin against fresh counts
 plan         say what episodes cost on a machine, in each way to run them
-study        repeat the paper's training study
+study        train the rows of a study: the paper's, or your own
 
 load_policy, load_backend, load_device and load_calibration read what these take; each of them takes
 a name, a file or an object. All of them have a short repr; results also have `plot`, `to_dict` and

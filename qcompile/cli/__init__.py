@@ -26,7 +26,7 @@ COMMANDS = {
     "export": "Write a policy's circuits as an OpenQASM job.",
     "compile": "Compile an OpenQASM 2 or 3 file.",
     "train": "Train a policy with PPO.",
-    "study": "Repeat the paper's training study.",
+    "study": "Train the rows of a study: the paper's, or your own.",
     "backends": "List, show and add devices.",
 }
 """Name and first help line of every command, so that --help loads none of them."""

@@ -1,4 +1,4 @@
-"""`qcompile study`: the paper's training study, as a command."""
+"""`qcompile study`: rows trained with several seeds and written up, as a command."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from qcompile.cli.options import (
     echo_json,
     echo_note,
     engine_options,
+    env_option,
     import_option,
     json_option,
 )
@@ -21,18 +22,23 @@ if TYPE_CHECKING:
 
 
 @click.command("study")
-@click.argument("name", type=click.Choice(["paper"]), default="paper")
+@click.argument("name", default="paper", metavar="[paper|FILE.toml]")
 @click.option(
     "--figure",
     "figures",
     multiple=True,
     metavar="NAME",
-    help="Only this figure: cartpole, reuse, cartpole-v0, acrobot or lunarlander; repeatable.",
+    help="Only this figure, of paper: cartpole, reuse, cartpole-v0, acrobot or lunarlander; "
+    "repeatable.",
 )
 @click.option(
     "--row", "rows", multiple=True, metavar="NAME", help="Only rows whose name begins with this."
 )
-@click.option("--seeds", type=click.IntRange(1, 1000), help="Seeds of each row.  [default: 5, 10]")
+@click.option(
+    "--seeds",
+    type=click.IntRange(1, 1000),
+    help="Seeds of each row.  [default: the study's; paper: 5, 10]",
+)
 @click.option(
     "--episodes", type=click.IntRange(1), help="At most so many a training, for a first look."
 )
@@ -46,9 +52,8 @@ if TYPE_CHECKING:
 @click.option(
     "--out",
     type=click.Path(file_okay=False, path_type=Path),
-    default=Path("study"),
-    show_default=True,
-    help="Folder for trainings, CSV and figures; what it holds is not trained again.",
+    help="Folder for trainings, CSV and figures; what it holds is not trained again. "
+    " [default: study, or the name of the file]",
 )
 @click.option(
     "--page",
@@ -56,59 +61,37 @@ if TYPE_CHECKING:
     help="Markdown page to write.  [default: reproduction.md in the folder]",
 )
 @import_option
+@env_option
 @engine_options("trainings")
 @click.option("--list", "listing", is_flag=True, help="List the rows and what is left, and stop.")
 @json_option
 def command(
-    name: str,
-    figures: tuple[str, ...],
-    rows: tuple[str, ...],
-    seeds: int | None,
-    episodes: int | None,
-    evaluation: int,
-    out: Path,
-    page: Path | None,
-    imports: tuple[str, ...],
     engine: Engine,
     address: str | None,
     workers: int | None,
     listing: bool,
     as_json: bool,
+    **choice: Any,
 ) -> None:
-    """Train every model of the paper with several seeds and write up all that the folder holds.
+    """Train every row of a study with several seeds and write up all that the folder holds.
 
-    Writes results.csv, curves.csv, a picture for each figure and reproduction.md. Ctrl-C keeps
-    every finished training; the same command resumes from there.
+    A study is `paper`, the paper's, or a TOML file with rows of your own. Writes results.csv,
+    curves.csv, a picture for each figure and reproduction.md. Ctrl-C keeps every finished training;
+    the same command resumes from there.
     """
     from qcompile.report.tables import print_table
-    from qcompile.verbs.study import study, study_rows
+    from qcompile.sweep.study import StudyRequest
+    from qcompile.verbs.study import study
 
-    choice: dict[str, Any] = {
-        "figures": figures,
-        "rows": rows,
-        "seeds": seeds,
-        "episodes": episodes,
-        "evaluation": evaluation,
-        "out": out,
-    }
     if listing:
-        members = study_rows(name, **choice)
+        members = StudyRequest(**choice).left()
         if as_json:
             echo_json(members)
         else:
             columns = ["row", "environment", "seeds", "left"]
             print_table(columns, [[*row.values()] for row in members])
         return
-    result = study(
-        name,
-        **choice,
-        page=page,
-        imports=imports,
-        engine=engine,
-        address=address,
-        workers=workers,
-        on_note=echo_note,
-    )
+    result = study(**choice, engine=engine, address=address, workers=workers, on_note=echo_note)
     if as_json:
         echo_json(result.to_dict())
         return

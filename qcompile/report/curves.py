@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A line with a band: values over episodes, `low` and `high` around them.
+    """A line with a band: values over episodes, none or more, `low` and `high` around them.
 
     Curves of one `colour` group share it; `dashed` sets one of them apart.
     """
@@ -56,14 +56,16 @@ def draw_curves(
         axes.fill_between(curve.episodes, curve.low, curve.high, color=colour, alpha=0.1, lw=0)
     if target is not None:
         _draw_target(axes, target)
-    longest = max(int(curve.episodes[-1]) for curve in curves)
+    longest = max((int(curve.episodes[-1]) for curve in curves if len(curve.episodes)), default=1)
     axes.set_xlim(0, min(longest, most_episodes or longest))
     axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
-    axes.set_title(title, loc="left", fontsize=11)
+    axes.set_title(title, loc="left", fontsize=11, parse_math=False)
     axes.set_xlabel("episode")
     axes.set_ylabel("average reward of the last 20 episodes")
     axes.spines[["top", "right"]].set_visible(False)
-    figure.legend(loc="outside lower center", frameon=False, fontsize=8, ncols=4)
+    legend = figure.legend(loc="outside lower center", frameon=False, fontsize=8, ncols=4)
+    for label in legend.get_texts():
+        label.set_parse_math(False)  # a dollar is a dollar
     FigureCanvasAgg(figure)
     picture = BytesIO()
     figure.savefig(picture, format="png", dpi=120, metadata={"Software": None})

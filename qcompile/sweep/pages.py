@@ -26,6 +26,11 @@ def markdown_table(header: Sequence[str], lines: Sequence[Sequence[str]]) -> str
     return "".join(f"| {' | '.join(line)} |\n" for line in every)
 
 
+def markdown_text(text: str) -> str:
+    """A text of a file in Markdown: it ends no cell of a table, and is not taken for HTML."""
+    return text.replace("|", "\\|").replace("<", "&lt;")
+
+
 def version_words(versions: Mapping[str, str]) -> str:
     """Packages and their versions in one line."""
     return ", ".join(f"{name} {version}" for name, version in versions.items())

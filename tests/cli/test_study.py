@@ -11,10 +11,11 @@ from typing import Any
 import pytest
 import torch
 
-from qcompile.sweep.study.paper import rows
+from qcompile.sweep.study.studies import open_study
 
 Call = Callable[..., Any]
 
+PAPER = open_study("paper").rows
 ROW = ("study", "paper", "--row", "cartpole-svqc-paper")
 FEW = ("--episodes", 3, "--evaluation", 2)
 ONE = (*ROW, *FEW, "--seeds", 1, "--workers", 1)
@@ -50,7 +51,7 @@ def test_rows_are_listed(qcompile: Call, left: Call) -> None:
     answer = qcompile("study", "paper", "--list")
     assert (answer.code, answer.err) == (0, "")
     listed = [line.split() for line in answer.out.splitlines() if "-" in line and " " in line]
-    names = {row.name: [row.environment, str(row.seeds), str(row.seeds)] for row in rows()}
+    names = {row.name: [row.environment, *[str(len(row.seeds))] * 2] for row in PAPER}
     assert {words[0]: words[1:] for words in listed if words[0] in names} == names
     assert left() == []
 
@@ -63,7 +64,7 @@ def test_rows_are_listed_as_json(qcompile: Call) -> None:
         for preset in ("paper", "tuned", "critic-tuned")
     ]
     names = [row["row"] for row in qcompile("study", "--list", "--json").json()]
-    assert names == [row.name for row in rows()]
+    assert names == [row.name for row in PAPER]
 
 
 def test_a_tiny_study_is_written_up_and_not_trained_again(qcompile: Call, left: Call) -> None:
@@ -142,6 +143,10 @@ def test_what_the_engine_says_goes_to_standard_error(
 
 
 REFUSED = {
+    "study": (
+        ("rainbow",),
+        "Error: There is no study 'rainbow'.\n  A study is paper, or a .toml file of rows.\n",
+    ),
     "figure": (
         ("--figure", "pong"),
         "Error: Unknown figure 'pong'.\n"
@@ -179,7 +184,7 @@ def test_what_cannot_be_done_is_refused(qcompile: Call, left: Call, what: str) -
     Path("taken").mkdir()
     Path("taken/cells").touch()
     words, text = REFUSED[what]
-    answer = qcompile("study", "paper", *words)
+    answer = qcompile("study", *words)
     assert (answer.code, answer.out, answer.err) == (1, "", text)
     assert left() == ["file", "taken", "taken/cells"]
 
@@ -188,7 +193,6 @@ def test_what_cannot_be_done_is_refused(qcompile: Call, left: Call, what: str) -
 @pytest.mark.parametrize(
     ("words", "text"),
     [
-        (("rainbow",), "'rainbow' is not 'paper'"),
         (("paper", "--engine", "slurm"), "'slurm' is not one of 'processes', 'dask', 'ray'"),
         (("paper", "--seeds", 0), "0 is not in the range"),
         (("paper", "--episodes", 0), "0 is not in the range"),

@@ -163,8 +163,12 @@ TRAIN = (
     Command("train CartPole-v1 --preset paper --model fcn --episodes 2 --out c.pt", masked=True),
     Command("train CartPole-v1 --steps 3 --out d.pt -s horizon=3 -s environments=1", masked=True),
 )
+EXAMPLE = "study example.toml --row cartpole-svqc-tuned --seeds 2 --episodes 22 --evaluation 2"
 STUDY = (
     "study paper --list --seeds 2",
+    "study example.toml --list",
+    Command(f"{EXAMPLE} --workers 1 --out look", masked=True),
+    Written("look/reproduction.md", masked=True),
     Command("study paper --row cartpole-svqc-paper --out study", change=ALL_STORED, masked=True),
     Written("study/reproduction.md", masked=True),
     Written("study/results.csv", 1),
@@ -191,7 +195,8 @@ SESSIONS: dict[str, Sequence[str | Case]] = {
 
 
 def stored() -> None:
-    """Trainings and device tests of docs/, in folders of their own."""
+    """Trainings and device tests of docs/, in folders of their own, and the study of examples/."""
+    shutil.copy(DOCS.parent / "examples" / "study.toml", "example.toml")
     for name, pattern in (("study", "cartpole-svqc-paper-*"), ("devices", "*")):
         cells = Path(name) / "cells"
         cells.mkdir(parents=True)

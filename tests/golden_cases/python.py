@@ -28,6 +28,7 @@ from qcompile.qasm import write as write_qasm
 from qcompile.rl.presets import settings_for
 from qcompile.rl.settings import Settings
 from qcompile.sweep.engine import run_all
+from qcompile.sweep.study import StudyRequest
 from qcompile.sweep.study.write_up import write_up
 
 from .case import Expression
@@ -72,6 +73,7 @@ def names() -> dict[str, Any]:
         "run_all": run_all,
         "measure_drift": measure_drift,
         "write_up": write_up,
+        "StudyRequest": StudyRequest,
         "lima": lima,
         "program": program,
         "executable": fused,
@@ -206,7 +208,7 @@ CASES = tuple(
         "Settings().check()",
         "Settings(environments=4, steps=1).check()",
         'run_all([policy], print, print, engine="slurm")',
-        'write_up([], Path("s"), Path("p.md"))',
+        'write_up(StudyRequest(out="s", page="p.md"), [])',
         'Journal(Path("nowhere"))',
         'Journal.create(Path("runs"), "run", "cart", {}, {}, 0.0)',
         'Connection("")',

@@ -14,6 +14,25 @@ STORED = Path(__file__).parents[2] / "docs/study/cells"
 ROW = "study paper --row cartpole-svqc-paper --episodes 3 --evaluation 2 --seeds 1 --workers 1"
 
 
+POLE = '[figures.pole]\nenvironment = "CartPole-v1"\n'
+FILES = {
+    "mine": f"{POLE}rows = [{{}}]",
+    "key": f"{POLE}rows = [{{seed = 3, settings = {{}}}}]",
+    "figure": "[figures.pole]\nenv = 3",
+    "seeds": f"{POLE}rows = [{{seeds = [1, 1]}}]",
+    "setting": f"{POLE}rows = [{{settings = {{actor_rl = 1}}}}]",
+    "layout": f"{POLE}rows = [{{settings = {{layout = 'serial'}}}}]",
+    "path": f"{POLE}rows = [{{variant = '../up'}}]",
+    "twice": f"{POLE}rows = [{{}}, {{settings = {{clip = 0.2}}}}]",
+    "labels": f"{POLE}rows = [{{title = 'a'}}, {{title = 'a', variant = 'b'}}]",
+    "claim": f"{POLE}rows = [{{claim_episodes = 9}}]",
+    "also": f"{POLE}also = ['pol-svqc-tuned']\nrows = [{{}}]",
+    "module": POLE.replace("CartPole-v1", "evil:CartPole-v1") + "rows = [{}]",
+    "environment": POLE.replace("CartPole", "CartPol") + "rows = [{}]",
+    "text": "figures",
+}
+
+
 def interrupted(patch: pytest.MonkeyPatch) -> None:
     def run_all(*_: Any, **__: Any) -> None:
         raise KeyboardInterrupt
@@ -43,10 +62,18 @@ def files() -> None:
     write({"file": "", "taken/cells": ""})
     name = "cartpole-svqc-paper-seed0.json"
     write({f"stored/cells/{name}": (STORED / name).read_bytes()})
+    write({f"{name}.toml": contents for name, contents in FILES.items()})
 
 
 CASES = (
     "study rainbow",
+    "study papr",
+    "study mine",
+    "study mien.toml",
+    "study file",
+    *(f"study {name}.toml" for name in FILES if name != "mine"),
+    "study mine.toml --figure pool",
+    "study mine.toml --row pool",
     "study paper --figure pong",
     "study paper --row pong",
     "study paper --row pong --row ping",

@@ -11,8 +11,8 @@ import torch
 
 from qcompile.rl.settings import Settings
 from qcompile.sweep.study.cell import CellResult
-from qcompile.sweep.study.paper import rows
 from qcompile.sweep.study.rows import Claim, Row
+from qcompile.sweep.study.studies import open_study
 from qcompile.sweep.study.summary import RowSummary
 
 
@@ -29,7 +29,7 @@ def short_row() -> Callable[..., Row]:
     """A row of the paper by name, with these settings: 3 episodes where nothing is said."""
 
     def make(name: str = "cartpole-svqc-paper", **changes: Any) -> Row:
-        (row,) = (row for row in rows() if row.name == name)
+        (row,) = (row for row in open_study("paper").rows if row.name == name)
         return replace(row, settings=row.settings.changed(**{"episodes": 3} | changes))
 
     return make
@@ -48,13 +48,14 @@ def summary() -> Callable[..., RowSummary]:
         values = {
             "name": "cartpole-svqc-paper",
             "title": "SVQC",
+            "group": "SVQC",
             "figure": "cartpole",
             "environment": "CartPole-v1",
             "preset": "paper",
             "settings": Settings(episodes=1),
-            "seeds": len(rewards),
+            "seeds": tuple(range(len(rewards))),
             "target": 10.0,
-            "claim": claim or Claim("-"),
+            "claim": claim or Claim(),
         }
         row = Row(**values | changes)
         results = tuple(

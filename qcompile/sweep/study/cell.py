@@ -40,6 +40,7 @@ class CellResult(BaseModel):
     row: str
     seed: int
     environment: str
+    environment_kwargs: dict[str, Any] = {}
     settings: dict[str, Any]
     versions: dict[str, str]
     parameters: int
@@ -92,7 +93,8 @@ def run_cell(cell: Cell, evaluation: int = EVALUATION_EPISODES) -> CellResult:
     """Train the cell and play `evaluation` fresh episodes with what came of it, on one thread.
 
     Raises:
-        KeyboardInterrupt: Ctrl-C; half a training is no result.
+        KeyboardInterrupt: Ctrl-C; half a training is not a result.
+        TrainingError: no episode ended.
     """
     import torch
 
@@ -101,17 +103,22 @@ def run_cell(cell: Cell, evaluation: int = EVALUATION_EPISODES) -> CellResult:
 
     torch.set_num_threads(1)
     started = time.perf_counter()
-    trainer = Trainer(cell.row.environment, cell.row.settings, cell.seed)
+    row = cell.row
+    trainer = Trainer(row.environment, row.settings, cell.seed, arguments=row.arguments)
     result = trainer.train()
     if result.interrupted:
         raise KeyboardInterrupt
+    if not result.episodes:
+        steps = f"its {trainer.steps:,} steps"
+        raise TrainingError(f"No episode ended within {steps}.", "Give the row more of them.")
     rewards = score(trainer, evaluation, EVALUATION_SEED)
     policy = result.policy
     return CellResult(
-        row=cell.row.name,
+        row=row.name,
         seed=cell.seed,
-        environment=cell.row.environment,
-        settings=plain(cell.row.settings),
+        environment=row.environment,
+        environment_kwargs=dict(row.arguments),
+        settings=plain(row.settings),
         versions=versions(*PACKAGES),
         parameters=trainer.parameter_count if policy is None else policy.parameter_count,
         steps=[episode.steps for episode in result.episodes],
@@ -127,12 +134,13 @@ def folder_of(path: Path, evaluation: int | None = None) -> Folder[Cell, CellRes
 
 
 def _match(cell: Cell, result: CellResult, evaluation: int | None) -> CellResult | None:
-    """The result, if it has the cell's settings, environment and seed."""
+    """The result, if it has the cell's settings, environment with its arguments, and seed."""
     try:
         settings = restored(result.settings)
     except TrainingError:
         return None
-    expected = (cell.row.environment, cell.row.settings, cell.seed)
-    if (result.environment, settings, result.seed) != expected:
+    row = cell.row
+    expected = (row.environment, row.arguments, row.settings, cell.seed)
+    if (result.environment, result.environment_kwargs, settings, result.seed) != expected:
         return None
     return result if evaluation in (None, len(result.evaluation)) else None

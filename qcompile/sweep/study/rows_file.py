@@ -1,4 +1,4 @@
-"""Rows as data: a TOML file of figures, each with its environment, its target and its rows.
+"""Rows as data: a TOML file of figures, each with its environment and its rows.
 
 A row is named FIGURE-MODEL-VARIANT-PRESET. Its settings are the preset's for its model, its layout
 and the environment of its figure, with what its own `settings` change.
@@ -6,20 +6,65 @@ and the environment of its figure, with what its own `settings` change.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import re
+from collections import Counter
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    JsonValue,
+    ValidationError,
+)
 
+from qcompile.catalogue import nearest
 from qcompile.errors import StudyError, TrainingError
+from qcompile.policy.arguments import check_arguments
 from qcompile.reading import ContentsError, read_toml
 from qcompile.rl.presets import settings_for
-from qcompile.rl.settings import from_toml
-from qcompile.sweep.study.rows import Claim, Row
-from qcompile.validation import explain
+from qcompile.rl.settings import Settings, from_toml
+from qcompile.sweep.study.rows import Claim, ClaimSeed, Figure, Row, Rows
+from qcompile.validation import Line, explain
 
-Natural = Annotated[int, Field(ge=1)]
+_MOST_SEEDS = 1000
+_PRESET_OF = ("model", "layout")
+_WORDS = {
+    "extra_forbidden": "there is no such key",
+    "missing": "this key is needed",
+    "dict_type": "a table is needed",
+    "model_type": "a table is needed",
+    "list_type": "a list is needed",
+}
+
+
+def _file_name(name: str) -> str:
+    """A name that may be a part of one of a file."""
+    if name and not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,59}", name):
+        raise ValueError(
+            "files are named after it: up to 60 letters, digits, ., - and _, a letter or digit "
+            "first"
+        )
+    return name
+
+
+def _seeds(seeds: Any) -> tuple[int, ...]:
+    """The seeds that a number of them, or a list, stands for."""
+    if type(seeds) is int and 1 <= seeds <= _MOST_SEEDS:
+        return tuple(range(seeds))
+    whole = isinstance(seeds, list) and all(type(s) is int and 0 <= s < 2**63 for s in seeds)
+    if not whole or not 1 <= len(set(seeds)) == len(seeds) <= _MOST_SEEDS:
+        raise ValueError(f"a number from 1 to {_MOST_SEEDS}, or a list of different seeds from 0")
+    return tuple(seeds)
+
+
+Natural = Annotated[int, Field(ge=1, le=1_000_000_000)]
+_FileName = Annotated[str, AfterValidator(_file_name)]
+_Title = Annotated[Line, Field(max_length=100)]
 
 
 class _Table(BaseModel):
@@ -27,78 +72,157 @@ class _Table(BaseModel):
 
 
 class _RowTable(_Table):
-    title: str
-    model: str
-    preset: str
+    title: _Title | None = None
+    group: _Title | None = None
+    model: str = "svqc"
+    preset: str = "tuned"
     layout: str = "parallel"
-    variant: str = ""
-    seeds: Natural = 5
+    variant: _FileName = ""
+    seeds: Annotated[tuple[int, ...], BeforeValidator(_seeds)] = tuple(range(5))
     target: float | None = None
-    claim: str = "-"
+    episodes: Natural | None = None
+    steps: Natural | None = None
+    claim: Line | None = None
     claim_episodes: Natural | None = None
+    claim_seed: ClaimSeed = "mean"
     settings: dict[str, Any] = {}
 
 
 class _FigureTable(_Table):
-    title: str
+    title: _Title | None = None
     environment: str
-    target: float
+    env: Annotated[dict[str, JsonValue], AfterValidator(check_arguments)] = {}
+    target: float | None = None
     also: list[str] = []
+    last_episode: Natural | None = None
     rows: Annotated[list[_RowTable], Field(min_length=1)]
 
 
 class _File(_Table):
-    figures: Annotated[dict[str, _FigureTable], Field(min_length=1)]
+    title: _Title | None = None
+    about: Annotated[str, Field(max_length=10_000)] = ""
+    figures: Annotated[dict[_FileName, _FigureTable], Field(min_length=1)]
 
 
-@dataclass(frozen=True)
-class Figure:
-    """A figure of a study; `also` names the rows of other figures that it shows as well."""
-
-    title: str
-    also: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class RowsFile:
-    """The figures of a study by name, and its rows in the order of the figures."""
-
-    figures: dict[str, Figure]
-    rows: tuple[Row, ...]
-
-
-def read_rows(path: Path) -> RowsFile:
-    """The figures and rows in a file.
+def read_rows(path: Path, name: str) -> Rows:
+    """The study in a file, which the command line calls `name`.
 
     Raises:
-        StudyError: the file cannot be read, or a row of it holds no settings.
+        StudyError: the file cannot be read, a row of it holds no settings, or two of its rows
+            cannot be told apart.
     """
     try:
-        tables = _File.model_validate(read_toml(path)).figures
-    except (OSError, ContentsError, ValidationError) as error:
-        raise StudyError(f"{path} is not a file of rows.", *explain(error)) from error
-    return RowsFile(
-        {name: Figure(table.title, tuple(table.also)) for name, table in tables.items()},
-        tuple(_row(path, name, table, row) for name, table in tables.items() for row in table.rows),
+        file = _File.model_validate(read_toml(path))
+    except ValidationError as error:
+        raise StudyError(f"{path} is not a study.", *_faults(error)) from error
+    except (OSError, ContentsError) as error:
+        raise StudyError(f"{path} is not a study.", *explain(error)) from error
+    study = Rows(
+        name,
+        file.title or path.stem,
+        file.about.strip(),
+        {
+            name: Figure(table.title or table.environment, tuple(table.also), table.last_episode)
+            for name, table in file.figures.items()
+        },
+        tuple(
+            _row(path, name, table, row)
+            for name, table in file.figures.items()
+            for row in table.rows
+        ),
     )
+    _check_names(path, study)
+    return study
+
+
+def _faults(error: ValidationError) -> list[str]:
+    """What is wrong in the file, and which keys the table has of the first key that it lacks."""
+    lines = [line.replace(".[key]:", ":") for line in explain(error, words=_WORDS)]
+    for fault in error.errors(include_url=False):
+        if fault["type"] == "extra_forbidden":
+            *place, key = fault["loc"]
+            tables: dict[int, type[_Table]] = {0: _File, 2: _FigureTable}
+            return [*lines, nearest(str(key), tables.get(len(place), _RowTable).model_fields)]
+    return lines
 
 
 def _row(path: Path, figure: str, shared: _FigureTable, table: _RowTable) -> Row:
     name = "-".join(filter(None, (figure, table.model, table.variant, table.preset)))
     try:
-        preset = settings_for(table.preset, shared.environment, table.model, table.layout)
-        settings = preset.changed(**from_toml(table.settings))
+        settings = _settings(shared.environment, table)
     except TrainingError as error:
         lines = [line.strip() for line in str(error).splitlines()]
         raise StudyError(f"{path}: the row {name} does not hold settings.", *lines) from error
+    layout = "" if table.layout == "parallel" else table.layout
+    title = table.title or ", ".join(filter(None, (table.model, layout, table.variant)))
+    target = shared.target if table.target is None else table.target
+    claimed = table.claim_episodes
+    if claimed is not None and target is None:
+        raise StudyError(
+            f"{path}: the row {name} has claim_episodes and no target.",
+            "They are the episodes to a target: set target in the row or in its figure.",
+        )
     return Row(
         name=name,
-        title=table.title,
+        title=title,
+        group=table.group or title,
         figure=figure,
         environment=shared.environment,
+        arguments=shared.env,
         preset=table.preset,
         settings=settings,
         seeds=table.seeds,
-        target=shared.target if table.target is None else table.target,
-        claim=Claim(table.claim, table.claim_episodes),
+        target=target,
+        claim=Claim(
+            table.claim or ("-" if claimed is None else f"{claimed:,} episodes"),
+            claimed,
+            table.claim_seed,
+        ),
     )
+
+
+def _settings(environment: str, table: _RowTable) -> Settings:
+    budget = {"episodes": table.episodes, "steps": table.steps}
+    if budget == {"episodes": None, "steps": None}:
+        budget = {}
+    for key in table.settings:
+        if key in _PRESET_OF or key in budget:
+            raise TrainingError(
+                f"settings has {key!r}, which is a key of the row.",
+                f"Write it beside settings: {key} = ...",
+            )
+    preset = settings_for(table.preset, environment, table.model, table.layout)
+    return preset.changed(**budget | from_toml(table.settings))
+
+
+def _check_names(path: Path, study: Rows) -> None:
+    """Raise StudyError where rows, or figures, share files or cannot be told apart."""
+    names = [row.name for row in study.rows]
+    if twice := _twice(names):
+        raise StudyError(
+            f"{path}: two rows are named {twice}.",
+            "A row is named FIGURE-MODEL-VARIANT-PRESET: give each a variant of its own.",
+        )
+    if twice := _twice(study.figures):
+        raise StudyError(
+            f"{path}: two figures are named {twice}.", "Their files need different letters."
+        )
+    for figure, shown in study.figures.items():
+        for other in shown.also:
+            if other not in names:
+                raise StudyError(
+                    f"{path}: figures.{figure}.also names {other!r}, which is not a row.",
+                    nearest(other, names),
+                )
+        labels = [f"{r.title}, {r.preset}" for r in study.rows if study.belongs(r, figure)]
+        if twice := _twice(labels):
+            raise StudyError(
+                f"{path}: figures.{figure} has two rows {twice!r}.",
+                "Its table tells rows apart by title and preset: give each a title of its own.",
+            )
+
+
+def _twice(names: Iterable[str]) -> str | None:
+    """A name that is there twice, letter case aside, as it is in file systems."""
+    counts = Counter(name.casefold() for name in names)
+    return next((name for name, count in counts.items() if count > 1), None)

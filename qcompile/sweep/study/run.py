@@ -1,4 +1,4 @@
-"""Run a study in a folder: choose its rows, train what is missing, write everything up."""
+"""Run a study in a folder: train what is missing, write everything up."""
 
 from __future__ import annotations
 
@@ -8,19 +8,15 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from qcompile.errors import StudyError
+from qcompile.errors import EnvironmentMismatchError
 from qcompile.output import check_writable
-from qcompile.sweep.arguments import Name, Words, ignore, no_progress, several
+from qcompile.sweep.arguments import no_progress
 from qcompile.sweep.complete import OnProgress, Pool, complete
-from qcompile.sweep.engine import Engine
-from qcompile.sweep.study.cell import EVALUATION_EPISODES, CellResult, folder_of, run_cell
-from qcompile.sweep.study.paper import rows as every_row
-from qcompile.sweep.study.paper import rows_of, shortened
-from qcompile.sweep.study.rows import Cell, Row, cells
+from qcompile.sweep.study.cell import CellResult, folder_of, run_cell
+from qcompile.sweep.study.request import StudyRequest
+from qcompile.sweep.study.rows import Cell, Row
 from qcompile.sweep.study.summary import RowSummary
 from qcompile.sweep.study.write_up import summaries, write_up
-
-STUDIES = ("paper",)
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,141 +24,68 @@ class Study:
     """What a study's folder holds: a summary for each row with trainings, those of before included.
 
     `trained` counts the trainings done now, `there` those asked for that the folder had; `files`
-    are what was written besides the trainings, `page` among them.
+    are what was written besides the trainings.
     """
 
-    name: str
+    request: StudyRequest
     summaries: tuple[RowSummary, ...]
     trained: int
     there: int
     files: tuple[Path, ...]
-    page: Path
 
     def to_dict(self) -> dict[str, Any]:
         """The document of `qcompile study --json`."""
         return {
-            "study": self.name,
+            "study": self.request.study.name,
             "rows": [summary.values() for summary in self.summaries],
             "trained": self.trained,
             "files": [str(path) for path in self.files],
         }
 
 
-def study(
-    name: str = "paper",
-    *,
-    figures: str | Sequence[str] = (),
-    rows: str | Sequence[str] = (),
-    seeds: int | None = None,
-    episodes: int | None = None,
-    evaluation: int = EVALUATION_EPISODES,
-    out: Name = "study",
-    page: Name | None = None,
-    engine: Engine = "processes",
-    address: str | None = None,
-    workers: int | None = None,
-    on_progress: OnProgress = no_progress,
-    on_loss: Words = ignore,
-) -> Study:
-    """Train every row of a study with several seeds and write up all that the folder holds.
-
-    `figures` and `rows` (beginnings of their names) choose rows, `seeds` their number of seeds.
-    `episodes` shortens every training, for a first look; the final models play `evaluation` fresh
-    episodes. Trainings, results.csv, curves.csv and a picture for each figure are written to `out`,
-    whose trainings are not repeated, and the Markdown page, by default reproduction.md in `out`.
-    `engine`, `address` and `workers` are those of `run_all`. `on_progress` follows the trainings,
-    `on_loss` is told when workers were lost.
+def run_study(request: StudyRequest, pool: Pool, on_progress: OnProgress = no_progress) -> Study:
+    """Train what the folder lacks of a study, and write up all that it holds.
 
     Raises:
-        QcompileError: no such study, figure or row; an output that cannot be written; a training
-            that fails; a cluster that is not there; Ctrl-C, after which `out` holds what is
-            finished.
+        QcompileError: no such study, figure, row or environment; an output that cannot be written;
+            a training that fails; a cluster that is not there; Ctrl-C, after which the folder holds
+            what is finished.
     """
-    out = Path(out)
-    page_path = out / "reproduction.md" if page is None else Path(page)
-    chosen = _chosen(name, figures, rows, episodes)
-    check_writable(page_path)
-    folder = folder_of(out, evaluation)
+    every = request.cells()
+    check_writable(request.page_path)
+    folder = folder_of(request.folder, request.evaluation)
     folder.check_writable()
-    every = cells(chosen, seeds)
-    if episodes is not None or evaluation != EVALUATION_EPISODES:
-        _check_replaces_nothing(every, out, evaluation)
+    request.check_replaces_nothing()
+    _check_environments(folder.missing(every))
     completed = complete(
         every,
         folder,
-        partial(run_cell, evaluation=evaluation),
-        Pool(engine, address, workers, on_loss),
+        partial(run_cell, evaluation=request.evaluation),
+        pool,
         on_progress,
         describe=_description,
-        environments=[row.environment for row in chosen],
+        environments=[cell.row.environment for cell in every],
         noun="training",
     )
-    known = _shortened(every_row(), episodes)
-    stored = summaries(known, out)  # what was trained before is written up as well
-    files = write_up(stored, out, page_path)
-    return Study(name, tuple(stored), completed.run, completed.there, tuple(files), page_path)
+    # What was trained before is written up as well.
+    stored = summaries(request.changed(request.study.rows), request.folder)
+    files = write_up(request, stored)
+    return Study(request, tuple(stored), completed.run, completed.there, tuple(files))
 
 
-def study_rows(
-    name: str = "paper",
-    *,
-    figures: str | Sequence[str] = (),
-    rows: str | Sequence[str] = (),
-    seeds: int | None = None,
-    episodes: int | None = None,
-    evaluation: int = EVALUATION_EPISODES,
-    out: Name = "study",
-) -> list[dict[str, Any]]:
-    """The rows that `study` would train: row, environment, seeds, and how many are left to train.
+def _check_environments(cells: Sequence[Cell]) -> None:
+    """Raise EnvironmentMismatchError where a training has an environment that cannot be made."""
+    from qcompile.deploy.environments import close_environments, make_environments
 
-    Raises:
-        StudyError: no such study, figure or row.
-    """
-    folder = folder_of(Path(out), evaluation)
-    return [
-        {
-            "row": row.name,
-            "environment": row.environment,
-            "seeds": row.seeds if seeds is None else seeds,
-            "left": len(folder.missing(cells([row], seeds))),
-        }
-        for row in _chosen(name, figures, rows, episodes)
-    ]
-
-
-def _chosen(
-    name: str, figures: str | Sequence[str], rows: str | Sequence[str], episodes: int | None
-) -> list[Row]:
-    """The rows of these figures whose names begin with one of `rows`; with none named, all."""
-    if name not in STUDIES:
-        raise StudyError(f"Unknown study {name!r}.", f"Known: {', '.join(STUDIES)}.")
-    beginnings = several(rows)
-    members = rows_of(tuple(several(figures)))
-    named = [row for row in members if row.name.startswith(tuple(beginnings) or "")]
-    if not named:
-        raise StudyError(
-            f"No row's name begins with {' or '.join(beginnings)}.", "--list shows their names."
-        )
-    return _shortened(named, episodes)
-
-
-def _shortened(rows: Sequence[Row], episodes: int | None) -> list[Row]:
-    return [row if episodes is None else shortened(row, episodes) for row in rows]
-
-
-def _check_replaces_nothing(every: Sequence[Cell], out: Path, evaluation: int) -> None:
-    """Refuse a first look where a training with other settings is stored.
-
-    Raises:
-        StudyError: the file of a cell that is to be trained is there.
-    """
-    folder = folder_of(out, evaluation)
-    stored = [cell for cell in folder.missing(every) if folder.file(cell).exists()]
-    if stored:
-        raise StudyError(
-            f"{out} holds {len(stored)} of these trainings with other settings.",
-            "Fewer episodes need a folder of their own: say --out look.",
-        )
+    rows: dict[tuple[str, str], Row] = {}
+    for cell in cells:
+        rows.setdefault((cell.row.environment, repr(cell.row.arguments)), cell.row)
+    for row in rows.values():
+        try:
+            environments = make_environments(row.environment, 1, arguments=row.arguments)
+        except EnvironmentMismatchError as error:
+            raise error.with_hints(f"Row {row.name} of the study trains in it.") from error
+        close_environments(environments)
 
 
 def _description(result: CellResult) -> str:

@@ -46,13 +46,20 @@ class RowSummary:
 
     @property
     def mean_first(self) -> int | None:
-        """The first episode after which the mean over the seeds is at the target."""
-        return first_at(self.mean_curve, self.row.target)
+        """The first episode after which the mean over the seeds is at the target, if ever."""
+        target = self.row.target
+        return None if target is None else first_at(self.mean_curve, target)
 
     @property
     def each_first(self) -> list[int | None]:
         """The same for each seed alone."""
-        return [result.first_at(self.row.target) for result in self.results]
+        target = self.row.target
+        return [None if target is None else result.first_at(target) for result in self.results]
+
+    @property
+    def seeds(self) -> list[int]:
+        """The seeds that were trained."""
+        return [result.seed for result in self.results]
 
     @property
     def median_first(self) -> float | None:
@@ -66,7 +73,7 @@ class RowSummary:
             "row": self.row.name,
             "environment": self.row.environment,
             "preset": self.row.preset,
-            "seeds": [result.seed for result in self.results],
+            "seeds": self.seeds,
             "parameters": self.parameters,
             "target": self.row.target,
             "mean_at_target": self.mean_first,

@@ -10,11 +10,9 @@ from qcompile.report.curves import Curve, draw_curves
 from qcompile.sweep.pages import link, write_files
 from qcompile.sweep.study.cell import folder_of
 from qcompile.sweep.study.page import page
-from qcompile.sweep.study.paper import belongs, figures
-from qcompile.sweep.study.rows import Cell, Row
+from qcompile.sweep.study.request import StudyRequest
+from qcompile.sweep.study.rows import Cell, Row, Rows
 from qcompile.sweep.study.summary import RowSummary, curve_episodes, curves_csv, results_csv
-
-_LAST_EPISODES = {"lunarlander": 2500}
 
 
 def summaries(rows: Sequence[Row], path: Path) -> list[RowSummary]:
@@ -30,46 +28,55 @@ def summaries(rows: Sequence[Row], path: Path) -> list[RowSummary]:
     return stored
 
 
-def write_up(stored: Sequence[RowSummary], folder: Path, page_path: Path) -> list[Path]:
+def write_up(request: StudyRequest, stored: Sequence[RowSummary]) -> list[Path]:
     """Write results.csv, curves.csv, a picture for each figure and the page; their paths.
 
     Raises:
         OutputError: one of them cannot be written.
         StudyError: there is nothing to write.
     """
+    study, folder, page_path = request.study, request.folder, request.page_path
     if not stored:
         raise StudyError(f"There are no trainings in {folder}.", "Run the study first.")
     files = {
         folder / "results.csv": results_csv(stored).encode(),
         folder / "curves.csv": curves_csv(stored).encode(),
     }
-    pictures = draw_figures(stored)
+    pictures = draw_figures(study, stored)
     files |= {folder / f"{name}.png": picture for name, picture in pictures.items()}
-    files[page_path] = page(stored, link(folder, page_path), _versions(stored)).encode()
+    repeated = [cell.name for cell in request.cells()]
+    at = link(folder, page_path)
+    text = page(study, stored, request.command, repeated, at, _versions(stored))
+    files[page_path] = text.encode()
     return write_files(files)
 
 
-def draw_figures(stored: Sequence[RowSummary]) -> dict[str, bytes]:
-    """The learning curves of each figure that has trainings, as PNG files by its name."""
+def draw_figures(study: Rows, stored: Sequence[RowSummary]) -> dict[str, bytes]:
+    """The learning curves of each figure that has trainings, as PNG files by its name.
+
+    Curves of the preset of a figure's first row are solid, others dashed.
+    """
     pictures = {}
-    for name, figure in figures().items():
-        members = [summary for summary in stored if belongs(summary.row, name)]
+    for name, figure in study.figures.items():
+        members = [summary for summary in stored if study.belongs(summary.row, name)]
         if members:
-            curves, target = [_curve(summary) for summary in members], members[0].row.target
-            last = _LAST_EPISODES.get(name)
-            pictures[name] = draw_curves(figure.title, curves, target, last)
+            first = next(row.preset for row in study.rows if study.belongs(row, name))
+            curves = [_curve(summary, first) for summary in members]
+            targets = [s.row.target for s in members if s.row.target is not None]
+            target = targets[0] if targets else None
+            pictures[name] = draw_curves(figure.title, curves, target, figure.last_episode)
     return pictures
 
 
-def _curve(summary: RowSummary) -> Curve:
+def _curve(summary: RowSummary, solid: str) -> Curve:
     averages = summary.averages
     episodes = curve_episodes(averages.shape[1])
     mean, spread = averages.mean(axis=0)[episodes - 1], averages.std(axis=0)[episodes - 1]
     row = summary.row
     return Curve(
         f"{row.title}, {row.preset}",
-        row.title.removesuffix(", large"),
-        row.preset == "tuned",
+        row.group,
+        row.preset != solid,
         episodes,
         mean,
         mean - spread,

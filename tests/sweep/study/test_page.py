@@ -6,7 +6,7 @@ import csv
 import re
 import shutil
 import statistics
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from io import StringIO
 from itertools import pairwise
@@ -17,18 +17,15 @@ import pytest
 from PIL import Image
 
 from qcompile.errors import StudyError
-from qcompile.rl.settings import plain
+from qcompile.rl.settings import Settings, plain
+from qcompile.sweep.study import StudyRequest
 from qcompile.sweep.study.cell import folder_of
-from qcompile.sweep.study.page import page, verdict
-from qcompile.sweep.study.paper import figures, rows
-from qcompile.sweep.study.rows import Cell, Claim, cells
-from qcompile.sweep.study.summary import (
-    RowSummary,
-    curve_episodes,
-    curves_csv,
-    results_csv,
-)
-from qcompile.sweep.study.write_up import summaries, write_up
+from qcompile.sweep.study.page import page
+from qcompile.sweep.study.rows import Cell, Claim, Figure, Row, Rows, cells
+from qcompile.sweep.study.studies import open_study
+from qcompile.sweep.study.summary import RowSummary, curve_episodes, curves_csv, results_csv
+from qcompile.sweep.study.verdict import verdict
+from qcompile.sweep.study.write_up import draw_figures, summaries, write_up
 
 Make = Callable[..., RowSummary]
 DOCS = Path(__file__).parents[3] / "docs"
@@ -168,16 +165,17 @@ def test_curves_csv(summary: Make) -> None:
         (28, {}, "does not hold: 1.25 times the episodes"),
         (30, {"target": 20.5}, "does not hold: not reached"),
         # The best seed counts, which takes 30.
-        (25, {"figure": "lunarlander"}, "holds: 1.20 times the episodes"),
-        (24, {"figure": "lunarlander"}, "does not hold: 1.25 times the episodes"),
-        (24, {"figure": "lunarlander", "target": 20.5}, "does not hold: not reached"),
+        (25, {"of": "best"}, "holds: the best seed takes 1.20 times the episodes"),
+        (24, {"of": "best"}, "does not hold: the best seed takes 1.25 times the episodes"),
+        (24, {"of": "best", "target": 20.5}, "does not hold: not reached"),
     ],
 )
 def test_the_verdict(
     summary: Make, claimed: int | None, changes: dict[str, Any], words: str
 ) -> None:
     """The mean of the seeds is at the target after 35 episodes."""
-    assert verdict(summary(AT_40, AT_30, claim=Claim("-", claimed), **changes)) == words
+    claim = Claim("-", claimed, changes.pop("of", "mean"))
+    assert verdict(summary(AT_40, AT_30, claim=claim, **changes)) == words
 
 
 @pytest.mark.parametrize(
@@ -190,20 +188,32 @@ def test_the_verdict(
         ([AT_30, AT_40], {"seeds": 5}, "not tested: 2 of 5 seeds"),
         ([NEVER] * 2, {"seeds": 5}, "not tested: 2 of 5 seeds"),
         # Of the best of ten one may already do.
-        ([AT_30, NEVER], {"seeds": 10, "figure": "lunarlander"}, "holds: 0.30 times the episodes"),
-        ([NEVER] * 2, {"seeds": 10, "figure": "lunarlander"}, "not tested: 2 of 10 seeds"),
+        ([AT_30, NEVER], {"seeds": 10, "of": "best"}, "holds: the best seed takes 0.30 times"),
+        ([NEVER] * 2, {"seeds": 10, "of": "best"}, "not tested: 2 of 10 seeds"),
+        # With more seeds than the claim has, the best of all is better than its best.
+        ([[0.0] * 120, AT_30], {"seeds": 1, "of": "best"}, "does not hold: not reached"),
+        # A seed that stopped early could have been the best.
+        ([[0.0] * 300 + [20.0] * 20, NEVER], {"of": "best"}, "not tested: 45 of 120 episodes"),
     ],
 )
 def test_no_verdict_without_the_episodes_and_seeds_for_it(
     summary: Make, results: list[list[float]], changes: dict[str, Any], words: str
 ) -> None:
-    assert verdict(summary(*results, claim=Claim("-", 100), **changes)) == words
+    claim = Claim("-", 100, changes.pop("of", "mean"))
+    seeds = tuple(range(changes.get("seeds", len(results))))
+    assert verdict(summary(*results, claim=claim, seeds=seeds)).startswith(words)
+
+
+def test_seeds_of_an_earlier_list_are_not_those_of_the_claim(summary: Make) -> None:
+    row = summary(AT_30, AT_40, claim=Claim("-", 100), seeds=(1, 7))
+    assert verdict(row) == "not tested: 1 of 2 seeds"
 
 
 def test_a_first_look_says_what_it_cannot_say(summary: Make) -> None:
     """One seed does not scatter, and 19 episodes have no average over 20."""
-    short = summary([5.0] * 19, claim=Claim("about 30", 30), evaluation=[[1.0, 2.0]], seeds=5)
-    _, _, line = tables(page([short], "study", {}))[figures()["cartpole"].title]
+    claim = Claim("about 30", 30)
+    short = summary([5.0] * 19, claim=claim, evaluation=[[1.0, 2.0]], seeds=(0, 1, 2, 3, 4))
+    _, _, line = tables(paged([short]))["Poles"]
     assert line[4:] == [
         "under 20 episodes",
         "0 of 1",
@@ -218,6 +228,26 @@ def test_a_first_look_says_what_it_cannot_say(summary: Make) -> None:
 
 
 # The page and its pictures.
+
+FIGURES = {
+    "cartpole": Figure("Poles"),
+    "reuse": Figure("Reuse", ("cartpole-svqc-paper",)),
+    "lunarlander": Figure("Moon", last_episode=30),
+}
+COMMAND = "qcompile study mine.toml --out s"
+
+
+def study_of(several: Sequence[RowSummary], *more: Row) -> Rows:
+    """A study of these rows as they were trained, and of more."""
+    rows = {summary.row.name: summary.row for summary in several} | {row.name: row for row in more}
+    return Rows("mine.toml", "Mine", "What for.", FIGURES, tuple(rows.values()))
+
+
+def paged(several: Sequence[RowSummary], study: Rows | None = None, folder: str = "study") -> str:
+    """The page of trainings that a command repeats, all of them."""
+    repeated = [f"{s.row.name}-seed{seed}" for s in several for seed in s.seeds]
+    versions = {"torch": "1.2", "numpy": "3.4"}
+    return page(study or study_of(several), several, COMMAND, repeated, folder, versions)
 
 
 @pytest.fixture
@@ -235,6 +265,7 @@ def several(summary: Make) -> list[RowSummary]:
 def tables(text: str) -> dict[str, list[list[str]]]:
     """By the heading above: the cells of the lines below the head."""
     sections: dict[str, list[list[str]]] = {}
+    lines: list[list[str]] = []
     for line in text.splitlines():
         if line.startswith("## "):
             lines = sections.setdefault(line[3:], [])
@@ -244,11 +275,8 @@ def tables(text: str) -> dict[str, list[list[str]]]:
 
 
 def test_the_page_has_a_line_for_each_row(several: list[RowSummary]) -> None:
-    sections = tables(page(several, "study", {"torch": "1.2"}))
-    assert list(sections) == [
-        *(figures()[name].title for name in ("cartpole", "reuse", "lunarlander")),
-        "Repeat it",
-    ]
+    sections = tables(paged(several))
+    assert list(sections) == ["Poles", "Reuse", "Moon", "Repeat it"]
     cartpole, reuse, lunarlander, _ = sections.values()
     assert {len(line) for lines in sections.values() for line in lines} == {10}
     assert [line[:2] for line in cartpole[2:]] == [["SVQC", "`paper`"], ["SVQC", "`tuned`"]]
@@ -269,12 +297,24 @@ def test_the_page_has_a_line_for_each_row(several: list[RowSummary]) -> None:
 
 
 def test_the_page_says_the_targets_and_the_versions(several: list[RowSummary]) -> None:
-    text = page(several, "study", {"torch": "1.2", "numpy": "3.4"})
+    text = paged(several)
+    assert text.startswith("# Mine\n\nWritten by `qcompile study mine.toml` from the trainings in ")
+    assert "\nWhat for.\n" in text
     assert "Target: an average of 220 (200 for FCN, large, paper).\n" in text
     assert "Target: an average of 10.\n" in text
     assert "Made with torch 1.2, numpy 3.4;" in text
-    assert "plays 2 fresh episodes" in " ".join(text.split())
+    words = " ".join(text.split())
+    assert "is trained with 1 to 2 seeds" in words
+    assert "plays 2 fresh episodes" in words
+    assert f"## Repeat it\n\n```\n{COMMAND}\n```\n\nA study resumes" in text
+    assert "part of the study" not in text
     assert not re.search(r"[{}]|None|nan", text)
+
+
+def request_of(several: Sequence[RowSummary], out: Path, page: Path) -> StudyRequest:
+    request = StudyRequest(name="mine.toml", out=out, page=page)
+    vars(request)["study"] = study_of(several)
+    return request
 
 
 @pytest.mark.parametrize(("folder", "place"), [("docs/study", "docs"), ("study", "study")])
@@ -282,7 +322,7 @@ def test_a_write_up_is_files_that_the_page_links(
     several: list[RowSummary], tmp_path: Path, folder: str, place: str
 ) -> None:
     where, at = tmp_path / folder, tmp_path / place / "page.md"
-    paths = write_up(several, where, at)
+    paths = write_up(request_of(several, where, at), several)
     names = ["results.csv", "curves.csv", "cartpole.png", "reuse.png", "lunarlander.png"]
     assert paths == [*(where / name for name in names), at]
     assert sorted(path for path in tmp_path.rglob("*") if path.is_file()) == sorted(paths)
@@ -302,14 +342,88 @@ def test_trainings_of_two_versions_are_both_named(
 ) -> None:
     first, second = several[0].results
     newer = second.model_copy(update={"versions": {"torch": "1.3", "numpy": "3.4"}})
-    write_up([replace(several[0], results=(first, newer))], tmp_path, tmp_path / "page.md")
+    stored = [replace(several[0], results=(first, newer))]
+    write_up(request_of(stored, tmp_path, tmp_path / "page.md"), stored)
     assert "torch 1.2 and 1.3, numpy 3.4;" in (tmp_path / "page.md").read_text()
 
 
 def test_nothing_to_write_up(tmp_path: Path) -> None:
     with pytest.raises(StudyError, match="There are no trainings in"):
-        write_up([], tmp_path, tmp_path / "page.md")
+        write_up(StudyRequest(out=tmp_path), [])
     assert list(tmp_path.iterdir()) == []
+
+
+# What a page may not promise.
+
+
+def test_columns_without_claims_or_targets_are_left_out(summary: Make) -> None:
+    plain = [summary(AT_30, NEVER)]
+    head = tables(paged(plain))["Poles"][0]
+    assert head == [
+        *("model", "preset", "parameters", "mean of seeds at target", "seeds at target"),
+        *("best average", "last average", "fresh episodes"),
+    ]
+    assert not re.search("claim|verdict", paged(plain))
+    aimless = paged([summary(AT_30, target=None)])
+    assert len(tables(aimless)["Poles"][0]) == 6
+    assert "arget" not in aimless
+    both = [summary(AT_30), summary(AT_30, name="cartpole-fcn-paper", title="FCN", target=None)]
+    lines = tables(paged(both))["Poles"]
+    assert [line[3:5] for line in lines[2:]] == [["30", "1 of 1: 30, 30 to 30"], ["-", "-"]]
+    assert "Target: an average of 10 (none for FCN, paper).\n" in paged(both)
+
+
+def test_a_part_of_a_study_says_what_was_trained(summary: Make) -> None:
+    """Of three rows the first has fewer episodes, the second fewer seeds, the third nothing."""
+    several = [
+        summary([1.0] * 25, [1.0] * 23, settings=Settings(episodes=23)),
+        summary(AT_30, name="cartpole-svqc-tuned", preset="tuned"),
+    ]
+    rows = [
+        replace(several[0].row, settings=Settings(episodes=1000, steps=20_000)),
+        replace(several[1].row, seeds=(0, 4)),
+        replace(several[1].row, name="cartpole-fcn-tuned"),
+    ]
+    text = paged(several, study_of(several, *rows))
+    assert "This page shows a part of the study.\n" in text
+    lines = [line for line in text.splitlines() if line.startswith("| `")]
+    assert lines == [
+        "| `cartpole-svqc-paper` | 2 seeds | 23 to 25 episodes | 2 seeds | "
+        "1,000 episodes or 20,000 steps |",
+        "| `cartpole-svqc-tuned` | 1 seed | 50 episodes | 2 seeds | 1 episode |",
+    ]
+    assert (
+        "These rows are missing, not trained or with other settings: `cartpole-fcn-tuned`.\n"
+        in text
+    )
+    with_all = paged(several, study_of(several))
+    assert "part of the study" not in with_all
+
+
+def test_trainings_that_the_command_does_not_repeat_are_named(summary: Make) -> None:
+    several = [summary(AT_30, NEVER), summary(AT_30, name="other")]
+    study = study_of(several)
+    text = page(study, several, COMMAND, ["cartpole-svqc-paper-seed0"], "study", {})
+    assert (
+        "The folder held other trainings too, which it does not repeat: "
+        "`cartpole-svqc-paper` (seed 1), `other` (seed 0). "
+    ) in text
+    assert "held other trainings" not in paged(several)
+
+
+def test_fresh_episodes_of_two_numbers_are_both_said(summary: Make) -> None:
+    mixed = [summary(AT_30, NEVER, evaluation=[[1.0], [1.0] * 100])]
+    assert "plays 1 to 100 fresh episodes" in " ".join(paged(mixed).split())
+
+
+def test_words_of_a_file_stay_in_their_cells(summary: Make) -> None:
+    several = [summary(AT_30, title="a | b <i>", claim=Claim("about | 30", 30))]
+    study = replace(study_of(several), title="<script>", about="1 < 2 | 3")
+    text = paged(several, study)
+    assert "# &lt;script>\n" in text
+    assert "| a \\| b &lt;i> | `paper` | 1,234 | about \\| 30 |" in text
+    pictures = draw_figures(study, [summary(AT_30, title="$x_{$ and $y$")])
+    assert pictures["cartpole"].startswith(b"\x89PNG"), "a dollar is no formula"
 
 
 # What a folder holds.
@@ -320,7 +434,7 @@ def test_a_folder_is_read_row_by_row(
 ) -> None:
     """Two of three seeds of one row are there, one with other evaluation episodes; none of the
     other row."""
-    row, other = replace(short_row(), seeds=3), short_row("cartpole-svqc-tuned")
+    row, other = replace(short_row(), seeds=(0, 1, 2)), short_row("cartpole-svqc-tuned")
     folder = folder_of(tmp_path, 2)
     assert len(folder.missing(cells([row, other]))) == 8
     settings = plain(short_row().settings)
@@ -339,17 +453,22 @@ def test_a_folder_is_read_row_by_row(
 
 
 def test_the_committed_trainings_are_those_of_todays_presets() -> None:
-    assert folder_of(DOCS / "study", 100).missing(cells(rows())) == []
+    every = cells(open_study("paper").rows)
+    assert folder_of(DOCS / "study", 100).missing(every) == []
     files = {path.name for path in (DOCS / "study" / "cells").iterdir()}
-    assert files == {f"{row.name}-seed{i}.json" for row in rows() for i in range(row.seeds)}
+    assert files == {f"{cell.name}.json" for cell in every}
 
 
-def test_the_committed_page_is_what_they_give(tmp_path: Path) -> None:
-    folder = tmp_path / "docs" / "study"
-    shutil.copytree(DOCS / "study" / "cells", folder / "cells")
-    at = tmp_path / "docs" / "reproduction.md"
-    for path in write_up(summaries(rows(), folder), folder, at):
-        there = DOCS / path.relative_to(tmp_path / "docs")
+def test_the_committed_page_is_what_they_give(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shutil.copytree(DOCS / "study" / "cells", tmp_path / "docs/study/cells")
+    monkeypatch.chdir(tmp_path)
+    request = StudyRequest(name="paper", out="docs/study", page="docs/reproduction.md")
+    assert f"$(BIN)/{request.command}\n" in (DOCS.parent / "Makefile").read_text()
+    stored = summaries(request.study.rows, request.folder)
+    for path in write_up(request, stored):
+        there = DOCS.parent / path
         assert there.is_file()
         if path.suffix != ".png":  # fonts differ a little from machine to machine
             assert there.read_text() == path.read_text()

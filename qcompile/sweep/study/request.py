@@ -1,0 +1,133 @@
+"""What of which study is trained, and where it is written."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from os import fspath
+from pathlib import Path
+from typing import Any
+
+from qcompile.deploy.registration import import_modules
+from qcompile.errors import StudyError
+from qcompile.policy.arguments import check_env
+from qcompile.sweep.arguments import Name, several
+from qcompile.sweep.study.cell import EVALUATION_EPISODES, folder_of
+from qcompile.sweep.study.rows import Cell, Row, Rows, cells
+from qcompile.sweep.study.studies import default_folder, open_study
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudyRequest:
+    """The arguments of `qcompile.study` that say what is trained, and where it is written."""
+
+    name: Name = "paper"
+    figures: str | Sequence[str] = ()
+    rows: str | Sequence[str] = ()
+    seeds: int | None = None
+    episodes: int | None = None
+    evaluation: int = EVALUATION_EPISODES
+    out: Name | None = None
+    page: Name | None = None
+    imports: Name | Sequence[Name] = ()
+    env: Mapping[str, Any] = field(default_factory=dict)
+
+    @cached_property
+    def study(self) -> Rows:
+        """The study itself.
+
+        Raises:
+            StudyError: there is no such study, or its file does not hold one.
+            EnvironmentMismatchError: a module cannot be imported.
+        """
+        import_modules(several(self.imports))
+        check_env(self.env, kept=True)
+        return open_study(self.name)
+
+    @property
+    def folder(self) -> Path:
+        """The folder of trainings, CSV and figures."""
+        return default_folder(self.name) if self.out is None else Path(self.out)
+
+    @property
+    def page_path(self) -> Path:
+        """The page."""
+        return self.folder / "reproduction.md" if self.page is None else Path(self.page)
+
+    @property
+    def command(self) -> str:
+        """The command line that asks for the same."""
+        evaluation = None if self.evaluation == EVALUATION_EPISODES else self.evaluation
+        options = {
+            "--figure": several(self.figures),
+            "--row": several(self.rows),
+            "--seeds": [self.seeds],
+            "--episodes": [self.episodes],
+            "--evaluation": [evaluation],
+            "--out": [self.out],
+            "--page": [self.page],
+            "--import": several(self.imports),
+            "--env": [f"{name}={json.dumps(value)}" for name, value in self.env.items()],
+        }
+        words = ["qcompile", "study", fspath(self.name)]
+        for option, values in options.items():
+            words += [w for v in values if v is not None for w in (option, str(v))]
+        return shlex.join(words)
+
+    def changed(self, rows: Sequence[Row]) -> list[Row]:
+        """These rows with the episodes and the arguments of environments that are asked for."""
+        made = (replace(row, arguments={**row.arguments, **self.env}) for row in rows)
+        return [row.shortened(self.episodes) for row in made]
+
+    def chosen(self) -> list[Row]:
+        """The rows that are asked for.
+
+        Raises:
+            StudyError: no such study, figure or row.
+        """
+        chosen = self.study.chosen(several(self.figures), several(self.rows))
+        return self.changed(chosen)
+
+    def cells(self) -> list[Cell]:
+        """The trainings that are asked for.
+
+        Raises:
+            StudyError: no such study, figure or row.
+        """
+        return cells(self.chosen(), self.seeds)
+
+    def left(self) -> list[dict[str, Any]]:
+        """The rows that are asked for: row, environment, seeds, and how many are left to train.
+
+        Raises:
+            StudyError: no such study, figure or row.
+        """
+        folder = folder_of(self.folder, self.evaluation)
+        return [
+            {
+                "row": row.name,
+                "environment": row.environment,
+                "seeds": len(row.first_seeds(self.seeds)),
+                "left": len(folder.missing(cells([row], self.seeds))),
+            }
+            for row in self.chosen()
+        ]
+
+    def check_replaces_nothing(self) -> None:
+        """Refuse a first look where a training with other settings is stored.
+
+        Raises:
+            StudyError: the file of a cell that is to be trained is there.
+        """
+        if self.episodes is None and self.evaluation == EVALUATION_EPISODES:
+            return
+        folder = folder_of(self.folder, self.evaluation)
+        stored = [cell for cell in folder.missing(self.cells()) if folder.file(cell).exists()]
+        if stored:
+            raise StudyError(
+                f"{self.folder} holds {len(stored)} of these trainings with other settings.",
+                "Fewer episodes need a folder of their own: say --out look.",
+            )
