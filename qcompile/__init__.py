@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     )
     from qcompile.ir import Angle, Circuit, Gate, Program
     from qcompile.passes import Executable, compile
-    from qcompile.policy import Encoder, Policy, load_policy, save_policy
+    from qcompile.policy import Encoder, Network, Policy, load_policy, save_policy
     from qcompile.simulate import Simulator
     from qcompile.verbs.calibrate import calibrate
     from qcompile.verbs.evaluate import evaluate
@@ -63,6 +63,7 @@ _HOMES = {
     "Executable": "qcompile.passes",
     "Gate": "qcompile.ir",
     "Live": "qcompile.verbs.live",
+    "Network": "qcompile.policy",
     "OfflineExecutor": "qcompile.execution",
     "OptionError": "qcompile.errors",
     "Policy": "qcompile.policy",
@@ -95,6 +96,7 @@ __all__ = [  # noqa: RUF022
     "Executable",
     "Gate",
     "Live",
+    "Network",
     "OfflineExecutor",
     "OptionError",
     "Policy",

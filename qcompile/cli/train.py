@@ -110,8 +110,8 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
     "--out",
     type=_FILE,
     required=True,
-    help="Policy file to write, .pt or .json; overwritten. For mvqc, fcn and cnn, which are no "
-    "one-qubit circuits, their checkpoint, .pt.",
+    help="Policy file to write, .pt or .json; overwritten. For mvqc, an entangling circuit that is "
+    "not played yet, its checkpoint, .pt.",
 )
 @json_option
 def command(environment: str, as_json: bool, **options: Any) -> None:

@@ -16,7 +16,7 @@ from gymnasium.spaces import Box, Discrete
 
 from qcompile.catalogue import nearest
 from qcompile.errors import EnvironmentMismatchError
-from qcompile.policy import Policy
+from qcompile.policy import AnyPolicy, Network
 from qcompile.terminal import first_line
 
 Environment = gymnasium.Env[Any, Any]
@@ -138,10 +138,13 @@ def features_and_actions(environment: Environment) -> tuple[int, int]:
     return int(observed.shape[0]), int(acted.n)
 
 
-def check_fit(policy: Policy, environment: Environment) -> None:
+def check_fit(policy: AnyPolicy, environment: Environment) -> None:
     """Raise EnvironmentMismatchError where `policy` cannot act in `environment`."""
     features, actions = features_and_actions(environment)
     name = environment_name(environment)
+    if isinstance(policy, Network):
+        _check_network(policy, name, features, actions)
+        return
     if policy.encoder.reads_bits:
         raise EnvironmentMismatchError(
             f"Policy {policy.name!r} reads the bits of a number; {name} observes a vector of "
@@ -159,6 +162,15 @@ def check_fit(policy: Policy, environment: Environment) -> None:
         raise EnvironmentMismatchError(
             f"Policy {policy.name!r} has {policy.actions} actions; {name} has {actions}.",
             "Correct `environment`, or `weights` and `bias`, in the policy file.",
+        )
+
+
+def _check_network(network: Network, name: str, features: int, actions: int) -> None:
+    if (network.features, network.actions) != (features, actions):
+        raise EnvironmentMismatchError(
+            f"Network {network.name!r} maps {network.features} features to {network.actions} "
+            f"actions; {name} has {features} and {actions}.",
+            "Correct `environment`, or `layers`, in the file of the network.",
         )
 
 

@@ -1,13 +1,25 @@
-"""Policies: encoder, program and head; their files; the circuits they are usually made of."""
+"""Policies, of circuits and of networks; their files; the circuits they are usually made of."""
 
 from qcompile.policy.encoder import ENCODINGS, Encoder
-from qcompile.policy.files import load_policy, policy_names, save_policy
+from qcompile.policy.files import (
+    AnyPolicy,
+    load_circuits,
+    load_policy,
+    policy_names,
+    save_policy,
+)
+from qcompile.policy.network import Convolution, Dense, Network
 from qcompile.policy.policy import Policy
 
 __all__ = [
     "ENCODINGS",
+    "AnyPolicy",
+    "Convolution",
+    "Dense",
     "Encoder",
+    "Network",
     "Policy",
+    "load_circuits",
     "load_policy",
     "policy_names",
     "save_policy",

@@ -11,7 +11,7 @@ from qcompile.limits import FREE_SECONDS, USD_PER_SECOND
 from qcompile.live.connection import Connection
 from qcompile.live.plan import copies_that_fit, forecast, strategies
 from qcompile.live.play import RunTask
-from qcompile.policy import Policy, load_policy
+from qcompile.policy import Policy, load_circuits
 from qcompile.policy.files import policy_values
 from qcompile.report.figure import Figure
 from qcompile.report.seconds import draw_seconds
@@ -89,7 +89,7 @@ def plan(
             "ideal is not a machine: it costs nothing.",
             "Name a device; `qcompile backends` lists some.",
         )
-    loaded = policy if isinstance(policy, Policy) else load_policy(policy)
+    loaded = load_circuits(policy)
     task = RunTask.model_validate(
         {
             "backend": device.name,

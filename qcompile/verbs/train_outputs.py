@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 from qcompile.errors import OptionError
 from qcompile.output import check_writable
 from qcompile.policy import save_policy
-from qcompile.policy.files import SUFFIXES
+from qcompile.policy.files import SUFFIXES, policy_file
 from qcompile.verbs.files import check_distinct
 
 if TYPE_CHECKING:
-    from qcompile.policy import Policy
+    from qcompile.policy import AnyPolicy
     from qcompile.rl.ppo import Trainer
     from qcompile.rl.watch import Watch
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 class TrainingOutputs:
     """What a training writes, and the checkpoint that it resumes from; None for what it does not.
 
-    `out` is the policy; of a model that makes none it is its checkpoint.
+    `out` is the policy; of mvqc, which makes none yet, it is its checkpoint.
     """
 
     out: Path | None
@@ -38,10 +38,14 @@ class TrainingOutputs:
             OptionError: a wrong suffix, a name that no policy can have, or files that are the same
                 or lie in each other.
             OutputError: a file that cannot be written.
+            PolicyError: a policy that is too large for a file.
         """
-        has_policy = trainer.policy() is not None
+        policy = trainer.policy()
+        has_policy = policy is not None
         if self.out is not None:
             self._check_name(self.out, has_policy, trainer.settings.model)
+            if policy is not None:
+                policy_file(policy)
         allowed = [frozenset({"resume", "checkpoint"})]
         if not has_policy:
             allowed += [frozenset({"out", other}) for other in ("resume", "checkpoint")]
@@ -60,15 +64,15 @@ class TrainingOutputs:
             raise OptionError(f"{out} must end with .pt or .json.")
         if not has_policy and out.suffix != ".pt":
             raise OptionError(
-                f"{out} must end with .pt: model {model!r} is not made of one-qubit circuits, so "
-                "it is saved as a checkpoint."
+                f"{out} must end with .pt: model {model!r} is an entangling circuit, which is "
+                "saved as a checkpoint until those are played."
             )
         if not out.stem.isprintable():
             raise OptionError(
                 f"{str(out)!a} must have a name of printable characters: it names the policy."
             )
 
-    def write(self, policy: Policy | None, watch: Watch) -> Policy | None:
+    def write(self, policy: AnyPolicy | None, watch: Watch) -> AnyPolicy | None:
         """Write the policy, or the checkpoint of a model that has none; the policy by its name."""
         if self.out is None:
             return policy

@@ -16,7 +16,7 @@ from qcompile.errors import CalibrationError, OptionError
 from qcompile.execution import Backend, Executor, check_shots, open_executor
 from qcompile.live.validate import ValidateTask
 from qcompile.mitigation.misfit import misfit_words
-from qcompile.policy import Policy, load_policy
+from qcompile.policy import Policy, load_circuits
 from qcompile.policy.files import policy_values
 from qcompile.sweep.arguments import Name, Words, ignore
 from qcompile.verbs.arguments import checked
@@ -106,7 +106,7 @@ def validate(
         file = str(Path(calibration))
     if shots is not None:
         check_shots(shots)
-    loaded = policy if isinstance(policy, Policy) else load_policy(policy)
+    loaded = load_circuits(policy)
     least_power = POWER if power is None else power
     rows, shots, reached = choose_check(
         known,
