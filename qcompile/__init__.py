@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     )
     from qcompile.ir import Angle, Circuit, Gate, Program
     from qcompile.passes import Executable, compile
-    from qcompile.policy import Ansatz, Encoder, Policy, load_policy, save_policy
+    from qcompile.policy import Ansatz, Encoder, Network, Policy, load_policy, save_policy
     from qcompile.simulate import Simulator
     from qcompile.verbs.calibrate import calibrate
     from qcompile.verbs.evaluate import evaluate
@@ -65,6 +65,7 @@ _HOMES = {
     "Executable": "qcompile.passes",
     "Gate": "qcompile.ir",
     "Live": "qcompile.verbs.live",
+    "Network": "qcompile.policy",
     "OfflineExecutor": "qcompile.execution",
     "OptionError": "qcompile.errors",
     "Policy": "qcompile.policy",
@@ -98,6 +99,7 @@ __all__ = [  # noqa: RUF022
     "Executable",
     "Gate",
     "Live",
+    "Network",
     "OfflineExecutor",
     "OptionError",
     "Policy",

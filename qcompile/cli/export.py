@@ -53,11 +53,11 @@ def command(
     """
     from qcompile.execution import open_device
     from qcompile.jobs.policy_job import export_job, read_observations
-    from qcompile.policy import load_policy
+    from qcompile.policy import load_circuits
     from qcompile.report.progress import progress_bar
 
     device = open_device(backend)
-    loaded = load_policy(policy)
+    loaded = load_circuits(policy)
     folder = out or Path(f"{file_name(loaded.name)}-job")
     rows = None if observations is None else read_observations(observations, loaded)
     with progress_bar(f"{loaded.name} for {device.name}", 1 if rows is None else len(rows)) as show:

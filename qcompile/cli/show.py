@@ -1,13 +1,17 @@
-"""`qcompile show`: circuits before and after compilation."""
+"""`qcompile show`: circuits before and after compilation, or the layers of a network."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 from click.core import ParameterSource
 
 from qcompile.cli.options import backend_option, echo_json, json_option, level_option
+
+if TYPE_CHECKING:
+    from qcompile.policy import Network
 
 
 @click.command("show")
@@ -27,7 +31,8 @@ def command(
     """Show the circuits of a policy or an OpenQASM file, before and after compilation.
 
     A policy's theta is shown as a symbol; `run` and `export` put its numbers in. On a backend with
-    qubits of its own the placement is shown too, and what it follows from.
+    qubits of its own the placement is shown too, and what it follows from. Of a network its layers
+    are shown.
     """
     if surrogate:
         _check_surrogate(ctx, subject)
@@ -35,21 +40,25 @@ def command(
         return
     from qcompile.execution import load_backend
     from qcompile.passes import compile
-    from qcompile.policy import load_policy
+    from qcompile.policy import Network, load_policy
     from qcompile.report.wires import executable_values, print_executable
+
+    policy = None if Path(subject).suffix == ".qasm" else load_policy(subject)
+    if isinstance(policy, Network):
+        _show_network(ctx, policy, as_json)
+        return
 
     opened = load_backend(backend)
     device = opened.device
-    if Path(subject).suffix == ".qasm":
+    if policy is None:
         from qcompile.jobs.program_file import compile_source
         from qcompile.qasm.read import read_file
 
-        policy, importance = None, None
+        importance = None
         compiled = compile_source(read_file(subject), device, level, "3")
         executable, numbers = compiled.executable, compiled.circuits
     else:
-        policy, numbers = load_policy(subject), None
-        importance = policy.importance
+        numbers, importance = None, policy.importance
         executable = compile(policy.program, device, level, importance)
     values = executable_values(
         executable, importance, numbers, policy=policy, calibration=opened.calibration
@@ -66,19 +75,36 @@ def _check_surrogate(ctx: click.Context, subject: str) -> None:
         raise click.UsageError(
             f"--surrogate is for a policy; {subject} is a program, without encoder and head.", ctx
         )
-    for name in ("backend", "level"):
-        if ctx.get_parameter_source(name) is not ParameterSource.DEFAULT:
-            raise click.UsageError(
-                f"--surrogate and --{name} exclude each other: nothing is compiled.", ctx
-            )
+    for name in _of_circuits(ctx):
+        raise click.UsageError(
+            f"--surrogate and --{name} exclude each other: nothing is compiled.", ctx
+        )
+
+
+def _of_circuits(ctx: click.Context) -> list[str]:
+    """The options given that only circuits have."""
+    default = ParameterSource.DEFAULT
+    return [name for name in ("backend", "level") if ctx.get_parameter_source(name) is not default]
+
+
+def _show_network(ctx: click.Context, network: Network, as_json: bool) -> None:
+    from qcompile.deploy.network import refuse_options
+    from qcompile.report.network import network_values, print_network
+
+    refuse_options(network, _of_circuits(ctx))
+    values = network_values(network)
+    if as_json:
+        echo_json(values)
+    else:
+        print_network(values)
 
 
 def _show_surrogate(subject: str, as_json: bool) -> None:
-    from qcompile.policy import load_policy
+    from qcompile.policy import load_circuits
     from qcompile.policy.surrogate import Surrogate
     from qcompile.report.surrogate import print_surrogate, surrogate_values
 
-    surrogate = Surrogate.of(load_policy(subject))
+    surrogate = Surrogate.of(load_circuits(subject))
     if as_json:
         echo_json(surrogate_values(surrogate))
     else:

@@ -146,8 +146,8 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
     "--out",
     type=_FILE,
     required=True,
-    help="Policy file to write, .pt or .json. For mvqc, fcn and cnn, which are no one-qubit "
-    "circuits, their checkpoint, .pt.",
+    help="Policy file to write, .pt or .json. For mvqc, an entangling circuit that is not played "
+    "yet, its checkpoint, .pt.",
 )
 @click.option(
     "--force",

@@ -8,10 +8,11 @@ import numpy as np
 
 from qcompile.arrays import FloatArray, IntArray
 from qcompile.deploy.measurement import Measurement
-from qcompile.deploy.rows import Rows
+from qcompile.deploy.player import GATES
+from qcompile.deploy.rows import Rows, executions
 from qcompile.deploy.settings import RunSettings
 from qcompile.device import Device
-from qcompile.execution import Backend, Executor, open_executor
+from qcompile.execution import Backend, Executor, Kind, Workload, open_executor
 from qcompile.policy import Policy
 from qcompile.policy.policy import NO_THETA
 from qcompile.streams import Draws
@@ -57,6 +58,16 @@ class Deployment:
         return f"Deployment({self.policy.name} on {self.device.name})"
 
     @property
+    def backend(self) -> str:
+        """The name of its device."""
+        return self.device.name
+
+    @property
+    def kind(self) -> Kind:
+        """What its executor's counts are."""
+        return self.executor.kind
+
+    @property
     def copies(self) -> int:
         """How many episodes share an execution."""
         return self.settings.copies or 1
@@ -81,3 +92,22 @@ class Deployment:
         if self.settings.greedy:
             return self.policy.greedy(z)
         return self.policy.decide(z, self._draws.actions(rows.episode, rows.decision))
+
+    def executions(self, rows: Rows) -> int:
+        """How many executions of its program a step of these rows takes: those of its copies."""
+        return executions(rows, self.copies)
+
+    def load(self, executions: int) -> Workload:
+        """Jobs and executions (times shots and rounds) of such a step."""
+        return Workload.of_batch(executions, self.executable.round_count, self.settings.shots or 0)
+
+    def sizes(self) -> dict[str, Any]:
+        """The most gates of a circuit, circuits and rounds, as in `qcompile run --json`."""
+        counts = self.executable.gate_counts()
+        return {
+            "gates_per_circuit": {
+                gate: max((count[gate] for count in counts), default=0) for gate in GATES
+            },
+            "circuits_per_step": len(self.policy.program),
+            "rounds_per_step": self.executable.round_count,
+        }

@@ -15,7 +15,7 @@ from gymnasium.spaces import Box, Discrete
 from qcompile.catalogue import close_names
 from qcompile.deploy.flattening import StateNumber, vector_observations
 from qcompile.errors import EnvironmentMismatchError
-from qcompile.policy import Policy
+from qcompile.policy import AnyPolicy, Network
 from qcompile.terminal import first_line
 
 Environment = gymnasium.Env[Any, Any]
@@ -170,13 +170,16 @@ def features_and_actions(environment: Environment) -> tuple[int, int]:
     return int(observed.shape[0]), int(acted.n)
 
 
-def check_fit(policy: Policy, environment: Environment) -> None:
+def check_fit(policy: AnyPolicy, environment: Environment) -> None:
     """Raise EnvironmentMismatchError where `policy` cannot act in `environment`.
 
     It was made with `bits` if the policy reads bits.
     """
     features, actions = features_and_actions(environment)
     name = environment_name(environment)
+    if isinstance(policy, Network):
+        _check_network(policy, name, features, actions)
+        return
     if policy.encoder.reads_bits:
         if not isinstance(environment, StateNumber):
             raise EnvironmentMismatchError(
@@ -202,6 +205,15 @@ def check_fit(policy: Policy, environment: Environment) -> None:
         raise EnvironmentMismatchError(
             f"Policy {policy.name!r} has {policy.actions} actions; {name} has {actions}.",
             "Correct `environment`, or `weights` and `bias`, in the policy file.",
+        )
+
+
+def _check_network(network: Network, name: str, features: int, actions: int) -> None:
+    if (network.features, network.actions) != (features, actions):
+        raise EnvironmentMismatchError(
+            f"Network {network.name!r} maps {network.features} features to {network.actions} "
+            f"actions; {name} has {features} and {actions}.",
+            "Correct `environment`, or `layers`, in the file of the network.",
         )
 
 

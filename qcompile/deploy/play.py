@@ -8,7 +8,6 @@ from functools import partial
 from typing import Protocol
 
 from qcompile.arrays import FloatArray, IntArray
-from qcompile.deploy.deployment import Deployment
 from qcompile.deploy.environments import (
     Environment,
     check_fit,
@@ -17,6 +16,7 @@ from qcompile.deploy.environments import (
     reward_threshold,
 )
 from qcompile.deploy.lockstep import Act, Episode, Frame, lockstep
+from qcompile.deploy.player import Player
 from qcompile.deploy.result import Run
 from qcompile.deploy.rows import Rows
 from qcompile.errors import CountsError
@@ -40,7 +40,7 @@ def _drop(rewards: list[float]) -> None:
 
 
 def play(
-    deployment: Deployment,
+    player: Player,
     episodes: int | Sequence[int],
     *,
     recorder: Recorder | None = None,
@@ -49,8 +49,8 @@ def play(
 ) -> Run:
     """Play so many episodes in lockstep, or those of these numbers, each once, in ascending order.
 
-    Episode i resets with the deployment's seed + i and draws from streams of its own. All living
-    episodes step together: one batch of circuits, one job. Ctrl-C ends the run and keeps what is
+    Episode i resets with the player's seed + i and draws from streams of its own. All living
+    episodes step together: of circuits one batch, one job. Ctrl-C ends the run and keeps what is
     finished; `recorder` sees every step. `on_frame` gets the frames of the first episode, (height,
     width, 3), and how many of them make a second.
 
@@ -67,34 +67,34 @@ def play(
         )
     if isinstance(episodes, int):
         numbers = range(episodes)
-    policy = deployment.policy
+    policy = player.policy
     make = partial(
         make_environments,
         policy.environment,
-        bits=policy.encoder.reads_bits,
+        bits=policy.reads_bits,
         arguments=policy.environment_kwargs,
     )
     environments = make(1, film=on_frame is not None)
     try:
         check_fit(policy, environments[0])
         environments += make(len(numbers) - 1)
-        return _play(deployment, numbers, environments, recorder, on_episode, on_frame)
+        return _play(player, numbers, environments, recorder, on_episode, on_frame)
     finally:
         close_environments(environments)
 
 
 def _play(
-    deployment: Deployment,
+    player: Player,
     episodes: Sequence[int],
     environments: list[Environment],
     recorder: Recorder | None,
     on_episode: Callable[[Episode], None],
     on_frame: Callable[[Frame, float], None] | None,
 ) -> Run:
-    result = Run(deployment, reward_threshold(environments[0]))
+    result = Run(player, reward_threshold(environments[0]))
 
     def act(observations: FloatArray, rows: Rows) -> IntArray:
-        actions = deployment.act(observations, rows)
+        actions = player.act(observations, rows)
         result.count_step(rows)  # as they were measured: a recorder may have changed their order
         return actions
 
@@ -107,9 +107,9 @@ def _play(
         lockstep(
             act if recorder is None else partial(recorder.act, act),
             environments,
-            deployment.settings.seed,
+            player.settings.seed,
             episodes=episodes,
-            max_steps=deployment.settings.max_steps,
+            max_steps=player.settings.max_steps,
             on_rewards=_drop if recorder is None else recorder.rewards,
             on_episode=note,
             on_frame=on_frame,

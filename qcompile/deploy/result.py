@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from qcompile.arrays import FloatArray
-from qcompile.deploy.deployment import Deployment
 from qcompile.deploy.intervals import bootstrap_ci95
 from qcompile.deploy.lockstep import Episode
-from qcompile.deploy.rows import Rows, executions
+from qcompile.deploy.player import Player
+from qcompile.deploy.rows import Rows
 from qcompile.execution import Workload
 
 _LEAST_FOR_SOLVED = 100
@@ -20,13 +20,13 @@ _LEAST_FOR_SOLVED = 100
 
 @dataclass
 class Run:
-    """Episodes played with a deployment; `episodes` are those that finished.
+    """Episodes played; `episodes` are those that finished.
 
     `threshold` is the mean reward at which the environment counts as solved, if it has one;
     `env_steps` counts the steps of every environment.
     """
 
-    deployment: Deployment
+    player: Player
     threshold: float | None = None
     episodes: list[Episode] = field(default_factory=list)
     programs: Counter[int] = field(default_factory=Counter)
@@ -38,7 +38,7 @@ class Run:
     def count_step(self, rows: Rows) -> None:
         """Count a step of these episodes: one job, or more where a job cannot hold it."""
         self.env_steps += len(rows.episode)
-        self.programs[executions(rows, self.deployment.copies)] += 1
+        self.programs[self.player.executions(rows)] += 1
 
     @property
     def steps(self) -> int:
@@ -48,10 +48,9 @@ class Run:
     @property
     def load(self) -> Workload:
         """Jobs and executions of the episodes."""
-        deployment, load = self.deployment, Workload()
-        rounds, shots = deployment.executable.round_count, deployment.settings.shots or 0
+        load = Workload()
         for programs, steps in self.programs.items():
-            load += Workload.of_batch(programs, rounds, shots) * steps
+            load += self.player.load(programs) * steps
         return load
 
     @property
@@ -61,12 +60,12 @@ class Run:
     @property
     def total_load(self) -> Workload:
         """Jobs and executions (circuits after packing times shots), with the calibration's."""
-        return self.load + self.deployment.calibration_load
+        return self.load + self.player.calibration_load
 
     def summary(self) -> dict[str, Any]:
         """The plain values of `qcompile run --json`."""
-        deployment, settings, rewards = self.deployment, self.deployment.settings, self.rewards
-        policy, counts = deployment.policy, deployment.executable.gate_counts()
+        player, rewards = self.player, self.rewards
+        policy, settings = player.policy, player.settings
         shots, load = settings.shots, self.total_load
         # Of an interrupted run the shortest episodes ended first: their mean is biased.
         judged = not self.interrupted and settings.max_steps is None
@@ -75,14 +74,14 @@ class Run:
             "policy": policy.name,
             "environment": policy.environment,
             **({"environment_kwargs": arguments} if arguments else {}),
-            "backend": deployment.device.name,
-            "kind": deployment.executor.kind,
+            "backend": player.backend,
+            "kind": player.kind,
             "shots": "exact" if shots is None else shots,
             "mitigation": settings.mitigation,
             "predistort": settings.predistort,
             "calibration": settings.calibration_file,
-            "calibration_misfits": [misfit.values() for misfit in deployment.misfits],
-            "copies": deployment.copies,
+            "calibration_misfits": [misfit.values() for misfit in player.misfits],
+            "copies": settings.copies or 1,
             "level": settings.level,
             "greedy": settings.greedy,
             "seed": settings.seed,
@@ -91,12 +90,7 @@ class Run:
             "std_reward": float(rewards.std()) if len(rewards) else None,
             "ci95": None if self.interrupted else bootstrap_ci95(rewards, settings.seed),
             "solved": is_solved(rewards, self.threshold) if judged else None,
-            "gates_per_circuit": {
-                gate: max((count[gate] for count in counts), default=0)
-                for gate in ("sx", "rz", "x", "rx")
-            },
-            "circuits_per_step": len(policy.program),
-            "rounds_per_step": deployment.executable.round_count,
+            **player.sizes(),
             "max_steps": settings.max_steps,
             "jobs": 0 if shots is None else load.jobs,
             "executions": load.executions,

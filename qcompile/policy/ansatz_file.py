@@ -22,7 +22,7 @@ from qcompile.output import write_file
 from qcompile.policy.ansatz import NO_FACTOR, Ansatz
 from qcompile.policy.blocks import Natural
 from qcompile.policy.encoder import Encoder
-from qcompile.policy.files import SUFFIXES, load_policy, policy_names
+from qcompile.policy.files import SUFFIXES, load_circuits, policy_names
 from qcompile.policy.policy import Policy
 from qcompile.policy.schema import CircuitFile, EncoderFile2, Numbers, Part
 from qcompile.reading import ContentsError, check_json, read_json
@@ -169,7 +169,7 @@ def _loaded(path: Path) -> Ansatz:
     if path.suffix == ".json" and (ansatz := _from_json(path)):
         return ansatz
     if is_policy:
-        return Ansatz.of_policy(load_policy(path))
+        return Ansatz.of_policy(load_circuits(path))
     return replace(Ansatz.from_qasm(path), origin=f"OpenQASM {path.name}")
 
 

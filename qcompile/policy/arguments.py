@@ -10,10 +10,13 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 from qcompile.errors import OptionError
+from qcompile.policy.network import Network
 from qcompile.policy.policy import Policy
+
+P = TypeVar("P", bound=Policy | Network)
 
 RESERVED = ("id", "render_mode", "disable_env_checker")
 """Arguments of gymnasium.make that a run sets itself."""
@@ -21,7 +24,7 @@ RESERVED = ("id", "render_mode", "disable_env_checker")
 _WORDS = re.compile(r"[A-Za-z0-9 _-]{0,200}")
 
 
-def with_arguments(policy: Policy, env: Mapping[str, Any] | None, *, kept: bool = False) -> Policy:
+def with_arguments(policy: P, env: Mapping[str, Any] | None, *, kept: bool = False) -> P:
     """The policy, whose environment is made with `env` over the arguments that it has.
 
     Raises:

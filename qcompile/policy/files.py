@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 import json
-import pickle
 from os import PathLike, fspath
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
 from qcompile.catalogue import find, names, nearest
 from qcompile.errors import CircuitError, PolicyError
 from qcompile.foreign import what_it_is
-from qcompile.limits import MAX_VALUES
 from qcompile.output import write_file
 from qcompile.policy.blocks import BlockFile
 from qcompile.policy.encoder import Encoder
+from qcompile.policy.network import Network
+from qcompile.policy.network_file import (
+    NETWORK_1,
+    ConvolutionFile,
+    DenseFile,
+    NetworkFile,
+    network_values,
+)
+from qcompile.policy.packed import UnreadableError, pt_bytes, read_pt
 from qcompile.policy.policy import Policy
 from qcompile.policy.refusals import UnsupportedPolicyError
 from qcompile.policy.schema import (
@@ -30,16 +37,15 @@ from qcompile.policy.schema import (
     PolicyFile,
     PolicyFile2,
 )
-from qcompile.reading import CodeError, ContentsError, read_file, read_json, read_torch
+from qcompile.reading import ContentsError, check_json, read_json
 from qcompile.validation import explain
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 _Schema = TypeVar("_Schema", bound=BaseModel)
 
 SUFFIXES = (".pt", ".json")
-_TENSORS = ("theta", "weights", "bias")
+
+AnyPolicy = Policy | Network
+"""What decides: circuits, or a network."""
 
 
 def policy_names() -> list[str]:
@@ -47,26 +53,30 @@ def policy_names() -> list[str]:
     return names("trained", SUFFIXES)
 
 
-def load_policy(name: str | PathLike[str]) -> Policy:
-    """The policy of the file at this path, or shipped in trained/ under this bare name.
+def load_policy(policy: str | PathLike[str] | AnyPolicy) -> AnyPolicy:
+    """The policy of the file at a path, or shipped in trained/ under a bare name.
+
+    It is a Policy of circuits or a Network, as the file says; one that is loaded is given back.
 
     Raises:
         PolicyError: there is no such file, or its contents are wrong; the message says what.
     """
-    if not isinstance(name, str | PathLike):
-        raise PolicyError(f"load_policy takes a name or a file, found {what_it_is(name)}.")
-    path = find("trained", fspath(name), SUFFIXES)
+    if isinstance(policy, Policy | Network):
+        return policy
+    if not isinstance(policy, str | PathLike):
+        raise PolicyError(f"load_policy takes a name or a file, found {what_it_is(policy)}.")
+    path = find("trained", fspath(policy), SUFFIXES)
     if path is None:
         raise PolicyError(
-            f"Unknown policy {fspath(name)!r}.",
-            nearest(fspath(name), policy_names()),
+            f"Unknown policy {fspath(policy)!r}.",
+            nearest(fspath(policy), policy_names()),
             "A path to a .pt or .json policy file works too.",
         )
     try:
-        return _validated(_read_pt(path) if path.suffix == ".pt" else read_json(path)).policy()
+        return _validated(read_pt(path) if path.suffix == ".pt" else read_json(path)).policy()
     except (OSError, ContentsError) as error:
         raise PolicyError(f"{path} is not a policy file.", *explain(error)) from error
-    except _UnreadableError:
+    except UnreadableError:
         raise
     except (CircuitError, PolicyError) as error:
         lines = str(error).splitlines()
@@ -76,7 +86,23 @@ def load_policy(name: str | PathLike[str]) -> Policy:
         raise PolicyError(f"{path} is not a policy file.", *lines) from error
 
 
-def _validated(source: str | dict[str, Any]) -> PolicyFile | PolicyFile2:
+def load_circuits(policy: str | PathLike[str] | AnyPolicy) -> Policy:
+    """The policy that `load_policy` gives, if it is made of circuits.
+
+    Raises:
+        PolicyError: as `load_policy`, and where it is a network.
+    """
+    loaded = load_policy(policy)
+    if isinstance(loaded, Policy):
+        return loaded
+    word = fspath(policy) if isinstance(policy, str | PathLike) else loaded.name
+    raise PolicyError(
+        f"{word} is a network, not circuits: there is nothing to compile or to measure.",
+        "`qcompile run` and `qcompile evaluate` play it, on `ideal`.",
+    )
+
+
+def _validated(source: str | dict[str, Any]) -> PolicyFile | PolicyFile2 | NetworkFile:
     """The policy file with this JSON text, or with these plain values.
 
     Raises:
@@ -85,7 +111,7 @@ def _validated(source: str | dict[str, Any]) -> PolicyFile | PolicyFile2:
     """
     try:
         format_ = _by_schema(AnyFormat, source).format
-        return _by_schema(SCHEMAS[format_], source)
+        return _by_schema(_SCHEMAS[format_], source)
     except ValidationError as error:
         lines = explain(error, words={"extra_forbidden": "unknown key"})
         values = json.loads(source) if isinstance(source, str) else source
@@ -100,7 +126,8 @@ def _by_schema(schema: type[_Schema], source: str | dict[str, Any]) -> _Schema:
 
 def _hints(error: ValidationError, values: Any) -> list[str]:
     """What to do about unknown keys, and about a file that says the wrong format."""
-    is_first = isinstance(values, dict) and values.get("format") == FORMAT_1
+    format_ = values.get("format") if isinstance(values, dict) else None
+    is_first = format_ == FORMAT_1
     if is_first:
         try:
             PolicyFile2.model_validate(values | {"format": FORMAT_2})
@@ -108,13 +135,13 @@ def _hints(error: ValidationError, values: Any) -> list[str]:
             pass
         else:
             return [f'It is right in the other format: "format": "{FORMAT_2}".']
-    parts = _PARTS_1 if is_first else _PARTS_2
+    parts = {FORMAT_1: _PARTS_1, NETWORK_1: _PARTS_OF_NETWORKS}.get(str(format_), _PARTS_2)
     lines = []
     for fault in error.errors(include_url=False, include_context=False)[:2]:
         *place, key = fault["loc"] or [""]
         if fault["type"] == "extra_forbidden":
             part = place[-1] if place else ""
-            is_later = key in _PARTS_2[part].model_fields
+            is_later = is_first and key in _PARTS_2[part].model_fields
             later = f'{key} is a key of format "{FORMAT_2}".'
             lines.append(later if is_later else nearest(str(key), parts[part].model_fields))
     return lines
@@ -127,53 +154,25 @@ _PARTS_2: dict[object, type[BaseModel]] = {
     "block": BlockFile,
 }
 """The schemas of a file, of its encoder and of a block."""
+_PARTS_OF_NETWORKS: dict[object, type[BaseModel]] = {
+    "": NetworkFile,
+    "dense": DenseFile,
+    "convolution": ConvolutionFile,
+}
+_SCHEMAS: dict[object, type[PolicyFile | PolicyFile2 | NetworkFile]] = {
+    **SCHEMAS,
+    NETWORK_1: NetworkFile,
+}
 
 
-class _UnreadableError(PolicyError):
-    """A file that could not even be opened as what it claims to be."""
-
-
-def _read_pt(path: Path) -> dict[str, Any]:
-    contents = read_file(path)
-    try:
-        values = read_torch(contents)
-    except ContentsError as error:
-        if contents[:1] != pickle.PROTO and not isinstance(error, CodeError):
-            raise _UnreadableError(
-                f"{path} cannot be read as a .pt file.",
-                str(error),
-                "Copy or train it again.",
-            ) from error
-        what = "holds more than tensors and plain values"
-        if contents[:1] == pickle.PROTO:
-            what = "cannot be read as a .pt file: it is a bare pickle"
-        raise _UnreadableError(
-            f"{path} {what}, and was not loaded.",
-            "A pickle can carry code that runs when it is opened.",
-            "Save the policy with qcompile, or as JSON.",
-        ) from error
-    if not isinstance(values, dict):
-        raise _UnreadableError(
-            f"{path} holds a {type(values).__name__}.", "A policy file is a dict."
-        )
-    if values.get("format") == "qcompile-checkpoint-1":
-        raise _UnreadableError(
-            f"{path} is the checkpoint of a training, found where a policy file is needed.",
-            "A training of model svqc or surrogate makes one: "
-            f"qcompile train ENVIRONMENT --resume {path} --out POLICY.pt",
-        )
-    tensors = {key: value for key, value in values.items() if hasattr(value, "tolist")}
-    if sum(tensor.numel() for tensor in tensors.values()) > MAX_VALUES:
-        raise _UnreadableError(f"{path} has tensors of more than {MAX_VALUES:,} numbers.")
-    return values | {key: tensor.tolist() for key, tensor in tensors.items()}
-
-
-def policy_values(policy: Policy) -> dict[str, Any]:
+def policy_values(policy: AnyPolicy) -> dict[str, Any]:
     """The plain values of a policy file; its schema reads them back to an equal policy.
 
-    They are of format 1, unless the policy needs format 2; then of that with what it needs. A file
-    counts its symbols: input i is called x{i} there and parameter i theta{i}.
+    Those of circuits are of format 1, unless they need format 2; then of that with what they need.
+    A file counts its symbols: input i is called x{i} there and parameter i theta{i}.
     """
+    if isinstance(policy, Network):
+        return network_values(policy)
     encoder, of_encoder = policy.encoder, _beyond_format_1(policy.encoder)
     name = encoder.function if isinstance(encoder.function, str) else "identity"
     program = policy.program
@@ -217,40 +216,42 @@ def _beyond_format_1(encoder: Encoder) -> dict[str, Any]:
     return values
 
 
-def save_policy(policy: Policy, path: str | Path) -> None:
+def save_policy(policy: AnyPolicy, path: str | Path) -> None:
     """Write `policy` to `path`, whole or not at all; the suffix, .pt or .json, says how.
 
     Raises:
         PolicyError: another suffix, or a policy that the file could not give back.
         OutputError: the file cannot be written.
     """
-    if not isinstance(path, str | PathLike) or not isinstance(policy, Policy):
+    if not isinstance(path, str | PathLike) or not isinstance(policy, Policy | Network):
         raise PolicyError(
-            f"save_policy takes a Policy and a path, found {what_it_is(policy)} "
+            f"save_policy takes a Policy or a Network, and a path, found {what_it_is(policy)} "
             f"and {what_it_is(path)}."
         )
-    path, values = Path(path), policy_values(policy)
+    path = Path(path)
     if path.suffix not in SUFFIXES:
         raise PolicyError(f"{path} is not a policy file name.", "It ends with .pt or .json.")
+    file = policy_file(policy)
+    if path.suffix == ".json":
+        write_file(path, file.model_dump_json(indent=1, exclude_unset=True).encode())
+    else:
+        write_file(path, pt_bytes(file.model_dump(exclude_unset=True)))
+
+
+def policy_file(policy: AnyPolicy) -> PolicyFile | PolicyFile2 | NetworkFile:
+    """The file of a policy, which gives it back.
+
+    Raises:
+        PolicyError: no file could.
+    """
+    values = policy_values(policy)
     try:
-        as_json = SCHEMAS[values["format"]].model_validate_json(json.dumps(values))
-        as_json.policy()
+        text = json.dumps(values)
+        check_json(text.encode())
+        file = _SCHEMAS[values["format"]].model_validate_json(text)
+        file.policy()
     except (TypeError, ValueError) as error:
         raise PolicyError(
             f"Policy {policy.name!r} cannot be written to a file.", *explain(error)
         ) from error
-    if path.suffix == ".json":
-        write_file(path, as_json.model_dump_json(indent=1, exclude_unset=True).encode())
-    else:
-        write_file(path, _pt_bytes(as_json.model_dump(exclude_unset=True)))
-
-
-def _pt_bytes(values: Mapping[str, Any]) -> bytes:
-    import io
-
-    import torch
-
-    tensors = {k: torch.tensor(values[k], dtype=torch.float64) for k in _TENSORS}
-    buffer = io.BytesIO()
-    torch.save({**values, **tensors}, buffer)
-    return buffer.getvalue()
+    return file

@@ -9,31 +9,19 @@ from typing import Any
 
 import numpy as np
 
-from qcompile.arrays import FloatArray, IntArray, real_array
+from qcompile.arrays import FloatArray
 from qcompile.errors import PolicyError
-from qcompile.foreign import what_it_is
 from qcompile.ir import Program
 from qcompile.notebook import count, html_table
+from qcompile.policy.decision import Softmax, checked_observations
 from qcompile.policy.encoder import Encoder, check_arrays
 
 NO_THETA = np.zeros(0)
 """The parameters of a trained program: none is open."""
 
 
-def softmax(logits: FloatArray) -> FloatArray:
-    """Logits (B, actions) to probabilities (B, actions)."""
-    odds = _odds(logits)
-    return np.asarray(odds / odds.sum(axis=1, keepdims=True))
-
-
-def _odds(logits: FloatArray) -> FloatArray:
-    """Probabilities (B, actions) times a number of each row, which makes its largest 1."""
-    odds = logits - np.maximum.reduce(logits, axis=1, keepdims=True)
-    return np.asarray(np.exp(odds, odds))
-
-
 @dataclass(frozen=True, eq=False, repr=False)
-class Policy:
+class Policy(Softmax):
     """What is deployed: k actions from n circuits.
 
     theta (parameters,); weights (k, reuse * n), the columns ordered copy by copy; bias (k,). The
@@ -77,6 +65,11 @@ class Policy:
     def actions(self) -> int:
         return len(self.bias)
 
+    @property
+    def reads_bits(self) -> bool:  # type: ignore[override]
+        """Whether an observation is one whole number, whose bits are the inputs."""
+        return self.encoder.reads_bits
+
     def __repr__(self) -> str:
         sizes = (count(number, noun) for noun, number in self._sizes.items())
         return f"Policy({', '.join([self.name, self.environment, *sizes])})"
@@ -110,19 +103,8 @@ class Policy:
         Raises:
             PolicyError: the observations have too few features.
         """
-        array, needed = real_array(observations), self.encoder.features
-        if array is None:
-            raise PolicyError(
-                f"Observations are not an array of real numbers: {what_it_is(observations)}.",
-                f"Policy {self.name!r} needs (B, {needed}) or wider.",
-            )
-        observations = array
-        if observations.ndim != 2 or observations.shape[1] < needed:
-            raise PolicyError(
-                f"Observations have shape {observations.shape}.",
-                f"Policy {self.name!r} needs (B, {needed}) or wider.",
-            )
-        return self.encoder(observations)
+        reader, features = f"Policy {self.name!r}", self.encoder.features
+        return self.encoder(checked_observations(observations, features, reader, wider=True))
 
     def folded(self) -> Policy:
         """The same policy without output reuse: the weights of a circuit's copies are summed."""
@@ -145,38 +127,9 @@ class Policy:
         """
         return np.asarray(self._folded_weights.var(axis=0))
 
-    def logits(self, z: FloatArray) -> FloatArray:
+    def logits(self, z: FloatArray, /) -> FloatArray:
         """`<Z>` (B, circuits) to the logarithms of the action probabilities, plus a constant."""
         return np.asarray(z @ self._folded_weights.T + self.bias)
-
-    def probabilities(self, z: FloatArray) -> FloatArray:
-        """`<Z>` (B, circuits) to action probabilities (B, actions)."""
-        return softmax(self.logits(z))
-
-    def decide(self, z: FloatArray, u: FloatArray) -> IntArray:
-        """`<Z>` (B, circuits) and numbers u (B,) in [0, 1) to actions (B,).
-
-        The action is the first whose cumulative probability exceeds u, so that uniform u draw from
-        the exact probabilities; where rounding leaves the sum of a row at u or below, it is the
-        last.
-
-        Raises:
-            PolicyError: there is not one u for each row.
-        """
-        if np.shape(u) != (len(z),):
-            raise PolicyError(f"u has shape {np.shape(u)}.", f"It needs {(len(z),)}.")
-        sums = np.add.accumulate(_odds(self.logits(z)), axis=1)
-        reached = sums[:, -1] * u
-        sums[:, -1] = np.inf
-        return np.asarray((sums > reached[:, np.newaxis]).argmax(axis=1))
-
-    def sample(self, z: FloatArray, rng: np.random.Generator) -> IntArray:
-        """One action for each row of `<Z>` (B, circuits), drawn from its exact probabilities."""
-        return self.decide(z, rng.random(len(z)))
-
-    def greedy(self, z: FloatArray) -> IntArray:
-        """The most probable action for each row of `<Z>` (B, circuits)."""
-        return np.asarray(self.logits(z).argmax(axis=1))
 
 
 def cannot_hold(hold: int) -> tuple[str, str]:

@@ -239,7 +239,7 @@ AnyPolicyFile = Annotated[PolicyFile | PolicyFile2, Field(discriminator="format"
 class AnyFormat(BaseModel):
     """What must be said of a file before its schema is known."""
 
-    format: Literal["qcompile-policy-1", "qcompile-policy-2"]
+    format: Literal["qcompile-policy-1", "qcompile-policy-2", "qcompile-network-1"]
 
 
 SCHEMAS: dict[object, type[PolicyFile] | type[PolicyFile2]] = {

@@ -18,7 +18,8 @@ from qcompile.arrays import FloatArray, IntArray
 from qcompile.errors import PolicyError
 from qcompile.ir import NEGLIGIBLE_RAD, Angle, Circuit
 from qcompile.ir.table import AngleTable, are_large
-from qcompile.policy.policy import Policy, softmax
+from qcompile.policy.decision import softmax
+from qcompile.policy.policy import Policy
 from qcompile.simulate import alternating
 
 MOST_TERMS = 10_000

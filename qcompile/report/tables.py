@@ -126,11 +126,8 @@ def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
             yield "all equal", f"up to {share} of all episodes may be others, with 95 % confidence"
     if summary["solved"] is not None:
         yield "solved", "yes" if summary["solved"] else "no"
-    words = f"{_shots(summary['shots'])}, level {summary['level']}, "
-    words += (
-        "predistorted angles" if summary["predistort"] else f"mitigation {summary['mitigation']}"
-    )
-    yield "settings", words + (f" by {escape(file)}" if (file := summary["calibration"]) else "")
+    if summary["circuits_per_step"]:
+        yield "settings", _circuit_settings(summary)
     for words in misfit_words(summary.get("calibration_misfits", [])):
         yield "doubtful", words
     if summary["copies"] > 1:
@@ -141,12 +138,7 @@ def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
             f"after {plural(summary['max_steps'], 'step')}: rewards are of parts of episodes",
         )
     yield "actions", f"{'greedy' if summary['greedy'] else 'sampled'}, seed {summary['seed']}"
-    gates = " + ".join(f"{n} {gate}" for gate, n in summary["gates_per_circuit"].items() if n)
-    yield (
-        "each step",
-        f"{summary['circuits_per_step']} circuits of at most {gates or 'no gate'}, "
-        f"{plural(summary['rounds_per_step'], 'round')}",
-    )
+    yield "each step", _step_words(summary)
     yield "played", f"{summary['env_steps']} steps in {summary['wall_seconds']:.1f} s"
     if "run" in summary:
         yield (
@@ -163,6 +155,23 @@ def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
         )
 
 
+def _circuit_settings(summary: Mapping[str, Any]) -> str:
+    mitigation = f"mitigation {summary['mitigation']}"
+    words = "predistorted angles" if summary["predistort"] else mitigation
+    by = f" by {escape(file)}" if (file := summary["calibration"]) else ""
+    return f"{_shots(summary['shots'])}, level {summary['level']}, {words}{by}"
+
+
+def _step_words(summary: Mapping[str, Any]) -> str:
+    if not summary["circuits_per_step"]:
+        return "a network, without circuits"
+    gates = " + ".join(f"{n} {gate}" for gate, n in summary["gates_per_circuit"].items() if n)
+    return (
+        f"{summary['circuits_per_step']} circuits of at most {gates or 'no gate'}, "
+        f"{plural(summary['rounds_per_step'], 'round')}"
+    )
+
+
 def print_grid(objects: Sequence[Mapping[str, Any]]) -> None:
     """Print the results of `qcompile evaluate --json`, a table for each policy."""
     levels = _has_levels(objects)
@@ -170,7 +179,7 @@ def print_grid(objects: Sequence[Mapping[str, Any]]) -> None:
         results = [values for values in objects if values["policy"] == policy]
         played = plural(len(results[0]["episodes"]), "episode")
         title = f"{policy} in {results[0]['environment']}, {played}"
-        if not levels:
+        if not levels and results[0]["circuits_per_step"]:
             title += f", level {results[0]['level']}"
         title += ", greedy" * results[0]["greedy"]
         rows = [_grid_row(values, levels) for values in results]

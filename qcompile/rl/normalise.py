@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from qcompile.arrays import FloatArray
 from qcompile.errors import TrainingError
-from qcompile.policy import Policy
+from qcompile.policy import AnyPolicy, Network
 
 LEAST_STD, ROUNDING = 1e-6, 1e-8
 """A feature is constant, and divided by 1, where its standard deviation is at most
@@ -61,9 +61,11 @@ class Normaliser:
         mean, std = (self._actor.get_buffer(name).numpy().copy() for name in names)
         return mean, std
 
-    def deployed(self, policy: Policy) -> Policy:
+    def deployed(self, policy: AnyPolicy) -> AnyPolicy:
         """The policy of the actor, which then normalises as it has learned to."""
         mean, std = self.kept
+        if isinstance(policy, Network):
+            return replace(policy, mean=mean, std=std)
         return replace(policy, encoder=replace(policy.encoder, mean=mean, std=std))
 
     def state(self) -> dict[str, Any]:

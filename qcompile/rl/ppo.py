@@ -14,12 +14,19 @@ from torch.nn.functional import cross_entropy, mse_loss
 
 from qcompile.errors import TrainingError
 from qcompile.notebook import count
-from qcompile.policy import Ansatz, Policy
+from qcompile.policy import Ansatz, AnyPolicy
 from qcompile.rl.acting_noise import ActingNoise
 from qcompile.rl.advantage import ReturnScale, generalised_advantage
 from qcompile.rl.draw import draw_actions
 from qcompile.rl.flat import FlatParameters
-from qcompile.rl.models import SVQC, SurrogateModel, make_critic, make_model, parameter_count
+from qcompile.rl.models import (
+    SVQC,
+    NetworkModel,
+    SurrogateModel,
+    make_critic,
+    make_model,
+    parameter_count,
+)
 from qcompile.rl.models.wiring import reads_bits
 from qcompile.rl.normalise import Normaliser
 from qcompile.rl.pause import Pause
@@ -146,9 +153,9 @@ class Trainer:
         """What the training has come to."""
         return TrainingResult(self.actor, self.policy(), self.history, self.steps, interrupted)
 
-    def policy(self) -> Policy | None:
-        """The policy as it is, if it can be deployed."""
-        if not isinstance(self.actor, SVQC | SurrogateModel):
+    def policy(self) -> AnyPolicy | None:
+        """The policy as it is, if it can be played."""
+        if not isinstance(self.actor, SVQC | SurrogateModel | NetworkModel):
             return None
         metadata: dict[str, Any] = {
             "seed": self.seed,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import torch
 
 from qcompile.notebook import count
-from qcompile.policy import Policy
+from qcompile.policy import AnyPolicy
 from qcompile.rl.rollout import FinishedEpisode
 
 
@@ -15,11 +15,11 @@ from qcompile.rl.rollout import FinishedEpisode
 class TrainingResult:
     """The trained model and every finished episode; `interrupted` says if Ctrl-C ended it.
 
-    `policy` is what can be deployed: None where the model is no one-qubit circuits.
+    `policy` is what can be played: None where the model is an entangling circuit.
     """
 
     actor: torch.nn.Module
-    policy: Policy | None
+    policy: AnyPolicy | None
     episodes: list[FinishedEpisode]
     steps: int
     interrupted: bool

@@ -6,9 +6,9 @@ import numpy as np
 import torch
 
 from qcompile.arrays import FloatArray, IntArray
-from qcompile.deploy.deployment import Deployment
 from qcompile.deploy.environments import close_environments, make_environments
 from qcompile.deploy.lockstep import Act, Episode, lockstep
+from qcompile.deploy.network import player
 from qcompile.deploy.play import play
 from qcompile.deploy.rows import Rows
 from qcompile.device import load_device
@@ -19,20 +19,20 @@ from qcompile.rl.ppo import Trainer
 def score(trainer: Trainer, episodes: int, first_seed: int) -> FloatArray:
     """Rewards (episodes,) of the model as it is, episode i reset with `first_seed` + i.
 
-    Actions are sampled; a model of one-qubit circuits plays on the backend it learns on. Every
-    draw comes from a generator derived from `first_seed`: the training goes on undisturbed, and
-    the score repeats.
+    Actions are sampled; what makes a policy plays as it does, circuits on the backend that they
+    learn on. Every draw comes from a generator derived from `first_seed`: the training goes on
+    undisturbed, and the score repeats.
     """
     policy, settings = trainer.policy(), trainer.settings
     if policy is not None:
-        deployment = Deployment(
+        playing = player(
             policy,
             load_device(settings.backend),
             shots=settings.shots,
             mitigation=settings.mitigation,
             seed=first_seed,
         )
-        result = play(deployment, episodes)
+        result = play(playing, episodes)
         if result.interrupted:
             raise KeyboardInterrupt
         return result.rewards
@@ -51,7 +51,7 @@ def score(trainer: Trainer, episodes: int, first_seed: int) -> FloatArray:
 
 
 def _sampling(trainer: Trainer, seed: int) -> Act:
-    """Actions drawn from the softmax of a network's outputs, which sees what it learns from."""
+    """Actions drawn from the softmax of the actor's outputs, which sees what it learns from."""
     rng = np.random.default_rng(seed)
     mean, std = (0.0, 1.0) if trainer.normaliser is None else trainer.normaliser.kept
 

@@ -15,7 +15,7 @@ from qcompile.errors import CalibrationError, OptionError
 from qcompile.mitigation.measure import PARTS, Part, check_qubits
 from qcompile.noise import unusable, usable
 from qcompile.passes import compile
-from qcompile.policy import Policy, load_policy
+from qcompile.policy import Policy, load_circuits
 from qcompile.report.placement import left_out_words
 from qcompile.sweep.arguments import Name, Words, ignore, several
 from qcompile.verbs.live import Live, check_live
@@ -75,8 +75,7 @@ class CalibrationRequest:
                 "To measure some of its perfect qubits all the same, name them with --qubits.",
             )
         if self.policy is not None:
-            named = self.policy
-            policy = named if isinstance(named, Policy) else load_policy(named)
+            policy = load_circuits(self.policy)
             placed = compile(policy.trained_program, device, 2, policy.importance)
             return check_qubits(device, placed.qubits)
         if old is not None:

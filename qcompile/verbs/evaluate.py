@@ -13,7 +13,7 @@ from qcompile.deploy.registration import import_modules
 from qcompile.device import Device
 from qcompile.errors import StudyError
 from qcompile.execution import Backend
-from qcompile.policy import Policy
+from qcompile.policy import AnyPolicy
 from qcompile.report import progress as bars
 from qcompile.report.figure import Figure
 from qcompile.report.intervals import draw_intervals
@@ -94,7 +94,7 @@ class EvaluationResult(Result):
 
 @checked
 def evaluate(
-    policies: Name | Policy | Sequence[Name | Policy] = ("lunarlander",),
+    policies: Name | AnyPolicy | Sequence[Name | AnyPolicy] = ("lunarlander",),
     backends: Name | Device | Backend | Any | Sequence[Any] = ("ibm_lima",),
     *,
     shots: Shots | Sequence[Shots] = (1024, 8192),

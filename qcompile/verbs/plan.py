@@ -13,7 +13,7 @@ from qcompile.limits import FREE_SECONDS, USD_PER_SECOND
 from qcompile.live.connection import Connection
 from qcompile.live.plan import copies_that_fit, forecast, strategies
 from qcompile.live.play import RunTask
-from qcompile.policy import Policy, load_policy
+from qcompile.policy import Policy, load_circuits
 from qcompile.policy.arguments import with_arguments
 from qcompile.policy.files import policy_values
 from qcompile.report.figure import Figure
@@ -96,8 +96,7 @@ def plan(
             "Name a device; `qcompile backends` lists some.",
         )
     import_modules(several(imports))
-    loaded = policy if isinstance(policy, Policy) else load_policy(policy)
-    loaded = with_arguments(loaded, env, kept=True)
+    loaded = with_arguments(load_circuits(policy), env, kept=True)
     task = RunTask.model_validate(
         {
             "backend": device.name,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from datetime import UTC, datetime
 from os import PathLike
@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from qcompile.calibration import Calibration, age_words, load_calibration
-from qcompile.deploy.deployment import Deployment
 from qcompile.deploy.lockstep import Episode
+from qcompile.deploy.network import player, refuse_options
 from qcompile.deploy.play import play
+from qcompile.deploy.player import Player
 from qcompile.deploy.registration import import_modules
 from qcompile.deploy.settings import RunSettings
 from qcompile.device import Device
@@ -21,7 +22,7 @@ from qcompile.execution import Backend, Executor, load_backend
 from qcompile.live.plan import copies_that_fit, forecast
 from qcompile.live.play import RunTask
 from qcompile.mitigation.misfit import misfit_words
-from qcompile.policy import Policy, load_policy
+from qcompile.policy import AnyPolicy, Network, Policy, load_circuits, load_policy
 from qcompile.policy.arguments import with_arguments
 from qcompile.policy.files import policy_values
 from qcompile.report import progress as bars
@@ -100,7 +101,7 @@ class RunResult(Result):
 
 @checked
 def run(
-    policy: Name | Policy = "lunarlander",
+    policy: Name | AnyPolicy = "lunarlander",
     backend: Name | Device | Backend | Executor | Any = "ideal",
     *,
     episodes: int = 20,
@@ -126,10 +127,11 @@ def run(
     Policy and backend are names, files or objects; a Qiskit backend is played on the noise model of
     its calibration, or through `sampler`, a SamplerV2. The settings are those of `RunSettings`:
     shots None or "exact" are exact expectations; mitigation None is `readout` on a noisy backend,
-    calibrated first unless `calibration` is given, and `none` on `ideal`. The same seed gives the
-    same result; episode i resets its environment with seed + i. `imports` are modules, names or
-    files, that register environments; `env` are arguments of the environment, over those of the
-    policy. `video` films the first episode, .mp4 or .gif.
+    calibrated first unless `calibration` is given, and `none` on `ideal`. A network plays on
+    `ideal` alone, exactly, and takes none of the settings of circuits. The same seed gives the same
+    result; episode i resets its environment with seed + i. `imports` are modules, names or files,
+    that register environments; `env` are arguments of the environment, over those of the policy.
+    `video` films the first episode, .mp4 or .gif.
 
     With `live` it is played on IBM's machine of that name, which costs money: see `Live`. `on_note`
     is told what a person should read.
@@ -153,8 +155,7 @@ def run(
         greedy=greedy,
     )
     import_modules(several(imports))
-    loaded = policy if isinstance(policy, Policy) else load_policy(policy)
-    loaded = with_arguments(loaded, env, kept=live is not None)
+    loaded = with_arguments(load_policy(policy), env, kept=live is not None)
     if isinstance(calibration, str | PathLike):
         file = Path(calibration)
         calibration = load_calibration(file)
@@ -163,15 +164,14 @@ def run(
             on_note(words)
     settings = RunSettings.of(settings, calibration=calibration)
     if live is not None:
-        values = _run_live(loaded, backend, settings, episodes, live, on_note)
+        values = _run_live(load_circuits(loaded), backend, settings, episodes, live, on_note)
         return RunResult(values, episodes)
+    if isinstance(loaded, Network) and sampler is not None:
+        refuse_options(loaded, ["sampler"])
     opened = load_backend(backend, sampler=sampler)
     bar = bars.progress_bar(f"{loaded.name} on {opened.device.name}", episodes, enabled=progress)
     with nullcontext() if video is None else Film(Path(video)) as film, bar as show:
-        known = settings.resolved(opened.device, opened.calibration)
-        show(0, "calibrating" if known.calibrates and calibration is None else "compiling")
-        deployment = Deployment(loaded, opened, settings)
-        show(0, "")
+        playing = _player(loaded, opened, settings, show)
         rewards: list[float] = []
 
         def count(episode: Episode) -> None:
@@ -179,7 +179,7 @@ def run(
             show(len(rewards), f"mean reward {sum(rewards) / len(rewards):.1f}")
 
         result = play(
-            deployment, episodes, on_episode=count, on_frame=None if film is None else film.add
+            playing, episodes, on_episode=count, on_frame=None if film is None else film.add
         )
     if film is not None:
         words = f"film of the first episode in {video}"
@@ -206,6 +206,22 @@ def _settings(
         for name in (name for name, given in wrong.items() if given):
             raise OptionError(f"{name} and live exclude each other.")
     return settings
+
+
+def _player(
+    policy: AnyPolicy,
+    backend: Backend | Executor,
+    settings: RunSettings,
+    show: Callable[[float, str], None],
+) -> Player:
+    """What plays the policy; `show` is told what is done before the first episode."""
+    if isinstance(policy, Policy):
+        known = settings.resolved(backend.device, backend.calibration)
+        is_measured = known.calibrates and settings.calibration is None
+        show(0, "calibrating" if is_measured else "compiling")
+    opened = player(policy, backend, settings)
+    show(0, "")
+    return opened
 
 
 def _run_live(
@@ -235,6 +251,6 @@ def _run_live(
     task = task.model_copy(update={"copies": settings.copies or copies_that_fit(task)})
     forecasted = forecast(task)
     if task.calibration is not None:
-        for words in misfit_words(forecasted.deployment.misfits):
+        for words in misfit_words(forecasted.player.misfits):
             on_note(f"{task.calibration_file or 'the calibration'}: {words}")
     return spend(task, forecasted.total_load, live, connection, on_note)

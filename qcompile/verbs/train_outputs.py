@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 from qcompile.errors import OptionError, QcompileError
 from qcompile.output import check_writable, resolved
 from qcompile.policy import load_policy, save_policy
-from qcompile.policy.files import SUFFIXES
+from qcompile.policy.files import SUFFIXES, policy_file
 from qcompile.verbs.files import check_distinct, check_new
 
 if TYPE_CHECKING:
-    from qcompile.policy import Policy
+    from qcompile.policy import AnyPolicy
     from qcompile.rl.ppo import Trainer
     from qcompile.rl.watch import Watch
 
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 class TrainingOutputs:
     """What a training writes, and the checkpoint that it resumes from; None for what it does not.
 
-    `out` is the policy; of a model that makes none it is its checkpoint. `out` and `checkpoint` are
-    overwritten with `force` alone; but the checkpoint that is resumed is kept up to date, and a
+    `out` is the policy; of mvqc, which makes none yet, it is its checkpoint. `out` and `checkpoint`
+    are overwritten with `force` alone; but the checkpoint that is resumed is kept up to date, and a
     resumed training overwrites its own policy.
     """
 
@@ -41,10 +41,14 @@ class TrainingOutputs:
             OptionError: a wrong suffix, a name that no policy can have, or files that are the same
                 or lie in each other.
             OutputError: a file that is there already, or cannot be written.
+            PolicyError: a policy that is too large for a file.
         """
-        has_policy = trainer.policy() is not None
+        policy = trainer.policy()
+        has_policy = policy is not None
         if self.out is not None:
             self._check_name(self.out, has_policy, trainer.settings.model)
+            if policy is not None:
+                policy_file(policy)
         allowed = [frozenset({"resume", "checkpoint"})]
         if not has_policy:
             allowed += [frozenset({"out", other}) for other in ("resume", "checkpoint")]
@@ -98,15 +102,15 @@ class TrainingOutputs:
             raise OptionError(f"{out} must end with .pt or .json.")
         if not has_policy and out.suffix != ".pt":
             raise OptionError(
-                f"{out} must end with .pt: model {model!r} is not made of one-qubit circuits, so "
-                "it is saved as a checkpoint."
+                f"{out} must end with .pt: model {model!r} is an entangling circuit, which is "
+                "saved as a checkpoint until those are played."
             )
         if not out.stem.isprintable():
             raise OptionError(
                 f"{str(out)!a} must have a name of printable characters: it names the policy."
             )
 
-    def write(self, policy: Policy | None, watch: Watch) -> Policy | None:
+    def write(self, policy: AnyPolicy | None, watch: Watch) -> AnyPolicy | None:
         """Write the policy, or the checkpoint of a model that has none; the policy by its name."""
         if policy is not None:
             return self.named(policy)
@@ -114,7 +118,7 @@ class TrainingOutputs:
             watch.save(self.out)
         return None
 
-    def named(self, policy: Policy) -> Policy:
+    def named(self, policy: AnyPolicy) -> AnyPolicy:
         """The policy by the name of its file, which is written; without a file as it is."""
         if self.out is None:
             return policy

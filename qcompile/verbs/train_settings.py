@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from qcompile.catalogue import nearest
 from qcompile.device import IDEAL_NAME, load_device
 from qcompile.errors import OptionError, TrainingError
-from qcompile.policy import Ansatz, Policy, load_ansatz, load_policy
+from qcompile.policy import Ansatz, Policy, load_ansatz, load_circuits
 from qcompile.policy.arguments import check_env
 from qcompile.sweep.arguments import Name, Words
 
@@ -84,8 +84,8 @@ class TrainingRequest:
             )
         if self.circuits is not None:
             return load_ansatz(self.circuits)
-        policy = self.init if isinstance(self.init, Policy) else load_policy(self.init)  # type: ignore[arg-type]
-        return Ansatz.of_policy(policy, head=True)
+        assert self.init is not None
+        return Ansatz.of_policy(load_circuits(self.init), head=True)
 
     def _settings(self, ansatz: Ansatz | None) -> Settings:
         from qcompile.rl.presets import settings_for

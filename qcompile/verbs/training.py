@@ -14,7 +14,7 @@ from qcompile.report.figure import Figure
 from qcompile.verbs.results import Result
 
 if TYPE_CHECKING:
-    from qcompile.policy import Policy
+    from qcompile.policy import AnyPolicy
     from qcompile.rl.ppo import Trainer
     from qcompile.rl.watch import Watch
     from qcompile.verbs.train_outputs import TrainingOutputs
@@ -23,17 +23,17 @@ if TYPE_CHECKING:
 class Training(Result):
     """A training that ended: `to_dict` is the document of `qcompile train --json`.
 
-    `policy` is what can be played and deployed, None for a model that is not made of one-qubit
-    circuits: `save_policy` writes it to a file, `save` writes the document. `model` is the trained
-    torch module. `interrupted` says that Ctrl-C, or `failure`, ended it, `stopped` that a callback
-    did. `trainings` are all that were done for it: itself, or those of several seeds.
+    `policy` is what can be played: circuits or a network, None for the entangling circuit of mvqc.
+    `save_policy` writes it to a file, `save` writes the document. `model` is the trained torch
+    module. `interrupted` says that Ctrl-C, or `failure`, ended it, `stopped` that a callback did.
+    `trainings` are all that were done for it: itself, or those of several seeds.
     """
 
     def __init__(
         self,
         *,
         trainer: Trainer,
-        policy: Policy | None,
+        policy: AnyPolicy | None,
         watch: Watch,
         outputs: TrainingOutputs,
         imports: Sequence[str],
@@ -147,8 +147,8 @@ class Training(Result):
         line += f" in {values['out']}"
         if self.policy is None:
             line += (
-                f"\n{values['out']} is a checkpoint: `qcompile train --resume` reads it, but this "
-                "model is not made of one-qubit circuits and does not run on a device."
+                f"\n{values['out']} is a checkpoint: `qcompile train --resume` reads it. Its "
+                "model is an entangling circuit, which is played once those are."
             )
         return line
 

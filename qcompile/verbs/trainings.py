@@ -17,7 +17,7 @@ from qcompile.verbs.results import Result
 from qcompile.verbs.training import Training
 
 if TYPE_CHECKING:
-    from qcompile.policy import Policy
+    from qcompile.policy import AnyPolicy
 
 _SHARED = ("environment", "model", "preset", "backend", "shots", "mitigation", "parameters")
 
@@ -48,7 +48,7 @@ class Trainings(Training):
         self,
         scored: Sequence[Scored],
         *,
-        policy: Policy | None,
+        policy: AnyPolicy | None,
         asked: int,
         failures: Mapping[int, str],
         out: Path | None,

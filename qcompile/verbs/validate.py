@@ -18,7 +18,7 @@ from qcompile.errors import CalibrationError, OptionError
 from qcompile.execution import Backend, Executor, check_shots, open_executor
 from qcompile.live.validate import ValidateTask
 from qcompile.mitigation.misfit import misfit_words
-from qcompile.policy import Policy, load_policy
+from qcompile.policy import Policy, load_circuits
 from qcompile.policy.arguments import with_arguments
 from qcompile.policy.files import policy_values
 from qcompile.sweep.arguments import Name, Words, ignore, several
@@ -113,8 +113,7 @@ def validate(
     if shots is not None:
         check_shots(shots)
     import_modules(several(imports))
-    loaded = policy if isinstance(policy, Policy) else load_policy(policy)
-    loaded = with_arguments(loaded, env, kept=live is not None)
+    loaded = with_arguments(load_circuits(policy), env, kept=live is not None)
     least_power = POWER if power is None else power
     rows, shots, reached = choose_check(
         known,

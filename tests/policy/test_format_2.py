@@ -278,8 +278,14 @@ def test_wrong_encoders_are_named(
         ({"hold": 1}, 'hold: unknown key .*\n  It is right in the other format: .*policy-2"'),
         ({"encoder": ENCODER | {"function": "clip"}}, "\n  It is right in the other format"),
         ({"hold": 1, "bias": 3}, 'bias: .*\n  hold: .*\n  hold is a key of format "qcompile-pol'),
-        ({"format": "qcompile-policy-3"}, "should be 'qcompile-policy-1' or 'qcompile-policy-2'"),
-        ({"format": ["qcompile-policy-1"]}, "should be 'qcompile-policy-1' or 'qcompile-policy-2'"),
+        (
+            {"format": "qcompile-policy-3"},
+            "should be 'qcompile-policy-1', 'qcompile-policy-2' or 'qcompile-network-1'",
+        ),
+        (
+            {"format": ["qcompile-policy-1"]},
+            "should be 'qcompile-policy-1', 'qcompile-policy-2' or 'qcompile-network-1'",
+        ),
     ],
 )
 def test_a_file_of_another_format_is_told_which(

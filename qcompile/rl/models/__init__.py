@@ -11,7 +11,7 @@ from qcompile.errors import TrainingError
 from qcompile.policy import Ansatz
 from qcompile.rl.models.head import ReusedLinear
 from qcompile.rl.models.mvqc import MVQC
-from qcompile.rl.models.networks import convolutional, fully_connected
+from qcompile.rl.models.networks import NetworkModel, convolutional, fully_connected
 from qcompile.rl.models.surrogate import SurrogateModel
 from qcompile.rl.models.svqc import SVQC
 from qcompile.rl.settings import Settings
@@ -19,6 +19,7 @@ from qcompile.rl.settings import Settings
 __all__ = [
     "MVQC",
     "SVQC",
+    "NetworkModel",
     "SurrogateModel",
     "critic_size",
     "make_critic",

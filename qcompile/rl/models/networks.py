@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import itertools
+from typing import Any
 
 import torch
 
+from qcompile.errors import TrainingError
+from qcompile.policy import Convolution, Dense, Network
+from qcompile.policy.network import WIDTH, Layer
+from qcompile.rl.models.svqc import numbers
 from qcompile.rl.settings import Settings
 
 _ACTIVATIONS = {"relu": torch.nn.ReLU, "tanh": torch.nn.Tanh}
-_KERNEL = 3
+_NAMES = {module: name for name, module in _ACTIVATIONS.items()}
 
 
-class Network(torch.nn.Sequential):
+class NetworkModel(torch.nn.Sequential):
     """Layers from observations (B, features), in any precision, to outputs (B, outputs)."""
 
     def forward(self, observations: torch.Tensor) -> torch.Tensor:
@@ -20,35 +25,75 @@ class Network(torch.nn.Sequential):
         outputs: torch.Tensor = super().forward(inputs)  # type: ignore[no-untyped-call]
         return outputs
 
+    def policy(self, name: str, environment: str, metadata: dict[str, Any]) -> Network:
+        """The policy to play: the same numbers in double precision."""
+        return Network(name, environment, self._layers(), metadata=metadata)
+
+    def take(self, network: Network) -> None:
+        """Take over the numbers of a network with the same layers, as a start.
+
+        Its mean and std are left to whoever normalises the observations.
+
+        Raises:
+            TrainingError: its layers are others.
+        """
+        own, others = ([*map(_form, layers)] for layers in (self._layers(), network.layers))
+        if own != others:
+            raise TrainingError(
+                f"The layers of {network.name} are {'; '.join(others)}.",
+                f"Those that are trained are {'; '.join(own)}.",
+            )
+        parts = [part for part in self if isinstance(part, torch.nn.Linear | torch.nn.Conv1d)]
+        with torch.no_grad():
+            for part, layer in zip(parts, network.layers, strict=True):
+                assert part.bias is not None
+                part.weight.copy_(torch.from_numpy(layer.weights))
+                part.bias.copy_(torch.from_numpy(layer.bias))
+
+    def _layers(self) -> list[Layer]:
+        layers: list[Layer] = []
+        for part, following in itertools.pairwise([*self, None]):
+            if isinstance(part, torch.nn.Linear | torch.nn.Conv1d):
+                assert part.bias is not None
+                form = Dense if isinstance(part, torch.nn.Linear) else Convolution
+                activation = _NAMES.get(type(following), "none")
+                layers.append(form(numbers(part.weight), numbers(part.bias), activation))
+        return layers
+
+
+def _form(layer: Layer) -> str:
+    """A layer without its numbers, in words."""
+    return layer.words + ("" if layer.activation == "none" else f" ({layer.activation})")
+
 
 def fully_connected(
     features: int, outputs: int, settings: Settings, generator: torch.Generator
-) -> Network:
+) -> NetworkModel:
     """Linear layers of the sizes `hidden`, the activation between them, and a linear output."""
     sizes = [features, *settings.hidden]
     layers: list[torch.nn.Module] = []
     for before, after in itertools.pairwise(sizes):
         layers += [torch.nn.Linear(before, after), _ACTIVATIONS[settings.activation]()]
     layers.append(torch.nn.Linear(sizes[-1], outputs))
-    return _drawn(Network(*layers), settings, generator)
+    return _drawn(NetworkModel(*layers), settings, generator)
 
 
 def convolutional(
     features: int, outputs: int, settings: Settings, generator: torch.Generator
-) -> Network:
+) -> NetworkModel:
     """Convolutions of width 3 over the row of features, `hidden` channels, and a linear output."""
     channels = [1, *settings.hidden]
     layers: list[torch.nn.Module] = [torch.nn.Unflatten(1, (1, features))]
     for before, after in itertools.pairwise(channels):
         layers += [
-            torch.nn.Conv1d(before, after, _KERNEL, padding="same"),
+            torch.nn.Conv1d(before, after, WIDTH, padding="same"),
             _ACTIVATIONS[settings.activation](),
         ]
     layers += [torch.nn.Flatten(), torch.nn.Linear(channels[-1] * features, outputs)]
-    return _drawn(Network(*layers), settings, generator)
+    return _drawn(NetworkModel(*layers), settings, generator)
 
 
-def _drawn(network: Network, settings: Settings, generator: torch.Generator) -> Network:
+def _drawn(network: NetworkModel, settings: Settings, generator: torch.Generator) -> NetworkModel:
     """The network with torch's usual first numbers, from `generator`: uniform, 1 / sqrt(inputs)."""
     for layer in network:
         if isinstance(layer, (torch.nn.Linear, torch.nn.Conv1d)):

@@ -9,10 +9,11 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
-from qcompile.deploy.deployment import Deployment
 from qcompile.deploy.environments import threshold_of
 from qcompile.deploy.intervals import bootstrap_ci95
+from qcompile.deploy.network import player
 from qcompile.deploy.play import play
+from qcompile.deploy.player import Player
 from qcompile.deploy.result import is_solved
 from qcompile.errors import CalibrationError, QcompileError
 from qcompile.execution import Kind
@@ -105,14 +106,14 @@ class CellResult(BaseModel):
         return {episode["seed"]: episode["reward"] for episode in self.summary["episodes"]}
 
 
-def deploy(cell: Cell) -> Deployment:
-    """The cell's policy, compiled for its backend.
+def deploy(cell: Cell) -> Player:
+    """What plays the cell's policy on its backend.
 
     Raises:
         QcompileError: the policy does not fit the device, or a qubit cannot be calibrated.
     """
     file = cell.calibration
-    return Deployment(
+    return player(
         cell.policy,
         cell.backend,
         shots=cell.shots,

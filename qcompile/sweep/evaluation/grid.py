@@ -13,12 +13,15 @@ from qcompile.device import IDEAL, IDEAL_NAME
 from qcompile.errors import StudyError
 from qcompile.execution import Backend, DeviceBackend
 from qcompile.output import file_name
-from qcompile.policy import Policy
+from qcompile.policy import AnyPolicy, Network
 from qcompile.policy.files import policy_values
 from qcompile.sweep.evaluation.calibrations import CalibrationFile, by_device, check_needed
 
 Combination = tuple[Backend, int | None, str, int]
 """Backend, shots, mitigation and level."""
+
+REFERENCE = (IDEAL_NAME, None, "none", 2)
+"""The combination, its backend by name, that the others of a policy are compared with."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +33,7 @@ class Cell:
     action instead of sampling.
     """
 
-    policy: Policy
+    policy: AnyPolicy
     backend: Backend
     shots: int | None
     mitigation: str
@@ -54,8 +57,7 @@ class Cell:
     @property
     def is_reference(self) -> bool:
         """Whether the other cells of its policy are compared with this one."""
-        settings = (self.backend.name, self.shots, self.mitigation, self.level)
-        return settings == (IDEAL_NAME, None, "none", 2)
+        return (self.backend.name, self.shots, self.mitigation, self.level) == REFERENCE
 
     def settings(self) -> dict[str, Any]:
         """All that the rewards depend on, as plain values; what comes from files by SHA-256."""
@@ -76,7 +78,7 @@ class Cell:
 
 
 def grid(
-    policies: Sequence[Policy],
+    policies: Sequence[AnyPolicy],
     backends: Sequence[Backend],
     shots: Sequence[int | None],
     mitigations: Sequence[str],
@@ -89,8 +91,8 @@ def grid(
 ) -> list[Cell]:
     """For each policy its reference (`ideal`, exact, level 2), then every combination, once.
 
-    Those of `left_out` are not there. A calibration mitigates on every backend whose device it was
-    measured on.
+    Those of `left_out` are not there; a network has its reference alone. A calibration mitigates on
+    every backend whose device it was measured on.
 
     Raises:
         CalibrationError: two calibrations are of one device, or one is not needed.
@@ -105,19 +107,25 @@ def grid(
         for combination in product(backends, shots, mitigations, levels)
         if combination not in words
     ]
-    if not settings:
+    has_circuits = any(not isinstance(policy, Network) for policy in policies)
+    if has_circuits and not settings:
         raise StudyError(
             "No cell is left to play.",
             *(f"Left out: {why}." for why in dict.fromkeys(words.values())),
             "Add a --backend, --shots, --mitigation or --level that goes with the others.",
         )
     files = by_device(calibrations)
-    mitigated = {backend.device.name for backend, _, name, _ in settings if name != "none"}
+    mitigated = {
+        backend.device.name for backend, _, name, _ in settings if has_circuits and name != "none"
+    }
     check_needed(calibrations, {backend.device.name for backend in backends}, mitigated)
     cells = [
         Cell(policy, backend, count, mitigation, level, episodes, seed, calibration, greedy)
         for policy in policies
-        for backend, count, mitigation, level in [(ideal, None, "none", 2), *settings]
+        for backend, count, mitigation, level in [
+            (ideal, None, "none", 2),
+            *([] if isinstance(policy, Network) else settings),
+        ]
         for calibration in [files.get(backend.device.name) if mitigation != "none" else None]
     ]
     _check_names("cells", [(cell.name, json.dumps(cell.settings())) for cell in cells])
@@ -146,7 +154,7 @@ def _why_not(backend: Backend, shots: int | None, mitigation: str, level: int) -
     return backend.cannot_play(shots, level)
 
 
-def rename_duplicates(words: Sequence[str], policies: Sequence[Policy]) -> list[Policy]:
+def rename_duplicates(words: Sequence[str], policies: Sequence[AnyPolicy]) -> list[AnyPolicy]:
     """The policies, once each; where different ones share a name they are called by `words`.
 
     `words` are what the policies were asked for with, one for each; where these are the same too,
@@ -167,7 +175,7 @@ def rename_duplicates(words: Sequence[str], policies: Sequence[Policy]) -> list[
     return different
 
 
-def policy_sha256(policy: Policy) -> str:
+def policy_sha256(policy: AnyPolicy) -> str:
     """The hash of all that a policy file holds but its metadata."""
     values = policy_values(policy)
     del values["metadata"]

@@ -126,11 +126,12 @@ def page(
     ]
     for task in TASKS:
         policy = next(cell.policy for cell in cells if cell.policy.name == task.policy)
-        threshold = _of_task(task, objects)[0]["threshold"]
+        first_result = _of_task(task, objects)[0]
+        threshold, circuits = first_result["threshold"], first_result["circuits_per_step"]
         solved = "has no threshold" if threshold is None else f"counts as solved at {threshold:g}"
         parts.append(
             f"## {task.title}\n\nThe policy `{task.policy}` plays {task.environment}, which "
-            f"{solved}.\nIt has {plural(len(policy.program), 'circuit')} and "
+            f"{solved}.\nIt has {plural(circuits, 'circuit')} and "
             f"{policy.parameter_count} trained numbers; the paper's has "
             f"{plural(task.circuits, 'circuit')} and {task.parameters}.\n"
         )

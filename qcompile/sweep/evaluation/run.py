@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from itertools import chain
+from itertools import chain, product
 from os import fspath
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ from qcompile.device import Device
 from qcompile.errors import CalibrationError, DeviceError, StudyError
 from qcompile.execution import Backend, Executor, load_backend
 from qcompile.output import check_writable
-from qcompile.policy import Policy, load_policy
+from qcompile.policy import AnyPolicy, Network, load_policy
 from qcompile.policy.arguments import with_arguments
 from qcompile.sweep.arguments import (
     Name,
@@ -32,11 +32,18 @@ from qcompile.sweep.complete import CellFailure, Completed, OnProgress, Pool, co
 from qcompile.sweep.engine import Engine
 from qcompile.sweep.evaluation.calibrations import CalibrationFile
 from qcompile.sweep.evaluation.cell import CellResult, check_calibrations, folder_of, run_cell
-from qcompile.sweep.evaluation.grid import Cell, grid, left_out, rename_duplicates
+from qcompile.sweep.evaluation.grid import (
+    REFERENCE,
+    Cell,
+    grid,
+    left_out,
+    rename_duplicates,
+)
 from qcompile.sweep.evaluation.page import write_devices
 from qcompile.sweep.evaluation.paper import paper_cells
 from qcompile.sweep.evaluation.summary import results
 from qcompile.sweep.evaluation.write_up import write_figures, write_results
+from qcompile.validation import listed
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +79,7 @@ class Evaluation:
 
 
 def evaluate(
-    policies: Name | Policy | Sequence[Name | Policy] = ("lunarlander",),
+    policies: Name | AnyPolicy | Sequence[Name | AnyPolicy] = ("lunarlander",),
     backends: Name | Device | Backend | Any | Sequence[Any] = ("ibm_lima",),
     *,
     shots: Shots | Sequence[Shots] = (1024, 8192),
@@ -116,11 +123,8 @@ def evaluate(
         several(levels),
     )
     named = several(policies)
-    loaded = [
-        with_arguments(policy if isinstance(policy, Policy) else load_policy(policy), env)
-        for policy in named
-    ]
-    words = [policy.name if isinstance(policy, Policy) else fspath(policy) for policy in named]
+    loaded = [with_arguments(load_policy(policy), env) for policy in named]
+    words = [policy.name if isinstance(policy, AnyPolicy) else fspath(policy) for policy in named]
     different = rename_duplicates(words, loaded)
     opened = [_backend(backend) for backend in several(backends)]
     files = [_calibration_file(calibration) for calibration in several(calibrations)]
@@ -131,7 +135,7 @@ def evaluate(
         (environment,) = make_environments(
             policy.environment,
             1,
-            bits=policy.encoder.reads_bits,
+            bits=policy.reads_bits,
             arguments=policy.environment_kwargs,
         )
         try:
@@ -143,11 +147,30 @@ def evaluate(
     for file in files:
         for note in age_words(file.name, file.calibration, now):
             on_note(note)
-    for why in dict.fromkeys(left_out(opened, *sides).values()):
+    for why in _left_out(different, opened, *sides):
         on_note(f"left out: {why}.")
     pool = Pool(engine, address, workers, on_loss)
     completed = _completed(cells, out, pool, on_progress)
     return _written(cells, completed, out, lambda objects: write_figures(objects, out))
+
+
+def _left_out(
+    policies: Sequence[AnyPolicy],
+    backends: Sequence[Backend],
+    *sides: Any,
+) -> list[str]:
+    """Why the grid has less than every combination of its sides."""
+    asked = product([backend.name for backend in backends], *sides)
+    networks = [policy.name for policy in policies if isinstance(policy, Network)]
+    words: list[str] = []
+    if len(networks) < len(policies):
+        words += dict.fromkeys(left_out(backends, *sides).values())
+    if networks and {*asked} != {REFERENCE}:
+        words.append(
+            f"{listed(networks)} on anything but ideal with exact expectations: a network has no "
+            "circuits"
+        )
+    return words
 
 
 def evaluate_paper(

@@ -1,0 +1,116 @@
+"""A network that plays: no circuits, so nothing is compiled and nothing measured."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from qcompile.arrays import FloatArray, IntArray
+from qcompile.deploy.deployment import Deployment
+from qcompile.deploy.player import GATES, Player
+from qcompile.deploy.rows import Rows
+from qcompile.deploy.settings import RunSettings
+from qcompile.device import IDEAL, IDEAL_NAME
+from qcompile.errors import OptionError
+from qcompile.execution import Kind, Workload, load_backend
+from qcompile.mitigation import Misfit
+from qcompile.policy import AnyPolicy, Network, Policy
+from qcompile.streams import Draws
+
+_SETTINGS: Mapping[str, Any] = {
+    "shots": None,
+    "level": 2,
+    "mitigation": "none",
+    "calibration": None,
+    "predistort": False,
+    "copies": 1,
+}
+"""The settings of circuits, as they are for a network."""
+
+
+class NetworkPlayer:
+    """A network with the settings it plays with.
+
+    `settings`, or the defaults, with `changes`; those of circuits are left at their defaults, or
+    say what is so: exact, without mitigation. Actions are drawn as those of circuits are.
+
+    Raises:
+        CountsError: steps are out of range.
+        OptionError: a setting of circuits says something else.
+    """
+
+    backend: str = IDEAL_NAME
+    kind: Kind = "ideal"
+    misfits: Sequence[Misfit] = ()
+    calibration_load = Workload()
+
+    def __init__(self, network: Network, settings: RunSettings | None = None, **changes: Any):
+        chosen, default = RunSettings.of(settings, **changes), RunSettings()
+        refuse_options(
+            network,
+            [
+                name
+                for name, value in _SETTINGS.items()
+                if getattr(chosen, name) not in (value, getattr(default, name))
+            ],
+        )
+        self.policy = network
+        self.settings = RunSettings.of(chosen, **_SETTINGS).resolved(IDEAL)
+        self._draws = Draws(chosen.seed, 0)
+        self._decisions = 0
+
+    def __repr__(self) -> str:
+        return f"NetworkPlayer({self.policy.name})"
+
+    def act(self, observations: FloatArray, rows: Rows | None = None) -> IntArray:
+        """An action for each of the observations (B, features), as `Player.act`."""
+        if rows is None:
+            rows = Rows.of(len(observations), self._decisions)
+            self._decisions += 1
+        if self.settings.greedy:
+            return self.policy.greedy(observations)
+        return self.policy.decide(observations, self._draws.actions(rows.episode, rows.decision))
+
+    def executions(self, rows: Rows) -> int:
+        """It has no program."""
+        return 0
+
+    def load(self, executions: int) -> Workload:
+        """It sends no jobs."""
+        return Workload()
+
+    def sizes(self) -> dict[str, Any]:
+        """It has no circuits."""
+        gates = dict.fromkeys(GATES, 0)
+        return {"gates_per_circuit": gates, "circuits_per_step": 0, "rounds_per_step": 0}
+
+
+def player(
+    policy: AnyPolicy, backend: Any, settings: RunSettings | None = None, **changes: Any
+) -> Player:
+    """What plays a policy: circuits on a backend, or a network, which plays on `ideal` alone.
+
+    Raises:
+        OptionError: a backend, or a setting, that only circuits have.
+        QcompileError: as `Deployment`.
+    """
+    if isinstance(policy, Policy):
+        return Deployment(policy, backend, settings, **changes)
+    device = load_backend(backend).device
+    refuse_options(policy, [] if device.is_ideal else [f"backend {device.name}"])
+    return NetworkPlayer(policy, settings, **changes)
+
+
+def refuse_options(network: Network, names: Sequence[str]) -> None:
+    """Nothing, if no option that only circuits have is named.
+
+    Raises:
+        OptionError: one is.
+    """
+    if names:
+        *most, last = names
+        words = f"{', '.join(most)} and {last} are" if most else f"{last} is"
+        raise OptionError(
+            f"{network.name} is a network, not circuits: {words} for circuits.",
+            "A network plays on `ideal`, exactly: nothing is compiled or measured.",
+        )

@@ -1,0 +1,67 @@
+"""What plays episodes: circuits on a backend, or a network."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+from qcompile.arrays import FloatArray, IntArray
+from qcompile.deploy.rows import Rows
+from qcompile.deploy.settings import RunSettings
+from qcompile.execution import Kind, Workload
+from qcompile.mitigation import Misfit
+from qcompile.policy import AnyPolicy
+
+GATES = ("sx", "rz", "x", "rx")
+"""The native gates that results count."""
+
+
+class Player(Protocol):
+    """A policy with all that its actions depend on; its settings are resolved."""
+
+    settings: RunSettings
+
+    @property
+    def policy(self) -> AnyPolicy:
+        """What decides."""
+        ...
+
+    @property
+    def backend(self) -> str:
+        """The name of what it plays on."""
+        ...
+
+    @property
+    def kind(self) -> Kind:
+        """What its results are."""
+        ...
+
+    @property
+    def misfits(self) -> Sequence[Misfit]:
+        """The fits of its calibration that contradict their own counts."""
+        ...
+
+    @property
+    def calibration_load(self) -> Workload:
+        """Jobs and executions of what was measured before the first episode."""
+        ...
+
+    def act(self, observations: FloatArray, rows: Rows | None = None) -> IntArray:
+        """An action for each of the observations (B, features).
+
+        `rows` says which decision of which episode each is; without them row i is episode i, and
+        every call the next decision.
+        """
+        ...
+
+    def executions(self, rows: Rows) -> int:
+        """How many executions of its program a step of these rows takes."""
+        ...
+
+    def load(self, executions: int) -> Workload:
+        """Jobs and executions of a step that takes so many executions of its program."""
+        ...
+
+    def sizes(self) -> dict[str, Any]:
+        """Gates, circuits and rounds, as in `qcompile run --json`."""
+        ...

@@ -1,0 +1,84 @@
+"""Decisions: actions drawn from the softmax of logits."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from qcompile.arrays import FloatArray, IntArray, real_array
+from qcompile.errors import PolicyError
+from qcompile.foreign import what_it_is
+
+
+def softmax(logits: FloatArray) -> FloatArray:
+    """Logits (B, actions) to probabilities (B, actions)."""
+    odds = _odds(logits)
+    return np.asarray(odds / odds.sum(axis=1, keepdims=True))
+
+
+def _odds(logits: FloatArray) -> FloatArray:
+    """Probabilities (B, actions) times a number of each row, which makes its largest 1."""
+    odds = logits - np.maximum.reduce(logits, axis=1, keepdims=True)
+    return np.asarray(np.exp(odds, odds))
+
+
+class Softmax:
+    """Decides by the softmax of its `logits`.
+
+    The values that it decides by, (B, ...), are the `<Z>` of a policy's circuits and the
+    observations of a network.
+    """
+
+    reads_bits = False
+    """Whether an observation is one whole number, whose bits are the inputs."""
+
+    def logits(self, values: FloatArray, /) -> FloatArray:
+        """Values to the logarithms of the action probabilities, plus a constant: (B, actions)."""
+        raise NotImplementedError
+
+    def probabilities(self, values: FloatArray, /) -> FloatArray:
+        """Values to action probabilities (B, actions)."""
+        return softmax(self.logits(values))
+
+    def decide(self, values: FloatArray, /, u: FloatArray) -> IntArray:
+        """Values and numbers u (B,) in [0, 1) to actions (B,).
+
+        The action is the first whose cumulative probability exceeds u, so that uniform u draw from
+        the exact probabilities; where rounding leaves the sum of a row at u or below, it is the
+        last.
+
+        Raises:
+            PolicyError: there is not one u for each row.
+        """
+        if np.shape(u) != (len(values),):
+            raise PolicyError(f"u has shape {np.shape(u)}.", f"It needs {(len(values),)}.")
+        sums = np.add.accumulate(_odds(self.logits(values)), axis=1)
+        reached = sums[:, -1] * u
+        sums[:, -1] = np.inf
+        return np.asarray((sums > reached[:, np.newaxis]).argmax(axis=1))
+
+    def sample(self, values: FloatArray, /, rng: np.random.Generator) -> IntArray:
+        """One action for each row of values, drawn from its exact probabilities."""
+        return self.decide(values, rng.random(len(values)))
+
+    def greedy(self, values: FloatArray, /) -> IntArray:
+        """The most probable action for each row of values."""
+        return np.asarray(self.logits(values).argmax(axis=1))
+
+
+def checked_observations(
+    observations: FloatArray, features: int, reader: str, *, wider: bool
+) -> FloatArray:
+    """`observations` as an array of doubles (B, features), or `wider` ones where that will do.
+
+    Raises:
+        PolicyError: they are not; the message says that `reader` needs them.
+    """
+    needed = f"{reader} needs (B, {features}){' or wider' * wider}."
+    array = real_array(observations)
+    if array is None:
+        found = what_it_is(observations)
+        raise PolicyError(f"Observations are not an array of real numbers: {found}.", needed)
+    fits = array.ndim == 2 and array.shape[1] >= features
+    if not fits or (array.shape[1] > features and not wider):
+        raise PolicyError(f"Observations have shape {array.shape}.", needed)
+    return array

@@ -1,0 +1,210 @@
+"""Networks: policies of dense and convolutional layers, played without circuits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from qcompile.arrays import FloatArray
+from qcompile.errors import PolicyError
+from qcompile.notebook import count, html_table
+from qcompile.policy.decision import Softmax, checked_observations
+from qcompile.policy.encoder import check_arrays
+
+WIDTH = 3
+"""Features that a convolution sees at once."""
+
+MOST_UNITS = 100_000
+"""Outputs of a layer, for one observation."""
+
+
+def _relu(values: FloatArray) -> FloatArray:
+    return np.maximum(values, 0.0)
+
+
+ACTIVATIONS: dict[str, Callable[[FloatArray], FloatArray]] = {
+    "relu": _relu,
+    "tanh": np.tanh,
+    "none": np.asarray,
+}
+"""The functions that a layer can apply to its outputs."""
+
+
+@dataclass(frozen=True, eq=False)
+class Dense:
+    """activation(weights values + bias): weights (outputs, inputs), bias (outputs,).
+
+    Its inputs are all values of the layer before, those of a convolution channel by channel.
+    """
+
+    weights: FloatArray
+    bias: FloatArray
+    activation: str = "none"
+
+    def __call__(self, values: FloatArray) -> FloatArray:
+        """Values (B, ...) to (B, outputs)."""
+        flat = values.reshape(len(values), -1)
+        return ACTIVATIONS[self.activation](flat @ self.weights.T + self.bias)
+
+    @property
+    def words(self) -> str:
+        outputs, inputs = self.weights.shape
+        return f"dense, {inputs} to {outputs}"
+
+
+@dataclass(frozen=True, eq=False)
+class Convolution:
+    """A convolution of width 3 over the features: weights (outputs, inputs, 3), bias (outputs,).
+
+    Inputs and outputs are channels. Position i of an output is activation(bias + the sum over
+    inputs and k of weights[., ., k] times position i + k - 1), beyond the features 0.
+    """
+
+    weights: FloatArray
+    bias: FloatArray
+    activation: str = "none"
+
+    def __call__(self, values: FloatArray) -> FloatArray:
+        """Values (B, inputs, features) to (B, outputs, features); (B, features) are one channel."""
+        if values.ndim == 2:
+            values = values[:, np.newaxis]
+        padded = np.pad(values, ((0, 0), (0, 0), (1, 1)))
+        windows = np.lib.stride_tricks.sliding_window_view(padded, WIDTH, axis=2)
+        sums = np.tensordot(windows, self.weights, axes=((1, 3), (1, 2)))  # (B, features, outputs)
+        return ACTIVATIONS[self.activation]((sums + self.bias).swapaxes(1, 2))
+
+    @property
+    def words(self) -> str:
+        outputs, inputs, width = self.weights.shape
+        return f"convolution of width {width}, {inputs} to {outputs} channels"
+
+
+Layer = Dense | Convolution
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Network(Softmax):
+    """A policy that is a network: the last of its `layers` gives the logits of the actions.
+
+    Convolutions come before dense layers, and the last layer is dense. `mean` and `std` (features,)
+    normalise the observations first: (observation - mean) / std; left out they are 0 and 1. The
+    environment is made with the arguments `environment_kwargs`.
+
+    Everything is computed in double precision. In training torch computes in float32 with the same
+    numbers, so that logits differ from those there by rounding, and so do action probabilities.
+
+    Raises:
+        PolicyError: the shapes do not fit each other, or a number is not finite.
+    """
+
+    name: str
+    environment: str
+    layers: Sequence[Layer]
+    mean: FloatArray | None = None
+    std: FloatArray | None = None
+    metadata: Mapping[str, Any] = field(default_factory=dict)
+    environment_kwargs: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not self.layers or not isinstance(self.layers[-1], Dense):
+            raise PolicyError("The last layer of a network is dense: it gives the logits.")
+        for index, layer in enumerate(self.layers):
+            _check_layer(f"layers.{index}", layer)
+        for index, (before, layer) in enumerate(pairwise(self.layers), 1):
+            self._check_after(index, before, layer)
+        for key, array in (("mean", self.mean), ("std", self.std)):
+            check_arrays({key: (array, (self.features,))})
+        if self.std is not None and not (self.std > 0).all():
+            raise PolicyError("std holds a number that is not positive.")
+
+    def _check_after(self, index: int, before: Layer, layer: Layer) -> None:
+        if isinstance(layer, Convolution) and isinstance(before, Dense):
+            raise PolicyError(
+                f"layers.{index} is a convolution after a dense layer.",
+                "Convolutions come first: they see neighbouring features.",
+            )
+        per_channel = self.features if isinstance(before, Convolution) else 1
+        needed = len(before.bias) * (1 if isinstance(layer, Convolution) else per_channel)
+        if layer.weights.shape[1] != needed:
+            raise PolicyError(
+                f"layers.{index} has {layer.weights.shape[1]} inputs.",
+                f"The layer before it has {needed} outputs.",
+            )
+        if len(before.bias) * per_channel > MOST_UNITS:
+            raise PolicyError(
+                f"layers.{index - 1} has {len(before.bias) * per_channel:,} outputs.",
+                f"A layer has {MOST_UNITS:,} at most.",
+            )
+
+    @cached_property
+    def features(self) -> int:
+        """The number of features of an observation."""
+        channels = 1
+        for layer in self.layers:
+            if isinstance(layer, Dense):
+                return int(layer.weights.shape[1]) // channels
+            channels = len(layer.bias)
+        return 0  # not reached: the last layer is dense
+
+    @property
+    def actions(self) -> int:
+        return len(self.layers[-1].bias)
+
+    @property
+    def parameter_count(self) -> int:
+        """The numbers of all layers."""
+        return sum(layer.weights.size + layer.bias.size for layer in self.layers)
+
+    def __repr__(self) -> str:
+        sizes = (count(number, noun) for noun, number in self._sizes.items())
+        return f"Network({', '.join([self.name, self.environment, *sizes])})"
+
+    def _repr_html_(self) -> str:
+        rows = [["environment", self.environment]]
+        rows += [[f"{noun}s", f"{number:,}"] for noun, number in self._sizes.items()]
+        return html_table(["network", self.name], rows)
+
+    @property
+    def _sizes(self) -> dict[str, int]:
+        parameters = self.parameter_count
+        return {"layer": len(self.layers), "parameter": parameters, "action": self.actions}
+
+    def logits(self, observations: FloatArray, /) -> FloatArray:
+        """Observations (B, features) to the logits of the actions (B, actions).
+
+        Raises:
+            PolicyError: the observations have other features, or lead to numbers that are not
+                finite.
+        """
+        reader = f"Network {self.name!r}"
+        values = checked_observations(observations, self.features, reader, wider=False)
+        with np.errstate(over="ignore", invalid="ignore"):
+            if self.mean is not None:
+                values = values - self.mean
+            if self.std is not None:
+                values = values / self.std
+            for layer in self.layers:
+                values = layer(values)
+        if not np.isfinite(values).all():
+            raise PolicyError(f"{reader} gives logits that are not finite.")
+        return values
+
+
+def _check_layer(key: str, layer: Layer) -> None:
+    """Raise PolicyError where the arrays of a layer are not those of one."""
+    if layer.activation not in ACTIVATIONS:
+        raise PolicyError(
+            f"{key}: unknown activation {layer.activation!r}.", f"Known: {', '.join(ACTIVATIONS)}."
+        )
+    outputs, inputs = len(layer.bias), np.shape(layer.weights)[1:2]
+    shape = (outputs, *inputs, *([WIDTH] * isinstance(layer, Convolution)))
+    check_arrays(
+        {f"{key}.weights": (layer.weights, shape), f"{key}.bias": (layer.bias, (outputs,))}
+    )
+    if not layer.weights.size:
+        raise PolicyError(f"{key} has no inputs or no outputs.")

@@ -1,0 +1,120 @@
+"""The .pt form of policy files: the plain values of the JSON, with tensors for the numbers."""
+
+from __future__ import annotations
+
+import io
+import pickle
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from qcompile.errors import PolicyError
+from qcompile.limits import MAX_VALUES
+from qcompile.reading import CodeError, ContentsError, load_json, read_file, read_torch
+
+_TENSORS = ("theta", "weights", "bias", "mean", "std")
+_CHECKPOINT_1 = "qcompile-checkpoint-1"
+_PLAYED = ("svqc", "surrogate", "fcn", "cnn")
+"""The models in training that make a policy."""
+_ENVIRONMENT = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_./-]{0,99}")
+"""What may stand in a command that a reader will type."""
+
+
+class UnreadableError(PolicyError):
+    """A file that could not even be opened as what it claims to be."""
+
+
+def read_pt(path: Path) -> dict[str, Any]:
+    """The plain values of a .pt file, lists in place of its tensors.
+
+    Raises:
+        OSError: it cannot be read.
+        UnreadableError: it is not a dict of tensors and plain values, or the checkpoint of a
+            training.
+    """
+    contents = read_file(path)
+    try:
+        values = read_torch(contents)
+    except ContentsError as error:
+        if contents[:1] != pickle.PROTO and not isinstance(error, CodeError):
+            raise UnreadableError(
+                f"{path} cannot be read as a .pt file.",
+                str(error),
+                "Copy or train it again.",
+            ) from error
+        what = "holds more than tensors and plain values"
+        if contents[:1] == pickle.PROTO:
+            what = "cannot be read as a .pt file: it is a bare pickle"
+        raise UnreadableError(
+            f"{path} {what}, and was not loaded.",
+            "A pickle can carry code that runs when it is opened.",
+            "Save the policy with qcompile, or as JSON.",
+        ) from error
+    if not isinstance(values, dict):
+        raise UnreadableError(
+            f"{path} holds a {type(values).__name__}.", "A policy file is a dict."
+        )
+    if values.get("format") == _CHECKPOINT_1:
+        raise UnreadableError(
+            f"{path} is the checkpoint of a training, found where a policy file is needed.",
+            _way_on(path, values),
+        )
+    if sum(tensor.numel() for tensor in _tensors(values)) > MAX_VALUES:
+        raise UnreadableError(f"{path} has tensors of more than {MAX_VALUES:,} numbers.")
+    return {key: _plain(value) for key, value in values.items()}
+
+
+def _way_on(path: Path, checkpoint: Mapping[str, Any]) -> str:
+    """How a checkpoint becomes a policy; of its values none is known to be whole."""
+    try:
+        model = load_json(checkpoint["settings"])["model"]
+    except (ContentsError, KeyError, TypeError):
+        model = None
+    if model == "mvqc":
+        return "Its model 'mvqc' is an entangling circuit: it is played once those are."
+    environment = checkpoint.get("environment")
+    if not isinstance(environment, str) or not _ENVIRONMENT.fullmatch(environment):
+        environment = "ENVIRONMENT"
+    command = f"qcompile train {environment} --resume {path} --out POLICY.pt"
+    return f"A finished training is not trained again: `{command}` writes its policy."
+
+
+def _tensors(value: Any) -> Iterator[Any]:
+    """The tensors in a value, in whatever depth."""
+    if hasattr(value, "tolist"):
+        yield value
+    elif isinstance(value, dict | list | tuple):
+        for part in value.values() if isinstance(value, dict) else value:
+            yield from _tensors(part)
+
+
+def _plain(value: Any) -> Any:
+    """The value, with lists in place of tensors."""
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    if isinstance(value, dict):
+        return {key: _plain(part) for key, part in value.items()}
+    return [_plain(part) for part in value] if isinstance(value, list) else value
+
+
+def pt_bytes(values: Mapping[str, Any]) -> bytes:
+    """The .pt file of the values of a policy file."""
+    import torch
+
+    buffer = io.BytesIO()
+    torch.save(_packed(values), buffer)
+    return buffer.getvalue()
+
+
+def _packed(values: Mapping[str, Any]) -> dict[str, Any]:
+    """The values, with tensors in place of numbers, those of layers too."""
+    import torch
+
+    packed = dict(values)
+    for key in _TENSORS:
+        if isinstance(packed.get(key), list):
+            packed[key] = torch.tensor(packed[key], dtype=torch.float64)
+    if "layers" in packed:
+        packed["layers"] = [_packed(layer) for layer in packed["layers"]]
+    return packed
