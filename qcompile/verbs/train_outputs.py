@@ -54,9 +54,13 @@ class TrainingOutputs:
             for outer in inner.parents:
                 if outer in taken and taken[outer] != "tensorboard" and not outer.is_dir():
                     raise OptionError(f"{option}: {inner} lies in the file of {taken[outer]}.")
-        for option, path in (("checkpoint", self.checkpoint), ("out", self.out)):
+        resumable = "It can be resumed with --resume"
+        for option, path, why in (
+            ("checkpoint", self.checkpoint, resumable),
+            ("out", self.out, ""),
+        ):
             if path is not None and not self._continues(path, trainer):
-                check_new(path, option, self.force)
+                check_new(path, option, self.force, why)
         for path in (self.log, self.checkpoint, self.out):
             if path is not None:
                 check_writable(path)

@@ -111,8 +111,11 @@ class Trainings(Training):
         """The mean over the seeds, and what the best scores on episodes it was not chosen by."""
         values = self.to_dict()
         best, count = values["best"], len(values["seeds"])
-        words = f"the best is seed {best['seed']}: {_words(best)} on {values['evaluation']} others"
-        return f"mean of {count} seeds: {_words(values)}; {words}" if count > 1 else words
+        scores = f"{_words(best)} on {values['evaluation']} others"
+        if count == 1:
+            return f"seed {best['seed']} scores {scores}"
+        chosen = f"the best by these episodes is seed {best['seed']}, which scores {scores}"
+        return f"mean of {count} seeds: {_words(values)}; {chosen}"
 
     @property
     def words(self) -> str:

@@ -1,4 +1,4 @@
-"""`qcompile.train` with several seeds: each is the training of its seed; the best by fresh episodes."""
+"""`qcompile.train` with several seeds: each as it is alone, and the best by fresh episodes."""
 
 from __future__ import annotations
 
