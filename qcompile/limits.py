@@ -21,6 +21,9 @@ MAX_QPU_SECONDS = 1e6
 MAX_EPISODES = 10_000
 """Episodes of one run; each keeps an environment alive."""
 
+MAX_FEATURES = 8_000
+"""Numbers of an observation that is flattened: more circuits than these take do not fit a file."""
+
 CALIBRATION_HOURS = 24.0
 """A calibration is trusted for so long; IBM's are measured anew every day."""
 

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import warnings
 from collections.abc import Iterable, Mapping
-from functools import cache
 from typing import Any
 
 import gymnasium
 import numpy as np
 from gymnasium.spaces import Box, Discrete
 
-from qcompile.catalogue import nearest
+from qcompile.catalogue import close_names
+from qcompile.deploy.flattening import StateNumber, vector_observations
 from qcompile.errors import EnvironmentMismatchError
 from qcompile.policy import Policy
 from qcompile.terminal import first_line
@@ -25,18 +24,26 @@ _USUAL = ("CartPole-v1", "Acrobot-v1", "LunarLander-v3", "MountainCar-v0")
 
 
 def make_environments(
-    name: str, count: int, *, film: bool = False, arguments: Mapping[str, Any] | None = None
+    name: str,
+    count: int,
+    *,
+    film: bool = False,
+    bits: bool = False,
+    arguments: Mapping[str, Any] | None = None,
 ) -> list[Environment]:
     """`count` environments called `name`, made with `arguments`; with `film` they render frames.
 
+    Observations that are not vectors are flattened, Discrete ones to one-hot vectors, or with
+    `bits`, for policies that read the bits of a number, to that number alone.
+
     Raises:
-        EnvironmentMismatchError: no such environment, or it has no vector of features to observe
-            and no finite set of actions.
+        EnvironmentMismatchError: no such environment, or it does not observe numbers, or has no
+            finite set of actions.
     """
     if ":" in name:  # gymnasium would import the module before the colon
         raise EnvironmentMismatchError(
             f"Environment {name!r} names a module to import.",
-            "A policy file may not load code; register the environment and give its plain name.",
+            "A file may not load code; register the environment and give its plain name.",
         )
     settings = dict(arguments or {})  # no render_mode without a film: not all environments take it
     if film:
@@ -45,7 +52,7 @@ def make_environments(
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            environments = [
+            environments: list[Environment] = [
                 gymnasium.make(name, disable_env_checker=True, **settings)
                 for _ in range(count)  # that checker looks at one step; deploy/stepping.py at all
             ]
@@ -55,22 +62,36 @@ def make_environments(
             *_first_line(error),
         ) from error
     except Exception as error:  # an environment is made by code of any kind
-        if name in gymnasium.registry:
-            raise EnvironmentMismatchError(
-                f"Environment {name!r} cannot be made.", *_first_line(error)
-            ) from error
-        # gymnasium suggests the likest name, however little it is like.
-        missing = (gymnasium.error.NameNotFound, gymnasium.error.NamespaceNotFound)
-        raise EnvironmentMismatchError(
-            f"Unknown environment {name!r}.",
-            *(() if isinstance(error, missing) else _first_line(error)),
-            nearest(name, [*_USUAL, *gymnasium.registry]),
-        ) from error
-    for environment in environments[:1]:
-        features_and_actions(environment)
+        raise _not_made(name, error, film=film) from error
+    if environments:
+        environments = [
+            vector_observations(environment, name, bits=bits) for environment in environments
+        ]
+        features_and_actions(environments[0])
     if film:
         _check_frames(name, settings)
     return environments
+
+
+def _not_made(name: str, error: Exception, *, film: bool) -> EnvironmentMismatchError:
+    """Why an environment cannot be made."""
+    if film and "render_mode" in str(error):
+        return _not_filmed(name, _first_line(error))
+    if name in gymnasium.registry:
+        return EnvironmentMismatchError(
+            f"Environment {name!r} cannot be made.", *_first_line(error)
+        )
+    # gymnasium suggests the likest name, however little it is like.
+    missing = (gymnasium.error.NameNotFound, gymnasium.error.NamespaceNotFound)
+    if not isinstance(error, missing):  # such as a version that is not there
+        return EnvironmentMismatchError(f"Unknown environment {name!r}.", *_first_line(error))
+    close = close_names(name, gymnasium.registry)
+    known = f"Did you mean {' or '.join(close)}?" if close else f"Known: {', '.join(_USUAL)}, ..."
+    return EnvironmentMismatchError(
+        f"Unknown environment {name!r}.",
+        known,
+        "If a module of yours or of a package registers it: --import MODULE.",
+    )
 
 
 def close_environments(environments: Iterable[Environment]) -> None:
@@ -82,7 +103,8 @@ def close_environments(environments: Iterable[Environment]) -> None:
 
 def environment_name(environment: Environment) -> str:
     """What an environment is called in messages."""
-    return environment.spec.id if environment.spec else str(environment)
+    spec = environment.unwrapped.spec  # a wrapper may remember that of an environment within
+    return spec.id if spec else str(environment)
 
 
 def _check_frames(name: str, settings: Mapping[str, Any]) -> None:
@@ -107,7 +129,11 @@ def _check_frames(name: str, settings: Mapping[str, Any]) -> None:
         kind = f"of type {dtype}" if dtype is not None else f"a {type(frame).__name__}"
         rendered = "None" if frame is None else f"{kind} and shape {shape}"
         why = [f"A frame is {rendered}, {rate:g} a second."]
-    raise EnvironmentMismatchError(
+    raise _not_filmed(name, why)
+
+
+def _not_filmed(name: str, why: list[str]) -> EnvironmentMismatchError:
+    return EnvironmentMismatchError(
         f"Environment {name!r} cannot be filmed: it renders no pictures.",
         *why,
         "Run without --video.",
@@ -122,7 +148,7 @@ def features_and_actions(environment: Environment) -> tuple[int, int]:
     """The number of features an observation has, and of actions.
 
     Raises:
-        EnvironmentMismatchError: observations are no vectors, or actions are not numbered.
+        EnvironmentMismatchError: observations are not vectors, or actions are not numbered.
     """
     observed = getattr(environment, "observation_space", None)
     acted = getattr(environment, "action_space", None)
@@ -130,6 +156,12 @@ def features_and_actions(environment: Environment) -> tuple[int, int]:
     if not isinstance(observed, Box) or observed.shape is None or len(observed.shape) != 1:
         raise EnvironmentMismatchError(
             f"{name} observes {observed}.", "A policy needs a vector of features (a 1-D Box)."
+        )
+    if isinstance(acted, Box):
+        raise EnvironmentMismatchError(
+            f"{name} acts in {acted}.",
+            "Continuous actions are not built yet: a policy chooses among numbered actions "
+            "(Discrete).",
         )
     if not isinstance(acted, Discrete):
         raise EnvironmentMismatchError(
@@ -139,15 +171,26 @@ def features_and_actions(environment: Environment) -> tuple[int, int]:
 
 
 def check_fit(policy: Policy, environment: Environment) -> None:
-    """Raise EnvironmentMismatchError where `policy` cannot act in `environment`."""
+    """Raise EnvironmentMismatchError where `policy` cannot act in `environment`.
+
+    It was made with `bits` if the policy reads bits.
+    """
     features, actions = features_and_actions(environment)
     name = environment_name(environment)
     if policy.encoder.reads_bits:
-        raise EnvironmentMismatchError(
-            f"Policy {policy.name!r} reads the bits of a number; {name} observes a vector of "
-            f"{features} features.",
-            "Correct `environment` or `encoder.function` in the policy file.",
-        )
+        if not isinstance(environment, StateNumber):
+            raise EnvironmentMismatchError(
+                f"Policy {policy.name!r} reads the bits of a number; {name} observes a vector of "
+                f"{features} features.",
+                "Correct `environment` or `encoder.function` in the policy file.",
+            )
+        bits, last = (environment.states - 1).bit_length(), int(policy.encoder.feature.max())
+        if last >= bits:
+            raise EnvironmentMismatchError(
+                f"Policy {policy.name!r} reads bit {last}; observations of {name} have {bits} "
+                "bits.",
+                "Correct `environment` or `encoder.feature` in the policy file.",
+            )
     needed = policy.encoder.features
     if needed > features:
         raise EnvironmentMismatchError(
@@ -164,17 +207,19 @@ def check_fit(policy: Policy, environment: Environment) -> None:
 
 def reward_threshold(environment: Environment) -> float | None:
     """The mean reward at which the environment counts as solved, if it has one."""
-    return environment.spec.reward_threshold if environment.spec else None
+    spec = environment.unwrapped.spec
+    return spec.reward_threshold if spec else None
 
 
-@cache
-def threshold_of(name: str, arguments: str = "{}") -> float | None:
-    """`reward_threshold` of an environment by its name, made with arguments, JSON as text.
+def threshold_of(name: str, arguments: Mapping[str, Any]) -> float | None:
+    """`reward_threshold` of an environment by its name.
 
     Raises:
         EnvironmentMismatchError: it is unknown.
     """
-    (environment,) = make_environments(name, 1, arguments=json.loads(arguments))
+    if name in gymnasium.registry:
+        return gymnasium.registry[name].reward_threshold
+    (environment,) = make_environments(name, 1, arguments=arguments)
     try:
         return reward_threshold(environment)
     finally:

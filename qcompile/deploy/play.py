@@ -68,7 +68,12 @@ def play(
     if isinstance(episodes, int):
         numbers = range(episodes)
     policy = deployment.policy
-    make = partial(make_environments, policy.environment, arguments=policy.environment_kwargs)
+    make = partial(
+        make_environments,
+        policy.environment,
+        bits=policy.encoder.reads_bits,
+        arguments=policy.environment_kwargs,
+    )
     environments = make(1, film=on_frame is not None)
     try:
         check_fit(policy, environments[0])

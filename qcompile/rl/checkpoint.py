@@ -9,7 +9,15 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import torch
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    JsonValue,
+    TypeAdapter,
+    ValidationError,
+)
 
 from qcompile.deploy.environments import (
     close_environments,
@@ -19,6 +27,7 @@ from qcompile.deploy.environments import (
 from qcompile.errors import EnvironmentStepError, QcompileError, TrainingError
 from qcompile.limits import MAX_CHECKPOINT_BYTES, MAX_HISTORY_VALUES
 from qcompile.output import write_file
+from qcompile.policy.arguments import check_arguments
 from qcompile.reading import ContentsError, load_json, read_file, read_torch
 from qcompile.rl.models import critic_size, model_size
 from qcompile.rl.ppo import Trainer
@@ -32,17 +41,22 @@ FORMAT = "qcompile-checkpoint-1"
 _TENSORS = ("actor", "critic", "optimiser", "generator", "pause")
 
 
+_ARGUMENTS = TypeAdapter(Annotated[dict[str, JsonValue], AfterValidator(check_arguments)])
+"""A checkpoint's environment takes what that of a policy file may: nothing that loads code."""
+
 Whole = Annotated[int, Field(ge=0, le=2**53)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
 class _Saved(BaseModel):
-    """What a checkpoint file holds: `settings` and `plain` are JSON."""
+    """What a checkpoint file holds: `settings`, `plain` and `arguments`, those of the environment,
+    are JSON; a file of version 0.1.0 has none of the latter."""
 
     model_config = ConfigDict(strict=True)
 
     format: str
     environment: Line
+    arguments: str = "{}"
     settings: str
     seed: Annotated[int, Field(ge=0)]
     versions: dict[Line, Line]
@@ -120,6 +134,7 @@ def save_checkpoint(trainer: Trainer, path: Path, state: Mapping[str, Any] | Non
         {
             "format": FORMAT,
             "environment": trainer.environment,
+            "arguments": json.dumps(trainer.arguments),
             "settings": json.dumps(plain(trainer.settings)),
             "seed": trainer.seed,
             "versions": versions(*PACKAGES),
@@ -131,16 +146,17 @@ def save_checkpoint(trainer: Trainer, path: Path, state: Mapping[str, Any] | Non
     write_file(path, contents.getvalue())
 
 
-def identity(path: Path) -> tuple[str, Settings, int]:
-    """Environment, settings and seed of the training that wrote a checkpoint.
+def identity(path: Path) -> tuple[str, Mapping[str, Any], Settings, int]:
+    """Environment, its arguments, settings and seed of the training that wrote a checkpoint.
 
     Raises:
         TrainingError: the file is not a checkpoint of this version.
     """
     saved = _read(path)
     try:
-        return saved.environment, restored(load_json(saved.settings)), saved.seed
-    except ContentsError as error:
+        arguments = _ARGUMENTS.validate_python(load_json(saved.arguments))
+        return saved.environment, arguments, restored(load_json(saved.settings)), saved.seed
+    except (ContentsError, ValidationError) as error:
         raise TrainingError(f"Checkpoint {path} is damaged.", *explain(error, 1)) from error
 
 
@@ -158,8 +174,9 @@ def load_checkpoint(path: Path) -> tuple[Trainer, list[str]]:
     try:
         settings = restored(load_json(saved.settings))
         state = _Plain.model_validate(load_json(saved.plain, MAX_HISTORY_VALUES))
-        _check_sizes(settings, saved, state)
-        trainer = Trainer(saved.environment, settings, saved.seed)
+        arguments = _ARGUMENTS.validate_python(load_json(saved.arguments))
+        _check_sizes(settings, saved, state, arguments)
+        trainer = Trainer(saved.environment, settings, saved.seed, arguments=arguments)
         trainer.restore({**saved.tensors.model_dump(), **state.model_dump()})
     except EnvironmentStepError as error:
         what = f"Checkpoint {path} is damaged, or its environment has changed."
@@ -180,14 +197,16 @@ def load_checkpoint(path: Path) -> tuple[Trainer, list[str]]:
     return trainer, differ
 
 
-def _check_sizes(settings: Settings, saved: _Saved, state: _Plain) -> None:
+def _check_sizes(
+    settings: Settings, saved: _Saved, state: _Plain, arguments: Mapping[str, Any]
+) -> None:
     """Raise ContentsError where the trainer that the settings ask for is not the one saved."""
     for count in (len(state.collector.walks), len(state.return_scale.running)):
         if count != settings.environments:
             raise ContentsError(
                 f"It has {count} environments, by its settings {settings.environments}."
             )
-    (environment,) = make_environments(saved.environment, 1)
+    (environment,) = make_environments(saved.environment, 1, arguments=arguments)
     features, actions = features_and_actions(environment)
     close_environments([environment])
     actor, best = saved.tensors.actor, saved.tensors.pause.best
@@ -230,7 +249,7 @@ def _read(path: Path) -> _Saved:
             f"its format is {ascii(format_)[:60]}.",
             f"Needed: {FORMAT!r}, as `qcompile train --checkpoint` writes it.",
         )
-    missing = sorted(set(_Saved.model_fields) - set(saved))
+    missing = sorted(set(_Saved.model_fields) - {"arguments"} - set(saved))
     if missing:
         raise TrainingError(f"Checkpoint {path} is damaged.", f"Missing: {', '.join(missing)}.")
     try:

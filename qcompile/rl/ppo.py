@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from copy import deepcopy
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -34,12 +35,21 @@ class Trainer:
     """Trains an actor, the policy, and a critic, its judge, in one environment.
 
     The same environment, settings and seed give the same policy on the same machine and versions.
+    `arguments` are those that the environment is made with; the policy keeps them.
     """
 
-    def __init__(self, environment: str, settings: Settings, seed: int):
+    def __init__(
+        self,
+        environment: str,
+        settings: Settings,
+        seed: int,
+        *,
+        arguments: Mapping[str, Any] | None = None,
+    ):
         self.environment, self.settings, self.seed = environment, settings.check(), seed
+        self.arguments = dict(arguments or {})
         seeds = np.random.SeedSequence(seed).spawn(4)
-        self._collector = Collector(environment, settings.environments, seeds[0])
+        self._collector = Collector(environment, settings.environments, seeds[0], self.arguments)
         self._rng = np.random.default_rng(seeds[1])
         self._generator = torch.Generator().manual_seed(int(seeds[2].generate_state(1)[0]))
         features, actions = self._collector.features, self._collector.actions
@@ -143,6 +153,7 @@ class Trainer:
         }
         name = self.environment.rsplit("-v", 1)[0].lower()
         policy = self.actor.policy(name, self.environment, metadata)
+        policy = replace(policy, environment_kwargs=self.arguments)
         return policy if self.normaliser is None else self.normaliser.deployed(policy)
 
     @property

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -57,8 +57,14 @@ class Collector:
     episode has a seed of its own, so that an environment is rebuilt by playing its actions again.
     """
 
-    def __init__(self, name: str, count: int, seeds: np.random.SeedSequence):
-        environments = make_environments(name, count)
+    def __init__(
+        self,
+        name: str,
+        count: int,
+        seeds: np.random.SeedSequence,
+        arguments: Mapping[str, Any] | None = None,
+    ):
+        environments = make_environments(name, count, arguments=arguments)
         self.features, self.actions = features_and_actions(environments[0])
         self._rng = np.random.default_rng(seeds)
         self._steppers = [Stepper(environment) for environment in environments]

@@ -41,7 +41,7 @@ def score(trainer: Trainer, episodes: int, first_seed: int) -> FloatArray:
     def note(episode: Episode) -> None:
         rewards[episode.seed] = episode.reward
 
-    environments = make_environments(trainer.environment, episodes)
+    environments = make_environments(trainer.environment, episodes, arguments=trainer.arguments)
     try:
         act = _sampling(trainer, first_seed)
         lockstep(act, environments, first_seed, on_episode=note)

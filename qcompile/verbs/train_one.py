@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -19,11 +20,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Follow:
-    """How a training is followed: test episodes after every so many, and somebody's callback."""
+    """How a training is followed: test episodes after every so many, and somebody's callback.
+
+    `preset` and `imports` are what its result names.
+    """
 
     evaluate_every: int | None
     evaluate_episodes: int
     preset: str | None
+    imports: Sequence[str] = ()
     callback: Callback | None = None
 
 
@@ -66,6 +71,7 @@ def train_one(trainer: Trainer, outputs: TrainingOutputs, follow: Follow, show: 
         policy=outputs.write(result.policy, watch),
         watch=watch,
         outputs=outputs,
+        imports=follow.imports,
         preset=follow.preset,
         interrupted=result.interrupted,
         failure=failure,

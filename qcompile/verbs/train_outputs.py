@@ -80,10 +80,12 @@ class TrainingOutputs:
             else:
                 policy = load_policy(path)
                 settings = restored(policy.metadata["settings"])
-                made_by = (policy.environment, settings, policy.metadata["seed"])
+                seed = policy.metadata["seed"]
+                made_by = (policy.environment, dict(policy.environment_kwargs), settings, seed)
         except (QcompileError, LookupError, TypeError, ValueError):  # a file of anything else
             return False
-        return path == self.out and made_by == (trainer.environment, trainer.settings, trainer.seed)
+        own = (trainer.environment, trainer.arguments, trainer.settings, trainer.seed)
+        return path == self.out and made_by == own
 
     def of_seed(self, seed: int) -> TrainingOutputs:
         """The files of one of several trainings: the seed is in their names, and none is `out`."""

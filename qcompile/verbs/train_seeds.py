@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import partial
 
+from qcompile.deploy.registration import knowing_environments
 from qcompile.errors import OptionError, QcompileError
 from qcompile.report import progress as bars
 from qcompile.sweep.arguments import Words
@@ -100,7 +101,9 @@ def train_seeds(
                 scored[cell.seed], words = outcome, f"{outcome.rewards.mean():.1f}"
             show(len(scored) + len(failures), f"{cell.name}: {words}")
 
-        train = partial(_train, evaluation=evaluation)
+        train = knowing_environments(
+            partial(_train, evaluation=evaluation), [asked.request.environment]
+        )
         try:
             run_all(cells, train, keep, workers=workers, on_loss=on_note, noun="training")
         except KeyboardInterrupt:

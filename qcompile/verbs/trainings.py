@@ -19,7 +19,10 @@ from qcompile.verbs.training import Training
 if TYPE_CHECKING:
     from qcompile.policy import Policy
 
-_SHARED = ("environment", "model", "preset", "backend", "shots", "mitigation", "parameters")
+_SHARED = (
+    *("environment", "environment_kwargs", "model", "preset"),
+    *("backend", "shots", "mitigation", "parameters"),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +62,7 @@ class Trainings(Training):
         document = best.training.to_dict()
         Result.__init__(
             self,
-            {name: document[name] for name in _SHARED}
+            {name: document[name] for name in _SHARED if name in document}
             | {
                 "seeds": [one.seed for one in scored],
                 "evaluation": len(best.rewards),

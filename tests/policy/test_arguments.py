@@ -82,16 +82,19 @@ def test_arguments_that_may_load_something_are_refused(
         load_policy(path)
 
 
-def test_bits_are_told_where_an_observation_is_a_vector(
-    tmp_path: Path, values: Make, write_json: Make
-) -> None:
-    """The policy itself loads, and encodes numbers."""
+def test_bits_are_read_of_a_number_alone(tmp_path: Path, values: Make, write_json: Make) -> None:
+    """FrozenLake's 16 states have four bits."""
     encoder = {"function": "bits", "feature": [0, 2], "scale": [1, 1]}
     document = values() | {"format": "qcompile-policy-2", "encoder": encoder}
     policy = load_policy(write_json(tmp_path / "p.json", document))
     np.testing.assert_array_equal(policy.encode([[4.0], [1.0]]), [[0, np.pi], [np.pi, 0]])
-    (cart_pole,) = make_environments("CartPole-v1", 1)
+    (cart_pole,) = make_environments("CartPole-v1", 1, bits=True)
     with pytest.raises(EnvironmentMismatchError, match="reads the bits of a number; CartPole-v1"):
         check_fit(policy, cart_pole)
-    with pytest.raises(EnvironmentMismatchError, match=r"FrozenLake-v1 observes Discrete\(16\)"):
-        make_environments("FrozenLake-v1", 1)
+    (lake,) = make_environments("FrozenLake-v1", 1, bits=True)
+    with pytest.raises(EnvironmentMismatchError, match="has 2 actions; FrozenLake-v1 has 4"):
+        check_fit(policy, lake)
+    for bit, message in ((3, "has 2 actions"), (4, "reads bit 4; .* FrozenLake-v1 have 4 bits")):
+        other = replace(policy, encoder=replace(policy.encoder, feature=np.array([0, bit])))
+        with pytest.raises(EnvironmentMismatchError, match=message):
+            check_fit(other, lake)

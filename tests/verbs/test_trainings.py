@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 
@@ -175,3 +176,37 @@ def test_the_files_of_every_seed_are_looked_at(monkeypatch: pytest.MonkeyPatch) 
     with pytest.raises(OutputError, match=r"^moon-1\.state is there already\."):
         qcompile.train("CartPole-v1", seeds=2, checkpoint="moon.state")
     assert Path("moon-1.state").read_text() == "kept"
+
+
+class Corridor(gymnasium.Env[Any, Any]):
+    """Made where the test runs: workers do not have it unless it is sent to them."""
+
+    observation_space = gymnasium.spaces.Box(-1, 1, (1,), np.float32)
+    action_space = gymnasium.spaces.Discrete(2)
+
+    def __init__(self, length: int = 3):
+        self.length = length
+
+    def reset(self, *, seed: int | None = None, options: Any = None) -> Any:
+        super().reset(seed=seed)
+        self.left = self.length
+        return np.zeros(1, np.float32), {}
+
+    def step(self, action: Any) -> Any:
+        self.left -= 1
+        return np.zeros(1, np.float32), 1.0, self.left == 0, False, {}
+
+
+def test_an_environment_of_one_s_own_reaches_the_workers() -> None:
+    Corridor.__module__ = "__main__"  # as in a notebook: it is in no module that could be imported
+    try:
+        result = qcompile.train(
+            Corridor, **PAPER, env={"length": 5}, seeds=2, workers=2, evaluation=2
+        )
+        result.check_complete()
+        document = result.to_dict()
+        assert document["environment_kwargs"] == {"length": 5}
+        assert (document["mean_reward"], document["std_reward"]) == (5.0, 0.0)
+        assert document["best"]["seed"] == 0  # of equal ones the lowest
+    finally:
+        del gymnasium.registry["Corridor-v0"]
