@@ -6,10 +6,11 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from qcompile.deploy.registration import knowing_environments
-from qcompile.errors import OptionError, QcompileError
+from qcompile.errors import OptionError, QcompileError, StudyError
 from qcompile.report import progress as bars
 from qcompile.sweep.arguments import Words
 from qcompile.sweep.engine import run_all
+from qcompile.terminal import first_line
 from qcompile.verbs.train_one import Follow, train_one
 from qcompile.verbs.train_outputs import TrainingOutputs
 from qcompile.verbs.train_settings import TrainingRequest
@@ -90,7 +91,7 @@ def train_seeds(
     evaluation = FRESH_EPISODES if asked.evaluation is None else asked.evaluation
     scored: dict[int, Scored] = {}
     failures: dict[int, str] = {}
-    interrupted = False
+    interrupted, failure = False, None
     title = f"{asked.request.environment}, {len(cells)} seeds"
     with bars.progress_bar(title, len(cells), enabled=progress) as show:
 
@@ -108,7 +109,11 @@ def train_seeds(
             run_all(cells, train, keep, workers=workers, on_loss=on_note, noun="training")
         except KeyboardInterrupt:
             interrupted = True
+        except StudyError as error:  # its hints are about a study's folder
+            failure = QcompileError(first_line(str(error)))
     if not scored:
+        if failure is not None:
+            raise failure
         what = f"0 of {len(cells)} trainings were finished."
         words = [f"Seed {seed}: {text}" for seed, text in sorted(failures.items())]
         raise QcompileError(f"Interrupted: {what}" if interrupted else what, *words)
@@ -121,6 +126,7 @@ def train_seeds(
         failures=dict(sorted(failures.items())),
         out=asked.outputs.out,
         interrupted=interrupted,
+        failure=failure,
     )
 
 

@@ -56,6 +56,7 @@ class Trainings(Training):
         failures: Mapping[int, str],
         out: Path | None,
         interrupted: bool,
+        failure: QcompileError | None,
     ):
         best = best_of(scored)
         means = np.array([one.rewards.mean() for one in scored])
@@ -75,7 +76,7 @@ class Trainings(Training):
                 "interrupted": interrupted,
             },
         )
-        self.policy, self.failure, self.interrupted = policy, None, interrupted
+        self.policy, self.failure, self.interrupted = policy, failure, interrupted
         self.stopped, self.trainings = False, [one.training for one in scored]
         self.model = best.training.model
         self._copy_episodes(best.training)
@@ -135,14 +136,15 @@ class Trainings(Training):
         """
         values = self.to_dict()
         out, count = values["out"], len(values["seeds"])
+        finished = f"{count} of {self._asked} trainings were finished."
+        words = [f"Seed {one['seed']}: {one['words']}" for one in values["failures"]]
         kept = [] if out is None else [f"The policy of the best of them is in {out}."]
+        if self.failure is not None:
+            raise self.failure.with_hints(finished, *words, *kept)
         if self.interrupted:
-            raise QcompileError(
-                f"Interrupted: {count} of {self._asked} trainings were finished.", *kept
-            )
-        if values["failures"]:
-            words = [f"Seed {one['seed']}: {one['words']}" for one in values["failures"]]
-            raise QcompileError(f"{count} of {self._asked} trainings were finished.", *words, *kept)
+            raise QcompileError(f"Interrupted: {finished}", *words, *kept)
+        if words:
+            raise QcompileError(finished, *words, *kept)
 
 
 def best_of(scored: Sequence[Scored]) -> Scored:
