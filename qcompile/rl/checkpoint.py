@@ -151,16 +151,17 @@ def save_checkpoint(trainer: Trainer, path: Path, state: Mapping[str, Any] | Non
     write_file(path, contents.getvalue())
 
 
-def identity(path: Path) -> tuple[str, Settings, int]:
-    """Environment, settings and seed of the training that wrote a checkpoint.
+def identity(path: Path) -> tuple[str, Mapping[str, Any], Settings, int]:
+    """Environment, its arguments, settings and seed of the training that wrote a checkpoint.
 
     Raises:
         TrainingError: the file is not a checkpoint of this version.
     """
     saved = _read(path)
     try:
-        return saved.environment, restored(load_json(saved.settings)), saved.seed
-    except ContentsError as error:
+        arguments = _ARGUMENTS.validate_python(load_json(saved.arguments))
+        return saved.environment, arguments, restored(load_json(saved.settings)), saved.seed
+    except (ContentsError, ValidationError) as error:
         raise TrainingError(f"Checkpoint {path} is damaged.", *explain(error, 1)) from error
 
 

@@ -135,6 +135,7 @@ def train(
         evaluate_every=evaluate_every,
         evaluate_episodes=EVALUATION_EPISODES if evaluate_episodes is None else evaluate_episodes,
         preset=None if state else preset or PRESET,
+        imports=modules,
         callback=callback,
         imports=modules,
     )

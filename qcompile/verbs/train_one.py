@@ -20,11 +20,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Follow:
-    """How a training is followed: test episodes after every so many, and somebody's callback."""
+    """How a training is followed: test episodes after every so many, and somebody's callback.
+
+    `preset` and `imports` are what its result names.
+    """
 
     evaluate_every: int | None
     evaluate_episodes: int
     preset: str | None
+    imports: Sequence[str] = ()
     callback: Callback | None = None
     imports: Sequence[str] = ()
 

@@ -58,9 +58,13 @@ class TrainingOutputs:
             for outer in inner.parents:
                 if outer in taken and taken[outer] != "tensorboard" and not outer.is_dir():
                     raise OptionError(f"{option}: {inner} lies in the file of {taken[outer]}.")
-        for option, path in (("checkpoint", self.checkpoint), ("out", self.out)):
+        resumable = "It can be resumed with --resume"
+        for option, path, why in (
+            ("checkpoint", self.checkpoint, resumable),
+            ("out", self.out, ""),
+        ):
             if path is not None and not self._continues(path, trainer):
-                check_new(path, option, self.force)
+                check_new(path, option, self.force, why)
         for path in (self.log, self.checkpoint, self.out):
             if path is not None:
                 check_writable(path)
@@ -80,10 +84,12 @@ class TrainingOutputs:
             else:
                 policy = load_policy(path)
                 settings = restored(policy.metadata["settings"])
-                made_by = (policy.environment, settings, policy.metadata["seed"])
+                seed = policy.metadata["seed"]
+                made_by = (policy.environment, dict(policy.environment_kwargs), settings, seed)
         except (QcompileError, LookupError, TypeError, ValueError):  # a file of anything else
             return False
-        return path == self.out and made_by == (trainer.environment, trainer.settings, trainer.seed)
+        own = (trainer.environment, trainer.arguments, trainer.settings, trainer.seed)
+        return path == self.out and made_by == own
 
     def of_seed(self, seed: int) -> TrainingOutputs:
         """The files of one of several trainings: the seed is in their names, and none is `out`."""

@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from qcompile.deploy.registration import knowing_environments
-from qcompile.errors import OptionError, QcompileError
+from qcompile.errors import OptionError, QcompileError, StudyError
 from qcompile.report import progress as bars
 from qcompile.sweep.arguments import Words
 from qcompile.sweep.engine import run_all
+from qcompile.terminal import first_line
 from qcompile.verbs.train_one import Follow, train_one
 from qcompile.verbs.train_outputs import TrainingOutputs
 from qcompile.verbs.train_settings import TrainingRequest
@@ -91,7 +92,7 @@ def train_seeds(
     evaluation = FRESH_EPISODES if asked.evaluation is None else asked.evaluation
     scored: dict[int, Scored] = {}
     failures: dict[int, str] = {}
-    interrupted = False
+    interrupted, failure = False, None
     title = f"{asked.request.environment}, {len(cells)} seeds"
     with bars.progress_bar(title, len(cells), enabled=progress) as show:
 
@@ -102,14 +103,18 @@ def train_seeds(
                 scored[cell.seed], words = outcome, f"{outcome.rewards.mean():.1f}"
             show(len(scored) + len(failures), f"{cell.name}: {words}")
 
-        train: Callable[[_Seed], Scored | str] = partial(_train, evaluation=evaluation)
-        if workers != 1:
-            train = knowing_environments(train, [asked.request.environment])
+        train = knowing_environments(
+            partial(_train, evaluation=evaluation), [asked.request.environment]
+        )
         try:
             run_all(cells, train, keep, workers=workers, on_loss=on_note, noun="training")
         except KeyboardInterrupt:
             interrupted = True
+        except StudyError as error:  # its hints are about a study's folder
+            failure = QcompileError(first_line(str(error)))
     if not scored:
+        if failure is not None:
+            raise failure
         what = f"0 of {len(cells)} trainings were finished."
         words = [f"Seed {seed}: {text}" for seed, text in sorted(failures.items())]
         raise QcompileError(f"Interrupted: {what}" if interrupted else what, *words)
@@ -122,6 +127,7 @@ def train_seeds(
         failures=dict(sorted(failures.items())),
         out=asked.outputs.out,
         interrupted=interrupted,
+        failure=failure,
     )
 
 

@@ -19,7 +19,10 @@ from qcompile.verbs.training import Training
 if TYPE_CHECKING:
     from qcompile.policy import AnyPolicy
 
-_SHARED = ("environment", "model", "preset", "backend", "shots", "mitigation", "parameters")
+_SHARED = (
+    *("environment", "environment_kwargs", "model", "preset"),
+    *("backend", "shots", "mitigation", "parameters"),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,13 +56,14 @@ class Trainings(Training):
         failures: Mapping[int, str],
         out: Path | None,
         interrupted: bool,
+        failure: QcompileError | None,
     ):
         best = best_of(scored)
         means = np.array([one.rewards.mean() for one in scored])
         document = best.training.to_dict()
         Result.__init__(
             self,
-            {name: document[name] for name in _SHARED}
+            {name: document[name] for name in _SHARED if name in document}
             | {
                 "seeds": [one.seed for one in scored],
                 "evaluation": len(best.rewards),
@@ -72,7 +76,7 @@ class Trainings(Training):
                 "interrupted": interrupted,
             },
         )
-        self.policy, self.failure, self.interrupted = policy, None, interrupted
+        self.policy, self.failure, self.interrupted = policy, failure, interrupted
         self.stopped, self.trainings = False, [one.training for one in scored]
         self.model = best.training.model
         self._copy_episodes(best.training)
@@ -111,8 +115,11 @@ class Trainings(Training):
         """The mean over the seeds, and what the best scores on episodes it was not chosen by."""
         values = self.to_dict()
         best, count = values["best"], len(values["seeds"])
-        words = f"the best is seed {best['seed']}: {_words(best)} on {values['evaluation']} others"
-        return f"mean of {count} seeds: {_words(values)}; {words}" if count > 1 else words
+        scores = f"{_words(best)} on {values['evaluation']} others"
+        if count == 1:
+            return f"seed {best['seed']} scores {scores}"
+        chosen = f"the best by these episodes is seed {best['seed']}, which scores {scores}"
+        return f"mean of {count} seeds: {_words(values)}; {chosen}"
 
     @property
     def words(self) -> str:
@@ -129,14 +136,15 @@ class Trainings(Training):
         """
         values = self.to_dict()
         out, count = values["out"], len(values["seeds"])
+        finished = f"{count} of {self._asked} trainings were finished."
+        words = [f"Seed {one['seed']}: {one['words']}" for one in values["failures"]]
         kept = [] if out is None else [f"The policy of the best of them is in {out}."]
+        if self.failure is not None:
+            raise self.failure.with_hints(finished, *words, *kept)
         if self.interrupted:
-            raise QcompileError(
-                f"Interrupted: {count} of {self._asked} trainings were finished.", *kept
-            )
-        if values["failures"]:
-            words = [f"Seed {one['seed']}: {one['words']}" for one in values["failures"]]
-            raise QcompileError(f"{count} of {self._asked} trainings were finished.", *words, *kept)
+            raise QcompileError(f"Interrupted: {finished}", *words, *kept)
+        if words:
+            raise QcompileError(finished, *words, *kept)
 
 
 def best_of(scored: Sequence[Scored]) -> Scored:

@@ -25,10 +25,9 @@ def test_a_file_that_is_there_is_kept(
         patch.setattr("qcompile.rl.ppo.Trainer.train", lambda *_: pytest.fail("trained"))
         answer = qcompile(*words)
     assert (answer.code, answer.out) == (1, "")
-    assert answer.err == (
-        f"Error: {name} is there already.\n"
-        f"  Choose another with {option}, or overwrite it with --force.\n"
-    )
+    advice = f"hoose another with {option}, or overwrite it with --force.\n"
+    why = "C" if option == "--out" else "It can be resumed with --resume: c"
+    assert answer.err == f"Error: {name} is there already.\n  {why}{advice}"
     assert Path(name).read_text() == "good"
     assert qcompile(*words, "--force").code == 0
     assert Path(name).read_bytes() != b"good"

@@ -54,6 +54,10 @@ SESSIONS: dict[str, Sequence[str | Case]] = {
             "train CartPole-v1 --preset paper --episodes 2 --out a.json --checkpoint state "
             "--evaluate-every 1 --evaluate-episodes 2 --json"
         ),
+        Document(
+            "train CartPole-v1 --preset paper --episodes 2 --seeds 2 --workers 1 --evaluation 2 "
+            "--out b.json --json"
+        ),
     ),
     "study": (
         Document("study paper --list --json"),

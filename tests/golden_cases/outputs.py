@@ -162,6 +162,11 @@ TRAIN = (
     ),
     Command("train CartPole-v1 --preset paper --model fcn --episodes 2 --out c.pt", masked=True),
     Command("train CartPole-v1 --steps 3 --out d.pt -s horizon=3 -s environments=1", masked=True),
+    Command(
+        "train CartPole-v1 --preset paper --episodes 2 --seeds 2 --workers 1 --evaluation 2 "
+        "--out e.pt",
+        masked=True,
+    ),
 )
 EXAMPLE = "study example.toml --row cartpole-svqc-tuned --seeds 2 --episodes 22 --evaluation 2"
 STUDY = (

@@ -10,6 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import pytest
 import torch
 
 from qcompile.rl.checkpoint import save_checkpoint
@@ -112,6 +113,21 @@ def files() -> None:
     Path("folder.pt").mkdir()
 
 
+def two_seeds(error: type[BaseException]) -> Callable[[pytest.MonkeyPatch], None]:
+    """The first two seeds are trained, in this process; then this is raised."""
+
+    def run_all(cells: Any, run: Any, on_result: Any, **_: Any) -> None:
+        for cell in cells[:2]:
+            on_result(cell, run(cell))
+        raise error
+
+    return setting("qcompile.verbs.train_seeds.run_all", run_all)
+
+
+def interrupted(*_: Any, **__: Any) -> None:
+    raise KeyboardInterrupt
+
+
 TRAIN = "train CartPole-v1 --preset paper --episodes 2"
 RESUME = "train CartPole-v1 --out p.pt --resume"
 NAMES = tuple(checkpoints())
@@ -165,7 +181,7 @@ CASES = (
         masked=True,
     ),
     Command(
-        "train CartPole-v1 --preset paper --out q.pt --checkpoint kept",
+        "train CartPole-v1 --preset paper --out r.pt --checkpoint kept",
         "Ctrl-C after the second episode",
         ctrl_c_after(2),
         masked=True,
@@ -191,6 +207,28 @@ CASES = (
         )
     ),
     "train CartPole-v1 --resume state --out state",
+    f"{TRAIN} --out q.pt",
+    f"{TRAIN} --out s.pt --checkpoint kept",
+    f"{RESUME} state --checkpoint kept",
+    "train CartPole-v1 --resume state --out r.pt",
+    f"{TRAIN} --out p.pt --seeds 0",
+    f"{TRAIN} --out p.pt --seeds 2 --resume state",
+    f"{TRAIN} --out p.pt --seeds 2 --model mvqc",
+    f"{TRAIN} --out p.pt --workers 2",
+    f"{TRAIN} --out p.pt --evaluation 2",
+    f"{TRAIN} --out q.pt --seeds 2",
+    f"{TRAIN} --out q.json --seeds 2 --log q.json --checkpoint q.json",
+    Command(
+        f"{TRAIN} --out s.pt --seeds 3 --evaluation 2",
+        "Ctrl-C after the second training",
+        two_seeds(KeyboardInterrupt),
+        masked=True,
+    ),
+    Command(
+        f"{TRAIN} --out t.pt --seeds 3 --evaluation 2",
+        "Ctrl-C at once",
+        setting("qcompile.verbs.train_seeds.run_all", interrupted),
+    ),
     Command(
         f"{RESUME} state",
         "made with another numpy",

@@ -1,15 +1,16 @@
-"""`qcompile.train` with several seeds: each is the training of its seed; the best by fresh episodes."""
+"""`qcompile.train` with several seeds: each as it is alone, and the best by fresh episodes."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 
 import qcompile
-from qcompile.errors import OptionError, OutputError, QcompileError
+from qcompile.errors import OptionError, OutputError, QcompileError, StudyError
 from qcompile.verbs import train_seeds
 from qcompile.verbs.trainings import Trainings
 
@@ -98,7 +99,7 @@ def test_all_are_shown(both: tuple[Trainings, Path]) -> None:
 class Ends:
     """Stands for the engine: trains in this process, and ends as it is told to after `count`."""
 
-    def __init__(self, count: int, error: type[BaseException] | None):
+    def __init__(self, count: int, error: type[BaseException] | BaseException | None):
         self.count, self.error = count, error
 
     def __call__(self, cells: Any, run: Any, on_result: Any, **_: Any) -> None:
@@ -123,6 +124,22 @@ def test_ctrl_c_keeps_what_is_finished(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(train_seeds, "run_all", Ends(0, KeyboardInterrupt))
     with pytest.raises(QcompileError, match=r"^Interrupted: 0 of 4 trainings were finished\.$"):
         qcompile.train("CartPole-v1", seeds=4)
+
+
+def test_lost_workers_leave_what_is_finished(monkeypatch: pytest.MonkeyPatch) -> None:
+    lost = StudyError("Workers were lost 3 times.", "The same command resumes from there.")
+    monkeypatch.setattr(train_seeds, "run_all", Ends(1, lost))
+    result = qcompile.train("CartPole-v1", **PAPER, seeds=3, evaluation=2, out="p.pt")
+    assert result.to_dict()["seeds"] == [0]
+    with pytest.raises(QcompileError) as caught:
+        result.check_complete()
+    assert str(caught.value) == (
+        "Workers were lost 3 times.\n  1 of 3 trainings were finished.\n"
+        "  The policy of the best of them is in p.pt."
+    )
+    monkeypatch.setattr(train_seeds, "run_all", Ends(0, lost))
+    with pytest.raises(QcompileError, match=r"^Workers were lost 3 times\.$"):
+        qcompile.train("CartPole-v1", seeds=3)
 
 
 def test_a_seed_that_fails_leaves_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -175,3 +192,39 @@ def test_the_files_of_every_seed_are_looked_at(monkeypatch: pytest.MonkeyPatch) 
     with pytest.raises(OutputError, match=r"^moon-1\.state is there already\."):
         qcompile.train("CartPole-v1", seeds=2, checkpoint="moon.state")
     assert Path("moon-1.state").read_text() == "kept"
+
+
+def corridor() -> type[gymnasium.Env[Any, Any]]:
+    """A class that is in no module, as those of a notebook: workers must be sent it."""
+
+    class Corridor(gymnasium.Env[Any, Any]):
+        observation_space = gymnasium.spaces.Box(-1, 1, (1,), np.float32)
+        action_space = gymnasium.spaces.Discrete(2)
+
+        def __init__(self, length: int = 3):
+            self.length = length
+
+        def reset(self, *, seed: int | None = None, options: Any = None) -> Any:
+            super().reset(seed=seed)
+            self.left = self.length
+            return np.zeros(1, np.float32), {}
+
+        def step(self, action: Any) -> Any:
+            self.left -= 1
+            return np.zeros(1, np.float32), 1.0, self.left == 0, False, {}
+
+    return Corridor
+
+
+def test_an_environment_of_one_s_own_reaches_the_workers() -> None:
+    try:
+        result = qcompile.train(
+            corridor(), **PAPER, env={"length": 5}, seeds=2, workers=2, evaluation=2
+        )
+        result.check_complete()
+        document = result.to_dict()
+        assert document["environment_kwargs"] == {"length": 5}
+        assert (document["mean_reward"], document["std_reward"]) == (5.0, 0.0)
+        assert document["best"]["seed"] == 0  # of equal ones the lowest
+    finally:
+        del gymnasium.registry["Corridor-v0"]
