@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from qcompile.cli.options import MarkdownPath, echo_json, echo_note, engine_options, json_option
+from qcompile.cli.options import (
+    MarkdownPath,
+    echo_json,
+    echo_note,
+    engine_options,
+    import_option,
+    json_option,
+)
 
 if TYPE_CHECKING:
     from qcompile.sweep.engine import Engine
@@ -52,6 +59,7 @@ if TYPE_CHECKING:
     type=MarkdownPath(),
     help="Markdown page to write.  [default: reproduction.md in the folder]",
 )
+@import_option
 @engine_options("trainings")
 @click.option("--list", "listing", is_flag=True, help="List the rows and what is left, and stop.")
 @json_option

@@ -76,6 +76,7 @@ def study(
     seeds: int | None = None,
     episodes: int | None = None,
     evaluation: int = EVALUATION_EPISODES,
+    imports: Name | Sequence[Name] = (),
     out: Name | None = None,
     page: Name | None = None,
     engine: Engine = "processes",
@@ -92,7 +93,8 @@ def study(
     a picture for each figure are written to `out`, whose trainings are not repeated: by default
     the folder `study`, for a file a folder of its name. The Markdown page is by default
     reproduction.md in `out`. Trainings run side by side by `engine`: "processes", "dask" or "ray",
-    the cluster at `address`, with so many `workers`. `on_note` is told when workers were lost.
+    the cluster at `address`, with so many `workers`, which import the modules `imports` too.
+    `on_note` is told when workers were lost.
 
     Raises:
         QcompileError: no such study, figure or row; an output that cannot be written; a training
@@ -105,6 +107,7 @@ def study(
         seeds=seeds,
         episodes=episodes,
         evaluation=evaluation,
+        imports=imports,
         out=out,
         page=page,
     )

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from qcompile.catalogue import nearest
 from qcompile.device import IDEAL_NAME, load_device
 from qcompile.errors import OptionError, TrainingError
+from qcompile.policy.arguments import check_env
 from qcompile.sweep.arguments import Name, Words
 
 if TYPE_CHECKING:
@@ -41,17 +42,20 @@ class TrainingRequest:
     shots: int | Literal["exact"] | None = None
     mitigation: str | None = None
     settings: Mapping[str, Any] = field(default_factory=dict)
+    env: Mapping[str, Any] = field(default_factory=dict)
 
     def trainer(self) -> Trainer:
         """A new trainer of the preset's settings, with what is named beside it.
 
         Raises:
-            OptionError: a setting is unknown, or named twice.
+            OptionError: a setting is unknown, or named twice; `env` cannot be kept in a policy.
             QcompileError: the settings do not fit each other, or there is no such device.
         """
         from qcompile.rl.ppo import Trainer
 
-        return Trainer(self.environment, self._settings(), SEED if self.seed is None else self.seed)
+        check_env(self.env, kept=True)
+        seed = SEED if self.seed is None else self.seed
+        return Trainer(self.environment, self._settings(), seed, arguments=self.env)
 
     def _settings(self) -> Settings:
         from qcompile.rl.presets import settings_for

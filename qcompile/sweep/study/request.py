@@ -27,6 +27,7 @@ class StudyRequest:
     seeds: int | None = None
     episodes: int | None = None
     evaluation: int = EVALUATION_EPISODES
+    imports: Name | Sequence[Name] = ()
     out: Name | None = None
     page: Name | None = None
 
@@ -59,6 +60,7 @@ class StudyRequest:
             "--seeds": [self.seeds],
             "--episodes": [self.episodes],
             "--evaluation": [evaluation],
+            "--import": several(self.imports),
             "--out": [self.out],
             "--page": [self.page],
         }
