@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import os
 from collections.abc import Mapping, Sequence
 from io import StringIO
@@ -29,6 +30,11 @@ def markdown_table(header: Sequence[str], lines: Sequence[Sequence[str]]) -> str
 def markdown_text(text: str) -> str:
     """A text of a file in Markdown: it ends no cell of a table, and is not taken for HTML."""
     return text.replace("|", "\\|").replace("<", "&lt;")
+
+
+def assignments(values: Mapping[str, object]) -> str:
+    """Names with their values, as JSON has these."""
+    return markdown_text(", ".join(f"{name} = {json.dumps(v)}" for name, v in values.items()))
 
 
 def version_words(versions: Mapping[str, str]) -> str:

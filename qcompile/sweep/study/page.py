@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from textwrap import fill
 
 from qcompile.rl.order import AVERAGED
-from qcompile.sweep.pages import markdown_table, markdown_text, version_words
+from qcompile.sweep.pages import assignments, markdown_table, markdown_text, version_words
 from qcompile.sweep.study.rows import Rows
 from qcompile.sweep.study.summary import TOO_FEW, RowSummary, spread
 from qcompile.sweep.study.trained import from_to, repeat_words, trained_words
@@ -94,10 +94,14 @@ def page(
         title = markdown_text(figure.title)
         parts += [
             f"## {title}\n",
-            _targets(members),
+            f"Environment: {_environments(members)}.{_targets(members)}\n",
             f"![Learning curves, {title}]({folder}/{name}.png)\n",
             markdown_table(shown, [[_cells(s)[column] for column in shown] for s in members]),
         ]
+    changed = [s.row for s in summaries if s.row.changes]
+    if changed:
+        lines = [[f"`{row.name}`", assignments(row.changes)] for row in changed]
+        parts += ["## Settings\n", markdown_table(("row", "changes of its preset"), lines)]
     parts.append(
         f"## Repeat it\n\n```\n{command}\n```\n\n{repeat_words(summaries, repeated)}"
         "A study resumes where it was stopped: what is in its folder is not trained again. Made "
@@ -106,6 +110,16 @@ def page(
         f"[curves.csv]({folder}/curves.csv).\n"
     )
     return "\n".join(part for part in parts if part)
+
+
+def _environments(members: Sequence[RowSummary]) -> str:
+    """The environments, with the arguments that they are made with."""
+    words = {
+        f"`{s.row.environment}`"
+        + (f" with {assignments(s.row.arguments)}" if s.row.arguments else "")
+        for s in members
+    }
+    return " and ".join(sorted(words))
 
 
 def _targets(members: Sequence[RowSummary]) -> str:
@@ -118,7 +132,7 @@ def _targets(members: Sequence[RowSummary]) -> str:
         for s in members
         if s.row.target != targets[0]
     ]
-    return f"Target: an average of {targets[0]:g}{''.join(others)}.\n"
+    return f" Target: an average of {targets[0]:g}{''.join(others)}."
 
 
 def _label(summary: RowSummary) -> str:

@@ -30,9 +30,9 @@ class StudyRequest:
     seeds: int | None = None
     episodes: int | None = None
     evaluation: int = EVALUATION_EPISODES
+    imports: Name | Sequence[Name] = ()
     out: Name | None = None
     page: Name | None = None
-    imports: Name | Sequence[Name] = ()
     env: Mapping[str, Any] = field(default_factory=dict)
 
     @cached_property
@@ -67,9 +67,9 @@ class StudyRequest:
             "--seeds": [self.seeds],
             "--episodes": [self.episodes],
             "--evaluation": [evaluation],
+            "--import": several(self.imports),
             "--out": [self.out],
             "--page": [self.page],
-            "--import": several(self.imports),
             "--env": [f"{name}={json.dumps(value)}" for name, value in self.env.items()],
         }
         words = ["qcompile", "study", fspath(self.name)]

@@ -31,8 +31,9 @@ class Claim:
 class Row:
     """One line of a study's tables: what is trained, and what it is compared with.
 
-    `target` is the average over 20 episodes that counts as learned, if any. Curves of the rows of
-    one `group` have one colour. `arguments` are those that the environment is made with.
+    `settings` are those of the preset with `changes`. `target` is the average over 20 episodes that
+    counts as learned, if any. Curves of the rows of one `group` have one colour. `arguments` are
+    those that the environment is made with.
     """
 
     name: str
@@ -43,6 +44,7 @@ class Row:
     arguments: Mapping[str, Any] = field(default_factory=dict)
     preset: str
     settings: Settings
+    changes: Mapping[str, Any] = field(default_factory=dict)
     seeds: tuple[int, ...]
     target: float | None = None
     claim: Claim = Claim()

@@ -27,7 +27,7 @@ from qcompile.errors import StudyError, TrainingError
 from qcompile.policy.arguments import check_arguments
 from qcompile.reading import ContentsError, read_toml
 from qcompile.rl.presets import settings_for
-from qcompile.rl.settings import Settings, from_toml
+from qcompile.rl.settings import from_toml
 from qcompile.sweep.study.rows import Claim, ClaimSeed, Figure, Row, Rows
 from qcompile.validation import Line, explain
 
@@ -149,7 +149,9 @@ def _faults(error: ValidationError) -> list[str]:
 def _row(path: Path, figure: str, shared: _FigureTable, table: _RowTable) -> Row:
     name = "-".join(filter(None, (figure, table.model, table.variant, table.preset)))
     try:
-        settings = _settings(shared.environment, table)
+        changes = _changes(table)
+        preset = settings_for(table.preset, shared.environment, table.model, table.layout)
+        settings = preset.changed(**from_toml(changes))
     except TrainingError as error:
         lines = [line.strip() for line in str(error).splitlines()]
         raise StudyError(f"{path}: the row {name} does not hold settings.", *lines) from error
@@ -171,6 +173,7 @@ def _row(path: Path, figure: str, shared: _FigureTable, table: _RowTable) -> Row
         arguments=shared.env,
         preset=table.preset,
         settings=settings,
+        changes={name: value for name, value in changes.items() if value is not None},
         seeds=table.seeds,
         target=target,
         claim=Claim(
@@ -181,7 +184,12 @@ def _row(path: Path, figure: str, shared: _FigureTable, table: _RowTable) -> Row
     )
 
 
-def _settings(environment: str, table: _RowTable) -> Settings:
+def _changes(table: _RowTable) -> dict[str, Any]:
+    """What a row changes in its preset.
+
+    Raises:
+        TrainingError: settings hold a key of the row.
+    """
     budget = {"episodes": table.episodes, "steps": table.steps}
     if budget == {"episodes": None, "steps": None}:
         budget = {}
@@ -191,8 +199,8 @@ def _settings(environment: str, table: _RowTable) -> Settings:
                 f"settings has {key!r}, which is a key of the row.",
                 f"Write it beside settings: {key} = ...",
             )
-    preset = settings_for(table.preset, environment, table.model, table.layout)
-    return preset.changed(**budget | from_toml(table.settings))
+    layout = {} if table.layout == "parallel" else {"layout": table.layout}
+    return layout | budget | table.settings
 
 
 def _check_names(path: Path, study: Rows) -> None:

@@ -8,9 +8,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from qcompile.deploy.environments import close_environments, make_environments
+from qcompile.deploy.registration import import_modules
 from qcompile.errors import EnvironmentMismatchError
 from qcompile.output import check_writable
-from qcompile.sweep.arguments import no_progress
+from qcompile.sweep.arguments import no_progress, several
 from qcompile.sweep.complete import OnProgress, Pool, complete
 from qcompile.sweep.study.cell import CellResult, folder_of, run_cell
 from qcompile.sweep.study.request import StudyRequest
@@ -52,6 +54,7 @@ def run_study(request: StudyRequest, pool: Pool, on_progress: OnProgress = no_pr
             what is finished.
     """
     every = request.cells()
+    import_modules(several(request.imports))
     check_writable(request.page_path)
     folder = folder_of(request.folder, request.evaluation)
     folder.check_writable()
@@ -75,8 +78,6 @@ def run_study(request: StudyRequest, pool: Pool, on_progress: OnProgress = no_pr
 
 def _check_environments(cells: Sequence[Cell]) -> None:
     """Raise EnvironmentMismatchError where a training has an environment that cannot be made."""
-    from qcompile.deploy.environments import close_environments, make_environments
-
     rows: dict[tuple[str, str], Row] = {}
     for cell in cells:
         rows.setdefault((cell.row.environment, repr(cell.row.arguments)), cell.row)

@@ -301,7 +301,7 @@ def test_the_page_says_the_targets_and_the_versions(several: list[RowSummary]) -
     assert text.startswith("# Mine\n\nWritten by `qcompile study mine.toml` from the trainings in ")
     assert "\nWhat for.\n" in text
     assert "Target: an average of 220 (200 for FCN, large, paper).\n" in text
-    assert "Target: an average of 10.\n" in text
+    assert " Target: an average of 10.\n" in text
     assert "Made with torch 1.2, numpy 3.4;" in text
     words = " ".join(text.split())
     assert "is trained with 1 to 2 seeds" in words
@@ -351,6 +351,20 @@ def test_nothing_to_write_up(tmp_path: Path) -> None:
     with pytest.raises(StudyError, match="There are no trainings in"):
         write_up(StudyRequest(out=tmp_path), [])
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_page_says_environments_and_changes_of_presets(summary: Make) -> None:
+    changes = {"hidden": [3, 4], "entropy": "none"}
+    lake = {"figure": "reuse", "environment": "FrozenLake-v1", "name": "lake"}
+    lake |= {"arguments": {"map_name": "4x4", "is_slippery": False}}
+    text = paged([summary(AT_30, changes=changes), summary(AT_30, **lake)])
+    assert "Environment: `CartPole-v1`. Target: an average of 10.\n" in text
+    assert (
+        'Environment: `CartPole-v1` and `FrozenLake-v1` with map_name = "4x4", '
+        "is_slippery = false. Target: an average of 10.\n"
+    ) in text
+    assert '| `cartpole-svqc-paper` | hidden = [3, 4], entropy = "none" |\n\n## Repeat' in text
+    assert "## Settings" not in paged([summary(AT_30)])
 
 
 # What a page may not promise.

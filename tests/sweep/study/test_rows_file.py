@@ -96,6 +96,7 @@ def test_a_row_is_a_preset_with_changes(mine: Path) -> None:
             **pole,
             preset="paper",
             settings=settings_for("paper", "CartPole-v1", "fcn").changed(hidden=(3,)),
+            changes={"hidden": [3], "critic_hidden": "none"},
             seeds=(0, 1),
             target=300.0,
             claim=Claim("about 7", 7, "best"),
@@ -108,6 +109,7 @@ def test_a_row_is_a_preset_with_changes(mine: Path) -> None:
             **pole,
             preset="tuned",
             settings=surrogate.changed(episodes=None, steps=1000),
+            changes={"steps": 1000},
             seeds=(7, 3),
             target=400.0,
             claim=Claim("1,500 episodes", 1500),
@@ -120,6 +122,7 @@ def test_a_row_is_a_preset_with_changes(mine: Path) -> None:
             environment="FrozenLake-v1",
             preset="tuned",
             settings=settings_for("tuned", "FrozenLake-v1", "svqc", "serial"),
+            changes={"layout": "serial"},
             seeds=(0, 1, 2, 3, 4),
         ),
     )

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from joblib.externals.loky import get_reusable_executor
 
 from qcompile.cli.study import command
 from qcompile.errors import EnvironmentMismatchError, StudyError
@@ -119,6 +120,49 @@ def test_an_environment_that_is_not_there_is_told_before_any_training() -> None:
     assert not Path("mine").exists()
 
 
+WORLD = """
+import gymnasium
+import numpy as np
+
+
+class Lever(gymnasium.Env):
+    observation_space = gymnasium.spaces.Box(-1, 1, (1,), np.float32)
+    action_space = gymnasium.spaces.Discrete(2, start=1)
+
+    def __init__(self, steps=20):
+        self.steps = steps
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self.left = self.steps
+        return np.zeros(1, np.float32), {}
+
+    def step(self, action):
+        self.left -= 1
+        return np.zeros(1, np.float32), float(action), self.left == 0, False, {}
+
+
+gymnasium.register("StudiedLever-v0", Lever)
+"""
+
+
+def test_workers_import_what_the_study_imports() -> None:
+    """Each step pays its action, 1 or 2, and an episode has three."""
+    Path("studied_lever.py").write_text(WORLD)
+    text = MINE.replace("FrozenLake-v1", "StudiedLever-v0")
+    Path("mine.toml").write_text(text.replace('is_slippery = false, map_name = "4x4"', "steps = 3"))
+    options: dict[str, Any] = {"name": "mine.toml", "rows": "lake-svqc-a", "evaluation": 1}
+    with pytest.raises(EnvironmentMismatchError, match="Unknown environment 'StudiedLever-v0'"):
+        study(**options)
+    request = StudyRequest(**options, imports="studied_lever.py")
+    done = run_study(request, Pool(workers=2))
+    get_reusable_executor().shutdown(wait=True, kill_workers=True)
+    assert [result.steps for result in done.summaries[0].results] == [[3, 6]] * 2
+    assert all(3 <= r <= 6 for result in done.summaries[0].results for r in result.rewards)
+    command = "qcompile study mine.toml --row lake-svqc-a --evaluation 1 --import studied_lever.py"
+    assert f"\n{command}\n" in done.files[-1].read_text()
+
+
 def test_a_training_in_which_no_episode_ends_fails_in_words() -> None:
     Path("mine.toml").write_text(MINE.replace("steps = 40", "steps = 2"))
     with pytest.raises(StudyError, match="lake-svqc-b-tuned-seed0 failed: No episode ended within"):
@@ -146,6 +190,7 @@ def test_rows_are_chosen_by_figure_and_name() -> None:
         ({}, ""),
         ({"figures": ("acrobot", "reuse"), "page": "docs/p.md"}, "--figure acrobot --figure reuse"),
         ({"rows": ["a b"], "seeds": 2, "episodes": 100, "evaluation": 7, "out": "it's"}, "--row"),
+        ({"imports": ["my.worlds", "a b.py"]}, "--import my.worlds --import 'a b.py'"),
         ({"name": "my studies/x.toml", "rows": "cartpole"}, "'my studies/x.toml' --row cartpole"),
     ],
 )
@@ -159,6 +204,7 @@ def test_the_command_of_the_page_asks_for_the_same(options: dict[str, Any], word
     assert same.command == request.command
     assert (same.folder, same.page_path) == (request.folder, request.page_path)
     assert tuple(same.figures) == tuple(options.get("figures", ()))
+    assert tuple(same.imports) == tuple(options.get("imports", ()))
     assert (same.seeds, same.episodes, same.evaluation) == (
         options.get("seeds"),
         options.get("episodes"),
