@@ -22,7 +22,15 @@ from qcompile.live.play import RunTask
 from qcompile.mitigation import calibrate
 from qcompile.noise import usable
 from qcompile.passes import compile
-from qcompile.policy import Policy, load_policy, save_policy
+from qcompile.policy import (
+    Convolution,
+    Dense,
+    Network,
+    Policy,
+    load_circuits,
+    load_policy,
+    save_policy,
+)
 from qcompile.policy.files import policy_values
 from qcompile.policy.refusals import UnsupportedPolicyError
 from qcompile.qasm import read_file, write
@@ -57,7 +65,7 @@ class Reader:
 
 @cache
 def policy() -> Policy:
-    return load_policy(ROOT / "trained" / "cartpole.pt")
+    return load_circuits(ROOT / "trained" / "cartpole.pt")
 
 
 def saved(save: Callable[[Path], object], name: str) -> bytes:
@@ -84,7 +92,7 @@ def wide_policies() -> list[bytes]:
 
 def use_policy(path: Path) -> object:
     """Read, compiled gate by gate, and written out."""
-    loaded = load_policy(path)
+    loaded = load_circuits(path)
     if sum(map(len, loaded.program.circuits)) < 200:
         write(compile(loaded.trained_program, IDEAL, 0, loaded.importance).native)
     return loaded
@@ -96,6 +104,25 @@ def use_wide_policy(path: Path) -> object:
         return load_policy(path)
     except UnsupportedPolicyError as error:
         return error
+
+
+def networks(suffix: str) -> list[bytes]:
+    rng = np.random.default_rng(0)
+    dense = [Dense(rng.normal(size=(3, 2)), np.ones(3), "tanh"), Dense(np.ones((2, 3)), np.ones(2))]
+    convolution = Convolution(rng.normal(size=(2, 1, 3)), np.zeros(2), "relu")
+    layers = [convolution, Dense(rng.normal(size=(2, 8)), np.zeros(2))]
+    found = [
+        Network("n", "CartPole-v1", dense, np.zeros(2), np.full(2, 0.5), {"seed": 1}),
+        Network("n", "CartPole-v1", layers, environment_kwargs={"sutton_barto_reward": True}),
+    ]
+    return [saved(partial(save_policy, one), f"n{suffix}") for one in found]
+
+
+def use_network(path: Path) -> object:
+    """Read, and asked about two observations."""
+    loaded = load_policy(path)
+    assert isinstance(loaded, Network)
+    return loaded.logits(np.ones((2, loaded.features)))
 
 
 def checkpoints() -> list[bytes]:
@@ -229,6 +256,8 @@ READERS = {
     "policy .json": Reader("json", "p.json", use_policy, lambda: policies(".json"), 2),
     "policy .pt": Reader("pt", "p.pt", use_policy, lambda: policies(".pt"), 2),
     "policy of blocks": Reader("json", "p.json", use_wide_policy, wide_policies, 1),
+    "network .json": Reader("json", "n.json", use_network, lambda: networks(".json"), 1),
+    "network .pt": Reader("pt", "n.pt", use_network, lambda: networks(".pt"), 1),
     "checkpoint": Reader("pt", "c.pt", load_checkpoint, checkpoints, 1),
     "device": Reader("json", "d.json", use_device, devices, 2),
     "calibration": Reader("json", "c.json", lambda path: load_backend(str(path)), calibrations, 2),

@@ -25,10 +25,7 @@ TRAININGS: dict[str, tuple[object, ...]] = {
     "shots": (*PAPER, "--shots", 20),
     "Algorithm 2": (*PAPER, "-s", "pause_at=15"),
     "surrogate": (*PAPER, "--model", "surrogate"),
-}
-NETWORKS: dict[str, tuple[object, ...]] = {
     "fcn": (*PAPER, "--model", "fcn"),
-    "mvqc": (*PAPER, "--model", "mvqc"),
 }
 
 
@@ -72,14 +69,13 @@ def test_an_interrupted_training_goes_on_bit_for_bit(
         assert Path(name).read_bytes() == Path("whole", name).read_bytes()
 
 
-@pytest.mark.parametrize("what", NETWORKS)
-def test_a_model_without_a_policy_goes_on_from_its_own_file(
-    qcompile: Call, ctrl_c: Call, what: str
-) -> None:
-    words = ("train", "CartPole-v1", *NETWORKS[what])
+def test_a_model_without_a_policy_goes_on_from_its_own_file(qcompile: Call, ctrl_c: Call) -> None:
+    words = ("train", "CartPole-v1", *PAPER, "--model", "mvqc")
     answer = qcompile(*words, "--out", "whole.pt")
     assert answer.code == 0
-    assert answer.out.endswith("is not made of one-qubit circuits and does not run on a device.\n")
+    assert answer.out.endswith(
+        "Its model is an entangling circuit, which is played once those are.\n"
+    )
     ctrl_c(4)
     answer = qcompile(*words, "--out", "net.pt")
     assert answer.code == 1
@@ -100,12 +96,28 @@ Error: Interrupted.
         assert all(torch.equal(numbers[0][key], numbers[1][key]) for key in numbers[0])
 
 
-def test_such_a_file_is_no_policy(qcompile: Call) -> None:
-    assert qcompile("train", "CartPole-v1", *NETWORKS["fcn"], "--out", "net.pt").code == 0
-    for command in ("run", "show"):
-        answer = qcompile(command, "net.pt")
-        assert (answer.code, answer.out) == (1, "")
-        assert answer.err.startswith("Error: net.pt is the checkpoint of a training, found where a")
+@pytest.mark.parametrize("command", ["run", "show"])
+def test_such_a_file_is_no_policy(qcompile: Call, command: str) -> None:
+    words = ("train", "CartPole-v1", *PAPER, "--model", "mvqc", "--out", "net.pt")
+    assert qcompile(*words).code == 0
+    answer = qcompile(command, "net.pt")
+    assert (answer.code, answer.out) == (1, "")
+    first, second = answer.err.splitlines()
+    assert first.startswith("Error: net.pt is the checkpoint of a training, found where a")
+    assert second == "  Its model 'mvqc' is an entangling circuit: it is played once those are."
+
+
+@pytest.mark.parametrize("what", ["svqc", "fcn"])
+def test_the_advice_about_a_checkpoint_makes_its_policy(qcompile: Call, what: str) -> None:
+    """The command that is named is typed as it stands."""
+    words = ("train", "CartPole-v1", *PAPER, "--model", what)
+    assert qcompile(*words, "--out", "p.json", "--checkpoint", "state.pt").code == 0
+    (_, command, _) = qcompile("run", "state.pt").err.split("`")
+    assert command == "qcompile train CartPole-v1 --resume state.pt --out POLICY.pt"
+    assert qcompile(*command.split()[1:]).code == 0
+    runs = [qcompile("run", file, "--episodes", 2, "--json") for file in ("p.json", "POLICY.pt")]
+    one, other = (run.json()["episodes"] for run in runs)
+    assert one == other
 
 
 def test_evaluations_go_on_where_they_stopped(qcompile: Call, ctrl_c: Call) -> None:

@@ -63,7 +63,7 @@ def test_set_reads_lists_of_lists_and_none(settings: Call) -> None:
         (("--set", "reuse=3", "--reuse", "2"), "reuse is both an option and one of the settings."),
         (("--set", "hidden=[1"), "hidden=[1 is not a JSON list: "),
         (("--evaluate-episodes", "3"), "evaluate-episodes needs evaluate-every:"),
-        (("--model", "fcn"), "p.json must end with .pt: model 'fcn' is not made of one-"),
+        (("--model", "mvqc"), "p.json must end with .pt: model 'mvqc' is an entangling circuit"),
     ],
 )
 def test_wrong_usage_is_refused(
@@ -87,7 +87,6 @@ def test_wrong_usage_is_refused(
         (("--model", "fcn", "--layout", "serial"), ("Model 'fcn' has no 'layout'",)),
         (("--model", "mvqc", "--backend", "ibm_lima"), ("Model 'mvqc' has no 'backend'",)),
         (("--model", "surrogate", "--shots", "9"), ("Model 'surrogate' has no 'shots'",)),
-        (("--model", "cnn", "--preset", "tuned"), ("no settings for model 'cnn'", "has: paper.")),
         (("--backend", "ibm_lim"), ("Unknown backend 'ibm_lim'", "Did you mean ibm_lima")),
         (("--set", "environments=2"), ("2 environments without a horizon.", "set horizon")),
     ],
@@ -182,7 +181,9 @@ def test_the_best_average_is_that_of_twenty_in_a_row(qcompile: Call) -> None:
 # Evaluations.
 
 
-@pytest.mark.parametrize("words", [(), ("--backend", "ibm_lima", "--shots", 64)])
+@pytest.mark.parametrize(
+    "words", [(), ("--backend", "ibm_lima", "--shots", 64), ("--model", "fcn")]
+)
 def test_an_evaluation_is_a_run_and_leaves_the_training_alone(
     qcompile: Call, words: tuple[object, ...]
 ) -> None:
@@ -199,13 +200,14 @@ def test_an_evaluation_is_a_run_and_leaves_the_training_alone(
     assert (third["episode"], third["steps"]) == (3, steps[2])
     assert (last["episode"], last["steps"]) == (6, steps[5])
     run = ("--episodes", 4, "--seed", 1_000_000, "--json")
-    played = qcompile("run", "p.json", *run, *(words or ("--shots", "exact"))).json()
+    played_on = words if "--backend" in words else ("--shots", "exact")
+    played = qcompile("run", "p.json", *run, *played_on).json()
     assert last["mean_reward"] == played["mean_reward"]
     assert last["std_reward"] == played["std_reward"]
 
 
 def test_a_model_without_a_policy_is_evaluated_too(qcompile: Call) -> None:
-    training = (*PAPER, "--model", "fcn", "--episodes", 4, "--json", "--out")
+    training = (*PAPER, "--model", "mvqc", "--episodes", 4, "--json", "--out")
     alone = qcompile(*training, "alone.pt").json()
     found = qcompile(*training, "p.pt", "--evaluate-every", 1, "--evaluate-episodes", 5).json()
     assert [evaluation["episode"] for evaluation in found["evaluations"]] == [1, 2, 3, 4]

@@ -61,6 +61,7 @@ def test_few_episodes_have_no_interval(capsys: pytest.CaptureFixture[str], episo
         "mitigation": "none",
         "level": 2,
         "greedy": False,
+        "circuits_per_step": 4,
         "mean_reward": 10.0,
         "std_reward": 1.0,
         "ci95": [9.0, 11.5],

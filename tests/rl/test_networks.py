@@ -11,6 +11,7 @@ import pytest
 import torch
 from scipy import stats
 
+from qcompile.errors import TrainingError
 from qcompile.rl.models import make_model, parameter_count
 from qcompile.rl.settings import Settings
 
@@ -127,3 +128,44 @@ def test_weight_spread_is_the_deviation_of_the_last_layer(settings: Settings) ->
         np.testing.assert_array_equal(one, two)
     assert not narrow[-1].any()
     assert stats.kstest(narrow[-2].ravel() / 0.01, stats.norm.cdf).pvalue > 1e-3
+
+
+# As policies.
+
+
+@pytest.mark.parametrize("activation", ACTIVATIONS)
+@pytest.mark.parametrize("hidden", [(), (5,), (6, 4, 3)])
+@pytest.mark.parametrize("settings", [FCN, CNN], ids=["fcn", "cnn"])
+def test_the_policy_has_the_logits_of_the_model(
+    settings: Settings, hidden: tuple[int, ...], activation: str
+) -> None:
+    model = make(replace(settings, hidden=hidden, activation=activation), 6, 3)
+    network = model.policy("n", "Acrobot-v1", {"seed": 1})
+    observations = np.random.default_rng(2).normal(size=(50, 6), scale=3)
+    expected = model(torch.tensor(observations)).detach().numpy()
+    np.testing.assert_allclose(network.logits(observations), expected, atol=1e-5)
+    assert network.parameter_count == parameter_count(model)
+    assert (network.features, network.actions, network.metadata) == (6, 3, {"seed": 1})
+
+
+@pytest.mark.parametrize("settings", [FCN, CNN], ids=["fcn", "cnn"])
+def test_a_model_takes_the_numbers_of_a_network(settings: Settings) -> None:
+    first, other = (make(settings, 6, 3, seed) for seed in (1, 2))
+    other.take(first.policy("n", "Acrobot-v1", {}))
+    for ours, theirs in zip(other.parameters(), first.parameters(), strict=True):
+        assert torch.equal(ours, theirs)
+        assert ours.requires_grad
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        (replace(FCN, hidden=(16,)), r"n are dense, 6 to 16 \(relu\); dense, 16 to 3\."),
+        (replace(FCN, activation="tanh"), r"n are dense, 6 to 16 \(tanh\); "),
+        (CNN, r"n are convolution of width 3, 1 to 5 channels \(relu\); "),
+    ],
+)
+def test_a_model_takes_no_other_layers(settings: Settings, words: str) -> None:
+    network = make(settings, 6, 3).policy("n", "Acrobot-v1", {})
+    with pytest.raises(TrainingError, match=words):
+        make(FCN, 6, 3).take(network)

@@ -5,16 +5,19 @@ from __future__ import annotations
 import hashlib
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 
 from qcompile.errors import TrainingError
 from qcompile.rl.presets import PRESETS, read_preset
-from qcompile.rl.settings import Settings, plain
+from qcompile.rl.settings import Model, Settings, plain
 
 OF_VERSION_0_1_0 = "b163ec83ef45dec96996ff133d3d21388fc6a9de594d7a8aa3aa63d149d63cbe"
 """SHA-256 of the values that version 0.1.0 had in its code: trainings stand on them."""
+
+LATER = {("tuned", "mvqc"), ("tuned", "cnn")}
+"""What that version did not have."""
 
 
 ADDED = {"features": None, "encoder": None, "trainable_gain": False, "normalise": False}
@@ -32,11 +35,22 @@ def test_the_presets_are_those_of_version_0_1_0() -> None:
         preset: {
             model: {name: of_version_0_1_0(settings) for name, settings in family.items()}
             for model, family in PRESETS[preset].items()
+            if (preset, model) not in LATER
         }
         for preset in ("paper", "tuned")
     }
     text = json.dumps(values, sort_keys=True)
     assert hashlib.sha256(text.encode()).hexdigest() == OF_VERSION_0_1_0
+
+
+def test_every_model_has_both_presets() -> None:
+    models = set(get_args(Model))
+    assert {name: set(family) for name, family in PRESETS.items()} == {
+        "paper": models,
+        "tuned": models,
+    }
+    for family in PRESETS["tuned"].values():
+        assert {"", "CartPole", "Acrobot", "LunarLander"} <= set(family)
 
 
 INHERITING = """

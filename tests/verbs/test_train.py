@@ -112,7 +112,7 @@ def test_noise_brings_shots_and_mitigation() -> None:
         ({"resume": "state", "preset": "tuned"}, "preset cannot be given with resume"),
         ({"out": "p.txt"}, "p.txt must end with .pt or .json."),
         ({"out": "p.pt", "log": "x/../p.pt"}, "x/../p.pt is the file of out and of log."),
-        ({"model": "fcn", "out": "p.json", "preset": "paper"}, "p.json must end with .pt: model"),
+        ({"model": "mvqc", "out": "p.json", "preset": "paper"}, "p.json must end with .pt: model"),
     ],
 )
 def test_contradictions_are_refused(options: dict[str, Any], words: str) -> None:

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from qcompile.deploy.environments import close_environments, make_environments
-from qcompile.deploy.registration import import_modules
 from qcompile.errors import EnvironmentMismatchError
 from qcompile.output import check_writable
 from qcompile.sweep.arguments import no_progress, several
@@ -54,7 +53,6 @@ def run_study(request: StudyRequest, pool: Pool, on_progress: OnProgress = no_pr
             what is finished.
     """
     every = request.cells()
-    import_modules(several(request.imports))
     check_writable(request.page_path)
     folder = folder_of(request.folder, request.evaluation)
     folder.check_writable()

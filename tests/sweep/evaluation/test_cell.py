@@ -13,6 +13,7 @@ from scipy import stats
 
 from qcompile.deploy.deployment import Deployment
 from qcompile.deploy.play import play
+from qcompile.deploy.player import Player
 from qcompile.deploy.result import Run
 from qcompile.errors import CalibrationError, OutputError
 from qcompile.execution import DeviceBackend
@@ -67,10 +68,10 @@ def test_half_a_cell_is_no_result(cell: MakeCell, monkeypatch: pytest.MonkeyPatc
 
 
 def test_what_fails_is_named(cell: MakeCell, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fails(*_: Any, **__: Any) -> Deployment:
+    def fails(*_: Any, **__: Any) -> Player:
         raise CalibrationError("Qubit 3 cannot be calibrated.", "Leave it out.")
 
-    monkeypatch.setattr(module, "Deployment", fails)
+    monkeypatch.setattr(module, "player", fails)
     words = "Qubit 3 cannot be calibrated.\n  Leave it out."
     assert run_cell(cell()) == CellFailure(cell().name, words)
 
