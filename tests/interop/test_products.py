@@ -12,7 +12,7 @@ from qiskit.circuit import Parameter, ParameterVector, QuantumCircuit
 from qiskit.quantum_info import SparsePauliOp, Statevector
 
 from qcompile.errors import CircuitError, ProgramFileError
-from qcompile.policy import Ansatz
+from qcompile.policy import Ansatz, load_ansatz
 from qcompile.simulate import Simulator
 
 
@@ -120,3 +120,10 @@ def test_products_in_pennylane_are_refused_alike() -> None:
     qml = pytest.importorskip("pennylane")
     with pytest.raises(CircuitError, match=r"x0\*x0 is not an affine angle"):
         Ansatz.from_pennylane(lambda x: qml.RX(x[0] * x[0], 0), inputs=1)
+
+
+def test_other_packages_circuits_are_told_their_way() -> None:
+    qml = pytest.importorskip("pennylane")
+    node = qml.QNode(lambda x: qml.expval(qml.Z(0)), qml.device("default.qubit"))
+    with pytest.raises(CircuitError, match=r"Ansatz\.from_pennylane\(qnode, inputs=2"):
+        load_ansatz(node)

@@ -13,7 +13,7 @@ from qiskit.circuit import Parameter, QuantumCircuit
 
 import qcompile
 from qcompile import Ansatz, Circuit, Encoder, Policy, Program
-from qcompile.errors import CircuitError, PolicyError, QcompileError
+from qcompile.errors import PolicyError, QcompileError
 from qcompile.policy import load_ansatz
 from qcompile.policy.ansatz_file import ansatz_text, read_ansatz
 
@@ -130,13 +130,6 @@ def test_what_does_not_stand_for_circuits(source: Any, words: str) -> None:
     with pytest.raises(QcompileError) as caught:
         load_ansatz(source)
     assert words in str(caught.value)
-
-
-def test_other_packages_circuits_are_told_their_way() -> None:
-    qml = pytest.importorskip("pennylane")
-    node = qml.QNode(lambda x: qml.expval(qml.Z(0)), qml.device("default.qubit"))
-    with pytest.raises(CircuitError, match=r"Ansatz\.from_pennylane\(qnode, inputs=2"):
-        load_ansatz(node)
 
 
 def test_a_compiled_program_is_refused() -> None:

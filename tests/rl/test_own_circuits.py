@@ -54,7 +54,7 @@ def policy() -> Policy:
     )
     numbers = np.random.default_rng(0).normal(size=(2, 4))
     return Policy(
-        "full", "CartPole-v1", encoder, program, np.array([0.3, -1.0]), numbers, np.ones(2), 2
+        "full", "CartPole-v1", encoder, program, np.array([0.3, -1.0]), numbers, np.ones(2), reuse=2
     )
 
 
@@ -181,9 +181,7 @@ def test_inputs_read_the_features_in_turn(inputs: int, features: int, read: Any)
     circuits = [Circuit.parse(f"ry(x{i})") for i in range(inputs)]
     ansatz = Ansatz.of_program(Program.of(circuits, inputs))
     if read is None:
-        with pytest.raises(
-            TrainingError, match=r"5 inputs, observations 4 features(.|\n)*features="
-        ):
+        with pytest.raises(TrainingError, match=r"5 inputs, observations 4 (.|\n)*features="):
             make_model(OWN, features, 2, torch.Generator(), ansatz)
         return
     own = make_model(OWN, features, 2, torch.Generator(), ansatz)
@@ -270,7 +268,7 @@ def test_the_policy_says_where_its_circuits_are_from() -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda text: None, "own"),
+        (lambda text: None, "numbers, by its settings"),
         (lambda text: "{", "not JSON"),
         (lambda text: text.replace("ansatz-1", "ansatz-2"), "format"),
         (lambda text: ansatz_text(SINGLE), "numbers, by its settings"),
@@ -287,11 +285,12 @@ def test_a_checkpoint_with_other_circuits_is_refused(
     torch.save(saved, path)
     with pytest.raises(QcompileError) as caught:
         load_checkpoint(path)
+    assert str(caught.value).startswith(f"Checkpoint {path} is damaged.")
     assert words in str(caught.value)
 
 
 def test_bits_of_a_number_are_read() -> None:
-    """Feature b of an observation is bit b, and x = pi * gain * bit, as the deployed policy has it."""
+    """Feature b of an observation is bit b, and x = pi * gain * bit, as where it is played."""
     (environment,) = training_environments("FrozenLake-v1", 1, True, {"is_slippery": False})
     observation, _ = environment.reset(seed=0)
     assert observation.tolist() == [0, 0, 0, 0]
