@@ -6,7 +6,7 @@ name of its own.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 from qcompile.errors import CircuitError
 from qcompile.ir.angle import Angle
@@ -25,7 +25,10 @@ def product(left: Angle, right: Angle) -> Angle:
     for a, c in left.terms:
         for b, d in right.terms:
             if MARK in a or MARK in b:
-                raise CircuitError(f"({left})*({right}) is a product of three symbols.")
+                raise CircuitError(
+                    f"({left})*({right}) is a product of three symbols.",
+                    "An angle may hold an input times one parameter: theta1*x0.",
+                )
             total += Angle(0.0, ((MARK.join(sorted((a, b))), c * d),))
     return total
 
@@ -48,12 +51,6 @@ def separated(
         return circuits, {}
     pairs = {name: _symbols(symbol) for symbol, name in renamed.items()}
     return tuple(circuit.rename(renamed) for circuit in circuits), pairs
-
-
-def first_product(circuits: Sequence[Circuit]) -> str | None:
-    """A product in the circuits, None where there is none."""
-    symbols = (symbol for circuit in circuits for symbol in circuit.symbols)
-    return next((symbol for symbol in symbols if MARK in symbol), None)
 
 
 def _symbols(product_symbol: str) -> tuple[str, str]:

@@ -59,8 +59,7 @@ class Ansatz:
             raise PolicyError(
                 f"Circuits to train need an input: found {count(len(self.program), 'circuit')} "
                 f"that read{'s' * (len(self.program) == 1)} {symbols[0]}.",
-                "inputs= says which symbols stand for what is observed; else it is those whose "
-                "names start with x.",
+                "Inputs are the symbols whose names start with x; in Python inputs= names others.",
             )
         check_arrays(
             {
@@ -208,9 +207,9 @@ class Ansatz:
         return cls(renamed, inputs, parameters, reads[kept], factors[kept], origin)
 
     def __repr__(self) -> str:
-        sizes = {"circuit": self.program, "input": self.inputs, "parameter": self.parameters}
-        words = ", ".join(count(len(things), noun) for noun, things in sizes.items())
-        return f"Ansatz({words}, of {self.origin})"
+        sizes = [count(len(self.program), "circuit"), count(len(self.inputs), "input")]
+        sizes.append(count(len(self.parameters), "parameter"))
+        return f"Ansatz({', '.join(sizes)}, of {self.origin})"
 
     def __str__(self) -> str:
         lines = [f"inputs {' '.join(self.inputs)}", f"parameters {' '.join(self.parameters)}"]

@@ -6,6 +6,7 @@ A checkpoint holds the same text, so that a training of such circuits resumes fr
 from __future__ import annotations
 
 import json
+import os
 from dataclasses import replace
 from os import PathLike, fspath
 from pathlib import Path
@@ -14,6 +15,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, ValidationError, field_validator
 
+from qcompile.catalogue import nearest
 from qcompile.errors import CircuitError, PolicyError
 from qcompile.foreign import way_to_a_program, what_it_is
 from qcompile.ir import Circuit, Program
@@ -165,11 +167,17 @@ def load_ansatz(source: Any) -> Ansatz:
 
 
 def _loaded(path: Path) -> Ansatz:
-    is_policy = path.suffix in SUFFIXES or (not path.exists() and fspath(path) in policy_names())
     if path.suffix == ".json" and (ansatz := _from_json(path)):
         return ansatz
-    if is_policy:
+    known = [] if os.path.lexists(path) else policy_names()
+    if path.suffix in SUFFIXES or fspath(path) in known:
         return Ansatz.of_policy(load_circuits(path))
+    if known:
+        raise PolicyError(
+            f"There is no file {path}, and no policy of this name.",
+            nearest(fspath(path), known),
+            "Circuits are those of a policy, an OpenQASM file, or a file that Ansatz.save wrote.",
+        )
     return replace(Ansatz.from_qasm(path), origin=f"OpenQASM {path.name}")
 
 

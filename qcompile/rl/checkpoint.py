@@ -23,7 +23,13 @@ from qcompile.deploy.environments import (
     close_environments,
     features_and_actions,
 )
-from qcompile.errors import EnvironmentStepError, QcompileError, TrainingError
+from qcompile.errors import (
+    CircuitError,
+    EnvironmentStepError,
+    PolicyError,
+    QcompileError,
+    TrainingError,
+)
 from qcompile.limits import MAX_CHECKPOINT_BYTES, MAX_HISTORY_VALUES
 from qcompile.output import write_file
 from qcompile.policy import Ansatz
@@ -180,7 +186,7 @@ def load_checkpoint(path: Path) -> tuple[Trainer, list[str]]:
         settings = restored(load_json(saved.settings))
         state = _Plain.model_validate(load_json(saved.plain, MAX_HISTORY_VALUES))
         arguments = _ARGUMENTS.validate_python(load_json(saved.arguments))
-        ansatz = None if saved.ansatz is None else read_ansatz(saved.ansatz)
+        ansatz = _ansatz(saved.ansatz)
         _check_sizes(settings, saved, state, arguments, ansatz)
         trainer = Trainer(
             saved.environment, settings, saved.seed, arguments=arguments, ansatz=ansatz
@@ -203,6 +209,14 @@ def load_checkpoint(path: Path) -> tuple[Trainer, list[str]]:
         if version != now.get(name)
     ]
     return trainer, differ
+
+
+def _ansatz(text: str | None) -> Ansatz | None:
+    """The circuits of one's own, if there are any."""
+    try:
+        return None if text is None else read_ansatz(text)
+    except (CircuitError, PolicyError) as error:
+        raise ContentsError(first_line(str(error))) from error
 
 
 def _check_sizes(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 from dataclasses import replace
 
 import torch
@@ -28,7 +29,7 @@ __all__ = [
     "parameter_count",
 ]
 
-_MAKERS = {
+_MAKERS: dict[str, Callable[[int, int, Settings, torch.Generator], torch.nn.Module]] = {
     "svqc": SVQC,
     "mvqc": MVQC,
     "surrogate": SurrogateModel,

@@ -42,7 +42,7 @@ def wiring(settings: Settings, features: int, ansatz: Ansatz | None) -> Wiring:
     """The wiring of the layout that the settings name, or of own circuits.
 
     Raises:
-        TrainingError: the settings do not fit the circuits, or either the features.
+        PolicyError, TrainingError: the settings do not fit the circuits, or either the features.
     """
     _check_features(settings, features)
     if (ansatz is None) == (settings.layout == "own"):
@@ -92,6 +92,7 @@ def _of(ansatz: Ansatz, settings: Settings, features: int) -> Wiring:
             f"{features} features.",
             "The setting features says which feature each input reads: -s features=0,1",
         )
+    encoder.check(inputs)
     return Wiring(ansatz, encoder, _log_scales(settings, inputs))
 
 

@@ -7,10 +7,10 @@ import json
 from pathlib import Path
 
 import pytest
+from version_0_1_0 import of_version_0_1_0
 
 from qcompile.errors import StudyError
 from qcompile.rl.presets import settings_for
-from qcompile.rl.settings import plain
 from qcompile.sweep.study.rows import Claim, Figure, Row
 from qcompile.sweep.study.rows_file import read_rows
 from qcompile.sweep.study.studies import open_study
@@ -24,7 +24,10 @@ def test_the_rows_are_those_of_version_0_1_0() -> None:
     rows = open_study("paper").rows
     values = [
         {name: getattr(row, name) for name in names}
-        | {"settings": plain(row.settings), "claim": [row.claim.words, row.claim.episodes]}
+        | {
+            "settings": of_version_0_1_0(row.settings),
+            "claim": [row.claim.words, row.claim.episodes],
+        }
         | {"seeds": len(row.seeds)}
         for row in rows
     ]
