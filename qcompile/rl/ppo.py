@@ -16,6 +16,7 @@ from qcompile.notebook import count
 from qcompile.policy import Policy
 from qcompile.rl.acting_noise import ActingNoise
 from qcompile.rl.advantage import ReturnScale, generalised_advantage
+from qcompile.rl.average import Average
 from qcompile.rl.draw import draw_actions
 from qcompile.rl.flat import FlatParameters
 from qcompile.rl.models import SVQC, SurrogateModel, make_critic, make_model, parameter_count
@@ -44,6 +45,11 @@ class Trainer:
         features, actions = self._collector.features, self._collector.actions
         self.actor = make_model(settings, features, actions, self._generator)
         self._critic = make_critic(settings, features, self._generator)
+        self._average: Average | None = None
+        if settings.average_share:
+            twin = make_model(settings, features, actions, torch.Generator())
+            twin.load_state_dict(self.actor.state_dict())
+            self._average = Average(twin, settings.average_share)
         self._learned = [FlatParameters(self.actor), FlatParameters(self._critic)]
         groups = [{"params": [flat.parameter]} for flat in self._learned]
         self._optimiser = torch.optim.Adam(groups, eps=1e-5, fused=True)
@@ -57,6 +63,11 @@ class Trainer:
     def __repr__(self) -> str:
         done = f"{count(len(self.history), 'episode')}, {self.progress:.0%} of the training"
         return f"Trainer({self.environment}, {self.settings.model}, seed {self.seed}, {done})"
+
+    @property
+    def model(self) -> torch.nn.Module:
+        """The model that the training hands over: the actor, or its average."""
+        return self.actor if self._average is None else self._average.model
 
     @property
     def steps(self) -> int:
@@ -122,11 +133,12 @@ class Trainer:
 
     def result(self, interrupted: bool = False) -> TrainingResult:
         """What the training has come to."""
-        return TrainingResult(self.actor, self.policy(), self.history, self.steps, interrupted)
+        return TrainingResult(self.model, self.policy(), self.history, self.steps, interrupted)
 
     def policy(self) -> Policy | None:
         """The policy as it is, if it can be deployed."""
-        if not isinstance(self.actor, SVQC | SurrogateModel):
+        model = self.model
+        if not isinstance(model, SVQC | SurrogateModel):
             return None
         metadata: dict[str, Any] = {
             "seed": self.seed,
@@ -136,7 +148,7 @@ class Trainer:
             "versions": versions(*PACKAGES),
         }
         name = self.environment.rsplit("-v", 1)[0].lower()
-        return self.actor.policy(name, self.environment, metadata)
+        return model.policy(name, self.environment, metadata)
 
     @property
     def parameter_count(self) -> int:
@@ -190,6 +202,8 @@ class Trainer:
             divergence = (ratio - 1 - ratio.log()).mean().item()
             share = (ratio != clipped).float().mean().item()
             self.last_update = Update(self.steps, len(self.history), *losses, divergence, share)
+        if self._average is not None:
+            self._average.add(self.actor)
 
     def _outputs(self, observations: torch.Tensor, *residual: torch.Tensor) -> torch.Tensor:
         model = self.actor if self._noise is None else self._noise.outputs
@@ -243,6 +257,7 @@ class Trainer:
             "collector": self._collector.state(),
             "return_scale": self._scale.state(),
             "pause": self._pause.state(),
+            "average": None if self._average is None else self._average.state(),
             "noise": None if self._noise is None else self._noise.state(),
         }
 
@@ -266,6 +281,8 @@ class Trainer:
         self._rng.bit_generator.state = state["rng"]
         self._scale.restore(state["return_scale"])
         self._pause.restore(state["pause"])
+        if self._average is not None:
+            self._average.restore(state["average"])
         if self._noise is not None:
             self._noise.restore(state["noise"])
         self._collector.restore(state["collector"])

@@ -57,7 +57,7 @@ def _sampling(trainer: Trainer, seed: int) -> Act:
     def act(observations: FloatArray, rows: Rows) -> IntArray:
         with torch.no_grad():
             inputs = torch.from_numpy(observations.astype(trainer.observation_dtype))
-            logits = trainer.actor(inputs).numpy()
+            logits = trainer.model(inputs).numpy()
         return draw_actions(logits, rng)
 
     return act

@@ -61,7 +61,7 @@ class Training(Result):
             }
         )
         self.policy, self.failure, self.interrupted = policy, failure, interrupted
-        self.model = trainer.actor
+        self.model = trainer.model
         self._history, self._environments = trainer.history, settings.environments
 
     @property
