@@ -6,7 +6,13 @@ from typing import Any
 
 from qcompile.rl.settings import Settings, plain
 
-ADDED = {"features": None, "encoder": None, "trainable_gain": False, "normalise": False}
+ADDED = {
+    "features": None,
+    "encoder": None,
+    "trainable_gain": False,
+    "normalise": False,
+    "average_share": 0.0,
+}
 """Settings that it had not, and what all of its trainings have of them."""
 
 

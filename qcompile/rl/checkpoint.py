@@ -47,7 +47,7 @@ from qcompile.version import versions
 
 FORMAT = "qcompile-checkpoint-1"
 
-_TENSORS = ("actor", "critic", "optimiser", "generator", "pause")
+_TENSORS = ("actor", "critic", "optimiser", "generator", "pause", "average")
 
 
 _ARGUMENTS = TypeAdapter(Annotated[dict[str, JsonValue], AfterValidator(check_arguments)])
@@ -85,6 +85,15 @@ class _Paused(BaseModel):
     best: dict[str, torch.Tensor] | None
 
 
+class _Averaged(BaseModel):
+    """The state of an `Average`."""
+
+    model_config = ConfigDict(strict=True, arbitrary_types_allowed=True)
+
+    updates: Whole
+    model: dict[str, torch.Tensor]
+
+
 class _Tensors(BaseModel):
     """The tensors of a trainer's state, by their names in torch's state dicts."""
 
@@ -95,6 +104,8 @@ class _Tensors(BaseModel):
     optimiser: dict[str, Any]
     generator: torch.Tensor
     pause: _Paused
+    average: _Averaged | None = None
+    """None in files of versions before it, too."""
 
 
 class _Collected(BaseModel):
@@ -242,6 +253,12 @@ def _check_sizes(
     _check_model("critic", saved.tensors.critic, critic_size(settings, features, ansatz))
     if best is not None and _shapes(best) != _shapes(actor):
         raise ContentsError("Its best actor has other tensors than its actor.")
+    average = saved.tensors.average
+    if (average is not None) != (settings.average_share > 0):
+        found = "no average" if average is None else "an average"
+        raise ContentsError(f"It has {found}, by its settings a share of {settings.average_share}.")
+    if average is not None:
+        _check_model("average", average.model, model_size(settings, features, actions, ansatz))
 
 
 def _check_model(name: str, tensors: Mapping[str, torch.Tensor], size: int) -> None:

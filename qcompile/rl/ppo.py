@@ -17,6 +17,7 @@ from qcompile.notebook import count
 from qcompile.policy import Ansatz, AnyPolicy
 from qcompile.rl.acting_noise import ActingNoise
 from qcompile.rl.advantage import ReturnScale, generalised_advantage
+from qcompile.rl.average import Average
 from qcompile.rl.draw import draw_actions
 from qcompile.rl.flat import FlatParameters
 from qcompile.rl.models import (
@@ -68,6 +69,11 @@ class Trainer:
         features, actions = self._collector.features, self._collector.actions
         self.actor = make_model(settings, features, actions, self._generator, ansatz)
         self._critic = make_critic(settings, features, self._generator, ansatz)
+        self._average: Average | None = None
+        if settings.average_share:
+            twin = make_model(settings, features, actions, torch.Generator(), ansatz)
+            twin.load_state_dict(self.actor.state_dict())
+            self._average = Average(twin, settings.average_share)
         self.normaliser = Normaliser(self.actor, features) if settings.normalise else None
         self._learned = [FlatParameters(self.actor), FlatParameters(self._critic)]
         groups = [{"params": [flat.parameter]} for flat in self._learned]
@@ -82,6 +88,11 @@ class Trainer:
     def __repr__(self) -> str:
         done = f"{count(len(self.history), 'episode')}, {self.progress:.0%} of the training"
         return f"Trainer({self.environment}, {self.settings.model}, seed {self.seed}, {done})"
+
+    @property
+    def model(self) -> torch.nn.Module:
+        """The model that the training hands over: the actor, or its average."""
+        return self.actor if self._average is None else self._average.model
 
     @property
     def steps(self) -> int:
@@ -151,11 +162,12 @@ class Trainer:
 
     def result(self, interrupted: bool = False) -> TrainingResult:
         """What the training has come to."""
-        return TrainingResult(self.actor, self.policy(), self.history, self.steps, interrupted)
+        return TrainingResult(self.model, self.policy(), self.history, self.steps, interrupted)
 
     def policy(self) -> AnyPolicy | None:
         """The policy as it is, if it can be played."""
-        if not isinstance(self.actor, SVQC | SurrogateModel | NetworkModel):
+        model = self.model
+        if not isinstance(model, SVQC | SurrogateModel | NetworkModel):
             return None
         metadata: dict[str, Any] = {
             "seed": self.seed,
@@ -164,10 +176,10 @@ class Trainer:
             "settings": plain(self.settings),
             "versions": versions(*PACKAGES),
         }
-        if self.ansatz is not None and isinstance(self.actor, SVQC):
-            metadata["circuits"] = self.actor.circuits_metadata()
+        if self.ansatz is not None and isinstance(model, SVQC):
+            metadata["circuits"] = model.circuits_metadata()
         name = self.environment.rsplit("-v", 1)[0].lower()
-        policy = self.actor.policy(name, self.environment, metadata)
+        policy = model.policy(name, self.environment, metadata)
         policy = replace(policy, environment_kwargs=self.arguments)
         return policy if self.normaliser is None else self.normaliser.deployed(policy)
 
@@ -228,6 +240,8 @@ class Trainer:
             divergence = (ratio - 1 - ratio.log()).mean().item()
             share = (ratio != clipped).float().mean().item()
             self.last_update = Update(self.steps, len(self.history), *losses, divergence, share)
+        if self._average is not None:
+            self._average.add(self.actor)
         if self.normaliser is not None:
             self.normaliser.add(rollout.observations)
 
@@ -283,6 +297,7 @@ class Trainer:
             "collector": self._collector.state(),
             "return_scale": self._scale.state(),
             "pause": self._pause.state(),
+            "average": None if self._average is None else self._average.state(),
             "noise": None if self._noise is None else self._noise.state(),
             "normaliser": None if self.normaliser is None else self.normaliser.state(),
         }
@@ -307,6 +322,8 @@ class Trainer:
         self._rng.bit_generator.state = state["rng"]
         self._scale.restore(state["return_scale"])
         self._pause.restore(state["pause"])
+        if self._average is not None:
+            self._average.restore(state["average"])
         if self._noise is not None:
             self._noise.restore(state["noise"])
         if self.normaliser is not None:

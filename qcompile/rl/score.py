@@ -58,7 +58,7 @@ def _sampling(trainer: Trainer, seed: int) -> Act:
     def act(observations: FloatArray, rows: Rows) -> IntArray:
         with torch.no_grad():
             seen = (observations.astype(trainer.observation_dtype) - mean) / std
-            logits = trainer.actor(torch.from_numpy(seen)).numpy()
+            logits = trainer.model(torch.from_numpy(seen)).numpy()
         return draw_actions(logits, rng)
 
     return act

@@ -146,6 +146,9 @@ class Settings:
     """Whether rewards are divided by the running standard deviation of returns."""
     bootstrap_truncated: bool = True
     """Whether the value stands in for what a time limit cut off; the paper takes 0."""
+    average_share: Fraction = 0.0
+    """The trained model is an average over the updates, that of about this last share of them; 0 is
+    the model after the last one, 1 the mean over all. What acts and learns is not averaged."""
     pause_at: float | None = None
     """Algorithm 2: episodes with at least this reward update nothing; the longest such row saves
     the policy; updates resume when the running average falls below."""
@@ -159,6 +162,11 @@ class Settings:
             )
         if self.steps is None and self.episodes is None:
             raise TrainingError("The training has no end.", "Set steps, episodes or both.")
+        if self.average_share and self.pause_at is not None:
+            raise TrainingError(
+                "Both average_share and pause_at say which model is kept.",
+                "Set average_share=0 or pause_at=none.",
+            )
         for name, models in _OF_MODELS.items():
             if self.model not in models and getattr(self, name) != _DEFAULTS[name]:
                 raise TrainingError(

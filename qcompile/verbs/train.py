@@ -137,7 +137,6 @@ def train(
         preset=None if state else preset or PRESET,
         imports=modules,
         callback=callback,
-        imports=modules,
     )
     if seeds is not None:
         return train_seeds(

@@ -30,7 +30,6 @@ class Follow:
     preset: str | None
     imports: Sequence[str] = ()
     callback: Callback | None = None
-    imports: Sequence[str] = ()
 
 
 def train_one(trainer: Trainer, outputs: TrainingOutputs, follow: Follow, show: Show) -> Training:

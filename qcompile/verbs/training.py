@@ -68,7 +68,7 @@ class Training(Result):
         self._imports = imports
         self.policy, self.failure, self.interrupted = policy, failure, interrupted
         self.stopped, self.trainings = watch.stopped, [self]
-        self.model = trainer.actor
+        self.model = trainer.model
         self._history, self._environments = trainer.history, settings.environments
 
     def _copy_episodes(self, other: Training) -> None:

@@ -315,6 +315,46 @@ def test_a_model_that_the_file_does_not_hold_is_not_built(
             load_checkpoint(tmp_path / "altered")
 
 
+def test_an_average_must_be_that_of_the_settings(tmp_path: Path, saved_at: SavedAt) -> None:
+    path = tmp_path / "run.checkpoint"
+    saved_at(1, "Match-v0", Settings(episodes=9, average_share=0.5), path)
+    good = path.read_bytes()
+    saved = torch.load(path, weights_only=True)
+    settings, tensors = json.loads(saved["settings"]), saved["tensors"]
+    average = tensors["average"]
+    wrong = {
+        "It has no average, by its settings a share of 0.5.": {
+            "tensors": {**tensors, "average": None}
+        },
+        "It has an average, by its settings a share of 0.0.": {
+            "settings": json.dumps(settings | {"average_share": 0.0})
+        },
+        "Its average has a number that is not finite.": {
+            "tensors": tensors
+            | {
+                "average": average
+                | {"model": average["model"] | {"head.bias": torch.full((2,), torch.nan)}}
+            }
+        },
+        "Its average has 0 numbers": {"tensors": tensors | {"average": average | {"model": {}}}},
+        "tensors.average.updates": {"tensors": tensors | {"average": average | {"updates": -1}}},
+    }
+    for message, parts in wrong.items():
+        altered(good, path, **parts)
+        assert message in refused(path)
+
+
+def test_a_checkpoint_of_a_version_without_averages_is_read(good: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "run.checkpoint"
+    path.write_bytes(good)
+    saved = torch.load(path, weights_only=True)
+    settings = json.loads(saved["settings"])
+    del saved["tensors"]["average"], settings["average_share"]
+    altered(good, path, tensors=saved["tensors"], settings=json.dumps(settings))
+    trainer, _ = load_checkpoint(path)
+    assert (trainer.steps, trainer.settings.average_share) == (60, 0.0)
+
+
 def test_tensors_that_training_would_stumble_over_are_refused(good: bytes, tmp_path: Path) -> None:
     path = tmp_path / "run.checkpoint"
     path.write_bytes(good)

@@ -11,7 +11,7 @@ from typing import Any
 from qcompile.deploy.environments import close_environments, make_environments
 from qcompile.errors import EnvironmentMismatchError
 from qcompile.output import check_writable
-from qcompile.sweep.arguments import no_progress, several
+from qcompile.sweep.arguments import no_progress
 from qcompile.sweep.complete import OnProgress, Pool, complete
 from qcompile.sweep.study.cell import CellResult, folder_of, run_cell
 from qcompile.sweep.study.request import StudyRequest
