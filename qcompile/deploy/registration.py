@@ -96,7 +96,8 @@ def _not_imported(module: str, name: str, error: BaseException) -> EnvironmentMi
             f"There is no module {module!r}.",
             f"It is looked for among the installed packages and in {os.getcwd()}.",
         )
-    *_, last = traceback.extract_tb(error.__traceback__)
+    frames = traceback.extract_tb(error.__traceback__)
+    *_, last = (frame for frame in frames if not frame.filename.startswith("<"))
     line, file, said = last.lineno, last.filename, first_line(str(error))
     if isinstance(error, SyntaxError):
         line, file, said = error.lineno, error.filename or module, error.msg
