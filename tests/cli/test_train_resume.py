@@ -74,7 +74,7 @@ def test_a_model_without_a_policy_goes_on_from_its_own_file(qcompile: Call, ctrl
     answer = qcompile(*words, "--out", "whole.pt")
     assert answer.code == 0
     assert answer.out.endswith(
-        "Its model is an entangling circuit, which is played once those are.\n"
+        "Its model is an entangling circuit, which this version does not play yet.\n"
     )
     ctrl_c(4)
     answer = qcompile(*words, "--out", "net.pt")
@@ -104,7 +104,10 @@ def test_such_a_file_is_no_policy(qcompile: Call, command: str) -> None:
     assert (answer.code, answer.out) == (1, "")
     first, second = answer.err.splitlines()
     assert first.startswith("Error: net.pt is the checkpoint of a training, found where a")
-    assert second == "  Its model 'mvqc' is an entangling circuit: it is played once those are."
+    assert (
+        second
+        == "  Its model 'mvqc' is an entangling circuit, which this version does not play yet."
+    )
 
 
 @pytest.mark.parametrize("what", ["svqc", "fcn"])
