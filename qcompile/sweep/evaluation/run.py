@@ -156,7 +156,7 @@ def _left_out(
     """Why the grid has less than every combination of its sides."""
     asked = product([backend.name for backend in backends], *sides)
     networks = [policy.name for policy in policies if isinstance(policy, Network)]
-    words = []
+    words: list[str] = []
     if len(networks) < len(policies):
         words += dict.fromkeys(left_out(backends, *sides).values())
     if networks and {*asked} != {REFERENCE}:
