@@ -15,6 +15,7 @@ AREAS = (
     "programs",
     "values",
     "policies",
+    "networks",
     "packing",
     "devices",
     "calibrations",

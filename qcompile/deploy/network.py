@@ -109,8 +109,8 @@ def refuse_options(network: Network, names: Sequence[str]) -> None:
     """
     if names:
         *most, last = names
-        words = f"{', '.join(most)} and {last} are" if most else f"{last} is"
+        words = f"{', '.join(most)} or {last}" if most else last
         raise OptionError(
-            f"{network.name} is a network, not circuits: {words} for circuits.",
+            f"{network.name} is a network, not circuits: it takes no {words}.",
             "A network plays on `ideal`, exactly: nothing is compiled or measured.",
         )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import pickle
 import re
+import shlex
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -15,8 +16,6 @@ from qcompile.reading import CodeError, ContentsError, load_json, read_file, rea
 
 _TENSORS = ("theta", "weights", "bias", "mean", "std")
 _CHECKPOINT_1 = "qcompile-checkpoint-1"
-_PLAYED = ("svqc", "surrogate", "fcn", "cnn")
-"""The models in training that make a policy."""
 _ENVIRONMENT = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_./-]{0,99}")
 """What may stand in a command that a reader will type."""
 
@@ -58,26 +57,26 @@ def read_pt(path: Path) -> dict[str, Any]:
     if values.get("format") == _CHECKPOINT_1:
         raise UnreadableError(
             f"{path} is the checkpoint of a training, found where a policy file is needed.",
-            _way_on(path, values),
+            *_way_on(path, values),
         )
     if sum(tensor.numel() for tensor in _tensors(values)) > MAX_VALUES:
         raise UnreadableError(f"{path} has tensors of more than {MAX_VALUES:,} numbers.")
     return {key: _plain(value) for key, value in values.items()}
 
 
-def _way_on(path: Path, checkpoint: Mapping[str, Any]) -> str:
+def _way_on(path: Path, checkpoint: Mapping[str, Any]) -> list[str]:
     """How a checkpoint becomes a policy; of its values none is known to be whole."""
     try:
-        model = load_json(checkpoint["settings"])["model"]
+        model = load_json(str(checkpoint.get("settings")))["model"]
     except (ContentsError, KeyError, TypeError):
         model = None
     if model == "mvqc":
-        return "Its model 'mvqc' is an entangling circuit: it is played once those are."
+        return ["Its model 'mvqc' is an entangling circuit, which this version does not play yet."]
     environment = checkpoint.get("environment")
     if not isinstance(environment, str) or not _ENVIRONMENT.fullmatch(environment):
         environment = "ENVIRONMENT"
-    command = f"qcompile train {environment} --resume {path} --out POLICY.pt"
-    return f"A finished training is not trained again: `{command}` writes its policy."
+    command = f"qcompile train {environment} --resume {shlex.quote(str(path))} --out POLICY.pt"
+    return [f"It becomes a policy with: {command}", "A finished training is not trained further."]
 
 
 def _tensors(value: Any) -> Iterator[Any]:

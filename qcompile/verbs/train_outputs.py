@@ -108,8 +108,8 @@ class TrainingOutputs:
             raise OptionError(f"{out} must end with .pt or .json.")
         if not has_policy and out.suffix != ".pt":
             raise OptionError(
-                f"{out} must end with .pt: model {model!r} is an entangling circuit, which is "
-                "saved as a checkpoint until those are played."
+                f"{out} must end with .pt: model {model!r} is an entangling circuit, which this "
+                "version does not play yet, so it is saved as a checkpoint."
             )
         if not out.stem.isprintable():
             raise OptionError(

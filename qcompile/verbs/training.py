@@ -148,7 +148,7 @@ class Training(Result):
         if self.policy is None:
             line += (
                 f"\n{values['out']} is a checkpoint: `qcompile train --resume` reads it. Its "
-                "model is an entangling circuit, which is played once those are."
+                "model is an entangling circuit, which this version does not play yet."
             )
         return line
 

@@ -1,4 +1,4 @@
-"""Networks at the command line: trained, shown, played and evaluated; refused where circuits are."""
+"""Networks at the command line: trained, shown, played, evaluated, refused."""
 
 from __future__ import annotations
 
@@ -68,11 +68,11 @@ def test_a_film_of_a_network(qcompile: Call, net: str) -> None:
 @pytest.mark.parametrize(
     ("words", "what"),
     [
-        (("--shots", 100), "shots is"),
-        (("--backend", "ibm_lima"), "backend ibm_lima is"),
-        (("--mitigation", "readout", "--level", 0), "level and mitigation are"),
-        (("--predistort",), "predistort is"),
-        (("--copies", 2), "copies is"),
+        (("--shots", 100), "shots"),
+        (("--backend", "ibm_lima"), "backend ibm_lima"),
+        (("--mitigation", "readout", "--level", 0), "level or mitigation"),
+        (("--predistort",), "predistort"),
+        (("--copies", 2), "copies"),
     ],
 )
 def test_options_of_circuits_are_refused(
@@ -81,7 +81,7 @@ def test_options_of_circuits_are_refused(
     answer = qcompile("run", net, *words)
     assert (answer.code, answer.out) == (2, "")
     assert answer.err.splitlines() == [
-        f"Error: net is a network, not circuits: {what} for circuits.",
+        f"Error: net is a network, not circuits: it takes no {what}.",
         "  A network plays on `ideal`, exactly: nothing is compiled or measured.",
     ]
 
@@ -129,7 +129,7 @@ def test_its_layers_are_shown(qcompile: Call) -> None:
     assert values["policy"]["parameters"] == sum(layer["parameters"] for layer in values["layers"])
     refused = qcompile("show", "net.pt", "--backend", "ibm_lima", "--level", 2)
     assert refused.code == 2
-    assert "backend and level are for circuits" in refused.err
+    assert "it takes no backend or level." in refused.err
 
 
 def test_a_grid_has_a_network_beside_circuits(qcompile: Call, net: str, policy: Call) -> None:

@@ -37,7 +37,7 @@ def test_without_a_frame_there_is_no_film(
     def act(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("qcompile.deploy.play.Deployment.act", act)
+    monkeypatch.setattr("qcompile.deploy.deployment.Deployment.act", act)
     answer = qcompile("run", policy(), "--video", "a.gif")
     assert answer.code == 1
     first, second, *_ = answer.err.splitlines()

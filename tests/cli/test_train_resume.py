@@ -74,7 +74,7 @@ def test_a_model_without_a_policy_goes_on_from_its_own_file(qcompile: Call, ctrl
     answer = qcompile(*words, "--out", "whole.pt")
     assert answer.code == 0
     assert answer.out.endswith(
-        "Its model is an entangling circuit, which is played once those are.\n"
+        "Its model is an entangling circuit, which this version does not play yet.\n"
     )
     ctrl_c(4)
     answer = qcompile(*words, "--out", "net.pt")
@@ -104,7 +104,7 @@ def test_such_a_file_is_no_policy(qcompile: Call, command: str) -> None:
     assert (answer.code, answer.out) == (1, "")
     first, second = answer.err.splitlines()
     assert first.startswith("Error: net.pt is the checkpoint of a training, found where a")
-    assert second == "  Its model 'mvqc' is an entangling circuit: it is played once those are."
+    assert second.startswith("  Its model 'mvqc' is an entangling circuit, which this version")
 
 
 @pytest.mark.parametrize("what", ["svqc", "fcn"])
@@ -112,7 +112,8 @@ def test_the_advice_about_a_checkpoint_makes_its_policy(qcompile: Call, what: st
     """The command that is named is typed as it stands."""
     words = ("train", "CartPole-v1", *PAPER, "--model", what)
     assert qcompile(*words, "--out", "p.json", "--checkpoint", "state.pt").code == 0
-    (_, command, _) = qcompile("run", "state.pt").err.split("`")
+    advice = qcompile("run", "state.pt").err.splitlines()[1]
+    command = advice.removeprefix("  It becomes a policy with: ")
     assert command == "qcompile train CartPole-v1 --resume state.pt --out POLICY.pt"
     assert qcompile(*command.split()[1:]).code == 0
     runs = [qcompile("run", file, "--episodes", 2, "--json") for file in ("p.json", "POLICY.pt")]

@@ -121,27 +121,29 @@ def test_what_is_said_of_a_network_may_be_so() -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"shots": 100}, "shots is for circuits"),
-        ({"level": 0}, "level is for circuits"),
-        ({"mitigation": "readout"}, "mitigation is for circuits"),
-        ({"predistort": True, "copies": 2}, "predistort and copies are for circuits"),
-        ({"shots": 9, "level": 1, "copies": 3}, "shots, level and copies are for circuits"),
+        ({"shots": 100}, "shots"),
+        ({"level": 0}, "level"),
+        ({"mitigation": "readout"}, "mitigation"),
+        ({"predistort": True, "copies": 2}, "predistort or copies"),
+        ({"shots": 9, "level": 1, "copies": 3}, "shots, level or copies"),
     ],
 )
 def test_settings_of_circuits_are_refused(changes: dict[str, Any], words: str) -> None:
-    with pytest.raises(OptionError, match=f"^net is a network, not circuits: {words}\\.\n  A net"):
+    with pytest.raises(
+        OptionError, match=f"^net is a network, not circuits: it takes no {words}\\.\n  A"
+    ):
         NetworkPlayer(network(), **changes)
 
 
 def test_a_calibration_is_refused() -> None:
     executor = OfflineExecutor(load_device("ibm_lima"), seed=0)
     calibration = calibrate(executor, np.array([0]), 1024, parts=["readout"])
-    with pytest.raises(OptionError, match="calibration is for circuits"):
+    with pytest.raises(OptionError, match="it takes no calibration"):
         NetworkPlayer(network(), calibration=calibration)
 
 
 def test_a_backend_with_noise_is_refused() -> None:
-    with pytest.raises(OptionError, match="backend ibm_lima is for circuits"):
+    with pytest.raises(OptionError, match="it takes no backend ibm_lima"):
         player(network(), "ibm_lima")
 
 

@@ -12,6 +12,7 @@ SESSIONS: dict[str, Sequence[str | Case]] = {
         Document(f"{GREEDY} --json"),
         Document("run tiny.json --episodes 1 --backend fake_lima --max-steps 2 --json"),
         Document(f"{GREEDY} --backend misfit.json --mitigation response --json"),
+        Document("run net.json --episodes 2 --max-steps 2 --json"),
     ),
     "evaluate": (
         Document(
@@ -24,6 +25,7 @@ SESSIONS: dict[str, Sequence[str | Case]] = {
         Document("show tiny.json --backend fake_lagos --json"),
         Document("show in.qasm --json"),
         Document("show tiny.json --surrogate --json"),
+        Document("show net.json --json"),
     ),
     "compile": (
         Document("compile in.qasm --json"),

@@ -40,6 +40,19 @@ def policy(**changes: Any) -> dict[str, Any]:
     return {key: value for key, value in (values | changes).items() if value is not None}
 
 
+def network(**changes: Any) -> dict[str, Any]:
+    """A network for CartPole with a hidden layer of two; a change to None takes a key away."""
+    hidden = {"type": "dense", "weights": [[0.0, 0.0, 1.0, 0.5]] * 2, "bias": [0.0, 0.5]}
+    head = {"type": "dense", "weights": [[-1.0, -1.0], [1.0, 1.0]], "bias": [0.5, 0.0]}
+    values: dict[str, Any] = {
+        "format": "qcompile-network-1",
+        "name": "net",
+        "environment": "CartPole-v1",
+        "layers": [hidden | {"activation": "tanh"}, head],
+    }
+    return {key: value for key, value in (values | changes).items() if value is not None}
+
+
 def device(**changes: Any) -> dict[str, Any]:
     """The device file of fake_lima, called `mine`; a change to None takes a key away."""
     values = json.loads(load_device("fake_lima").to_json()) | {"name": "mine"} | changes

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from . import journals
 from .case import Case, Command, Written
-from .inputs import calibration, device, policy, setting, write
+from .inputs import calibration, device, network, policy, setting, write
 
 DOCS = Path(__file__).parents[2] / "docs"
 PROGRAM = """\
@@ -33,6 +33,7 @@ def files() -> None:
     write(
         {
             "tiny.json": policy(),
+            "net.json": network(),
             "named.json": policy(name="[/red] [bold]"),
             "narrow.json": policy(
                 circuits=[[["ry", "x0"]]] * 2, weights=[[1.0] * 2, [0.0] * 2], theta=[]
@@ -74,9 +75,14 @@ RUN = (
     Command("run tiny.json --episodes 45 --backend ibm_lima --shots 64", masked=True),
     Command("run cartpole --episodes 100 --max-steps 5 --shots exact --greedy"),
     "run tiny.json --episodes 2 --max-steps 3 --video a.gif",
+    "run net.json --episodes 5 --greedy",
 )
 FEW = "--shots 16,exact --episodes 5 --workers 1 --out e"
 EVALUATE = (
+    Command(
+        "evaluate net.json tiny.json --backend fake_lima --shots exact --mitigation none "
+        "--greedy --episodes 5 --workers 1 --out n",
+    ),
     Command(f"evaluate tiny.json --backend fake_lima,lima.json {FEW}", masked=True),
     Command(f"evaluate tiny.json --backend fake_lima,lima.json {FEW}", masked=True),
     Written("e/results.csv", 1),
@@ -109,6 +115,7 @@ SHOW = (
     "show in.qasm",
     "show in.qasm --backend fake_lima",
     "show tiny.json --surrogate",
+    "show net.json",
 )
 COMPILE = (
     "compile in.qasm",
@@ -160,7 +167,8 @@ TRAIN = (
         "--evaluate-episodes 2",
         masked=True,
     ),
-    Command("train CartPole-v1 --preset paper --model fcn --episodes 2 --out c.pt", masked=True),
+    Command("train CartPole-v1 --preset paper --model fcn --episodes 2 --out c.json", masked=True),
+    Command("train CartPole-v1 --preset paper --model mvqc --episodes 2 --out c.pt", masked=True),
     Command("train CartPole-v1 --steps 3 --out d.pt -s horizon=3 -s environments=1", masked=True),
     Command(
         "train CartPole-v1 --preset paper --episodes 2 --seeds 2 --workers 1 --evaluation 2 "

@@ -106,6 +106,19 @@ FILES = {
     "tensor.pt": packed(torch.zeros(3)),
     "numbers.pt": packed({"a": 1}),
     "checkpoint.pt": packed({"format": "qcompile-checkpoint-1"}),
+    "checkpoint-of-fcn.pt": packed(
+        {
+            "format": "qcompile-checkpoint-1",
+            "environment": "CartPole-v1",
+            "settings": '{"model": "fcn"}',
+        }
+    ),
+    "checkpoint-of-mvqc.pt": packed(
+        {"format": "qcompile-checkpoint-1", "settings": '{"model": "mvqc"}'}
+    ),
+    "checkpoint-of-a-shell.pt": packed(
+        {"format": "qcompile-checkpoint-1", "environment": "x; rm -r x", "settings": torch.ones(2)}
+    ),
     "weights-shape.pt": weighted(torch.zeros(2, 3)),
     "weights-flat.pt": weighted(torch.zeros(8)),
     "weights-scalar.pt": weighted(torch.tensor(1.0)),
@@ -150,7 +163,7 @@ CASES = (
     Command(
         "show weights-flat.pt",
         "with 5 numbers at most",
-        setting("qcompile.policy.files.MAX_VALUES", 5),
+        setting("qcompile.policy.packed.MAX_VALUES", 5),
     ),
     "show nosuch",
     "show lunarlandr",

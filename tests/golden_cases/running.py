@@ -61,7 +61,7 @@ CASES = (
     Command(
         f"{SHORT} --video a.gif",
         "Ctrl-C before the first step",
-        ctrl_c_in("qcompile.deploy.play.Deployment.act"),
+        ctrl_c_in("qcompile.deploy.deployment.Deployment.act"),
     ),
     "",
     "nosuch",

@@ -159,9 +159,7 @@ CASES = (
     ),
     *(f"{TRAIN} --out p.pt --set {assignment}" for assignment in ASSIGNMENTS),
     *(f"{TRAIN} --out p.pt {option}" for option in OPTIONS),
-    f"{TRAIN} --model fcn --out p.json",
-    "train CartPole-v1 --preset tuned --model cnn --out p.pt",
-    "train CartPole-v1 --preset tuned --model mvqc --out p.pt",
+    f"{TRAIN} --model mvqc --out p.json",
     Command(
         "train CartPole-v1 --preset paper --model mvqc --episodes 1 --out p.pt",
         "with 3 qubits at most",
@@ -187,7 +185,7 @@ CASES = (
         masked=True,
     ),
     Command(
-        "train CartPole-v1 --preset paper --model fcn --out net.pt",
+        "train CartPole-v1 --preset paper --model mvqc --out net.pt",
         "Ctrl-C after the second episode",
         ctrl_c_after(2),
         masked=True,

@@ -261,3 +261,14 @@ def test_a_file_that_could_not_be_read_back_is_not_written(tmp_path: Path) -> No
     with pytest.raises(PolicyError, match="save_policy takes a Policy or a Network, and a path"):
         save_policy("mine", tmp_path / "n.pt")  # type: ignore[arg-type]
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_network_of_the_docs_is_read(tmp_path: Path) -> None:
+    """Where the pole leans by 0.1: -2 and 2 times tanh(0.1) + tanh(0.05 + 0.1)."""
+    page = (Path(__file__).parents[2] / "docs" / "policies.md").read_text()
+    (block,) = [part for part in page.split("```json\n")[1:] if '"qcompile-network-1"' in part]
+    (tmp_path / "balance.json").write_text(block.partition("```")[0])
+    network = load_policy(tmp_path / "balance.json")
+    logits = network.logits(np.array([[0.0, 0.0, 0.1, 0.0]]))
+    total = math.tanh(0.1) + math.tanh(0.05 + 0.1)
+    np.testing.assert_allclose(logits, [[-2 * total, 2 * total]], atol=1e-12)
