@@ -199,7 +199,8 @@ class Ansatz:
         if program.late_angles:
             raise PolicyError("A compiled program cannot be trained.", "Give what it came from.")
         used = {symbol for circuit in program.circuits for symbol in circuit.symbols}
-        kept = [index for index, name in enumerate(program.inputs) if name in used]
+        order = np.lexsort((factors, reads)).tolist()  # an input, then its products
+        kept = [index for index in order if program.inputs[index] in used]
         names = {program.inputs[index]: f"x{i}" for i, index in enumerate(kept)}
         names |= {name: f"theta{j}" for j, name in enumerate(program.parameters)}
         circuits = [circuit.rename(names) for circuit in program.circuits]
