@@ -61,9 +61,11 @@ class SVQC(torch.nn.Module):
         self._wire()
 
     def _keep(self, name: str, array: np.ndarray[Any, Any] | None) -> None:
-        """An array as a tensor that is not trained, or None."""
-        tensor = None if array is None else torch.tensor(array)
-        self.register_buffer(name, tensor, persistent=False)
+        """An array as a tensor that is not trained, or None, a plain attribute: found sooner."""
+        if array is None:
+            setattr(self, name, None)
+        else:
+            self.register_buffer(name, torch.tensor(array), persistent=False)
 
     def _start(self) -> None:
         """Put in the numbers that the circuits bring along; factors of inputs start at 1."""
