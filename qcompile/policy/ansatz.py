@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -151,6 +151,63 @@ class Ansatz:
 
         return cls._of_uploads(uploads_of(text_or_path, inputs), "OpenQASM")
 
+    def policy(
+        self,
+        name: str,
+        environment: str,
+        encoder: Encoder,
+        theta: FloatArray,
+        weights: FloatArray,
+        bias: FloatArray,
+        *,
+        reuse: int = 1,
+        metadata: Mapping[str, Any] | None = None,
+    ) -> Policy:
+        """The policy of these circuits with numbers that are trained, here or elsewhere.
+
+        `encoder` is that of `inputs`, `theta` has a number for each of `parameters`, in an array of
+        any shape; weights and bias are a Policy's. Factors of inputs become gains of its encoder,
+        and parameters that are nothing else are not among its own.
+
+        Raises:
+            PolicyError: the shapes do not fit each other.
+        """
+        encoder.check(len(self.inputs))
+        numbers = np.asarray(theta, dtype=float).ravel()
+        check_arrays({"theta": (numbers, (len(self.parameters),))})
+        used = {symbol for circuit in self.program.circuits for symbol in circuit.symbols}
+        named = enumerate(self.program.parameters)
+        kept = [j for j, symbol in named if symbol in used or j not in self.factors]
+        names = {f"theta{j}": f"theta{index}" for index, j in enumerate(kept)}
+        circuits = [circuit.rename(names) for circuit in self.program.circuits]
+        return Policy(
+            name,
+            environment,
+            self._encoder(encoder, np.append(numbers, 1.0)[self.factors]),
+            Program.of(circuits, len(self.reads), len(kept)),
+            numbers[kept],
+            np.asarray(weights, dtype=float),
+            np.asarray(bias, dtype=float),
+            reuse,
+            dict(metadata or {}),
+        )
+
+    def _encoder(self, encoder: Encoder, factor: FloatArray) -> Encoder:
+        """The encoder of the program's inputs, from that of `inputs`; factors (inputs,)."""
+        gain = None if encoder.gain is None else encoder.gain[self.reads]
+        if (self.factors != NO_FACTOR).any():
+            gain = factor if gain is None else gain * factor
+        function = encoder.function
+        if not isinstance(function, str):
+            function = tuple(function[read] for read in self.reads)
+        return replace(
+            encoder,
+            function=function,
+            feature=encoder.feature[self.reads],
+            scale=encoder.scale[self.reads],
+            gain=gain,
+        )
+
     def save(self, path: str | Path) -> None:
         """Write it to a JSON file, which `train --circuits` reads.
 
@@ -199,7 +256,8 @@ class Ansatz:
         if program.late_angles:
             raise PolicyError("A compiled program cannot be trained.", "Give what it came from.")
         used = {symbol for circuit in program.circuits for symbol in circuit.symbols}
-        kept = [index for index, name in enumerate(program.inputs) if name in used]
+        order = np.lexsort((factors, reads)).tolist()  # an input, then its products
+        kept = [index for index in order if program.inputs[index] in used]
         names = {program.inputs[index]: f"x{i}" for i, index in enumerate(kept)}
         names |= {name: f"theta{j}" for j, name in enumerate(program.parameters)}
         circuits = [circuit.rename(names) for circuit in program.circuits]

@@ -38,12 +38,7 @@ class Interpreter:
     CircuitError without the line.
     """
 
-    def __init__(
-        self,
-        version: str | None,
-        joining_later: Callable[[], int] = lambda: 0,
-        products: bool = False,
-    ):
+    def __init__(self, version: str | None, joining_later: Callable[[], int], products: bool):
         self._joining_later = joining_later
         self._is_2 = version == "2"
         self._variables = Variables(real=self._is_2, products=products)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import Annotated, Any, Literal, get_args, get_type_hints
 
-from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import ConfigDict, Discriminator, Field, Tag, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
 from qcompile.catalogue import nearest
@@ -27,6 +27,10 @@ Feature = Annotated[int, Field(ge=0, le=1_000_000)]
 Scale = Magnitude | Annotated[tuple[Magnitude, ...], Field(min_length=1)]
 
 Encoding = Literal["arctan", "tanh", "identity", "clip", "bits"]
+Encodings = Annotated[
+    Annotated[Encoding, Tag("one")] | Annotated[tuple[Encoding, ...], Tag("each")],
+    Discriminator(lambda value: "one" if isinstance(value, str) else "each"),
+]
 
 _ENCODED = ("svqc", "mvqc", "surrogate")
 _OF_MODELS: dict[str, tuple[str, ...]] = {
@@ -68,10 +72,10 @@ class Settings:
     scales that a policy's encoder has."""
     trainable_scale: bool = False
     """Whether input scales are trained along."""
-    features: Annotated[tuple[Feature, ...], Field(min_length=1)] | None = None
+    features: tuple[Feature, ...] | None = None
     """The features that are read: of a layout those it is made for, of own circuits that of each
     input. None is all of them, in order, or what the policy reads that the circuits are of."""
-    encoder: Encoding | Annotated[tuple[Encoding, ...], Field(min_length=1)] | None = None
+    encoder: Encodings | None = None
     """The function between a scaled feature and an angle: one for all, or one for each feature of a
     copy, for each input of own circuits. None is arctan, or what the policy has. bits reads the
     bits of a Discrete observation, and then its features are bits."""

@@ -9,7 +9,12 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from qcompile.deploy.environments import Environment, close_environments, make_environments
+from qcompile.deploy.environments import (
+    Environment,
+    close_environments,
+    features_and_actions,
+    make_environments,
+)
 from qcompile.deploy.flattening import StateNumber
 from qcompile.errors import TrainingError
 
@@ -27,10 +32,11 @@ def training_environments(
     if not bits:
         return environments
     if not all(isinstance(environment, StateNumber) for environment in environments):
-        space = environments[0].observation_space
+        features, _ = features_and_actions(environments[0])
         close_environments(environments)
         raise TrainingError(
-            f"The encoder bits reads the bits of a number; {name} observes {space}.",
+            f"The encoder bits reads the bits of a number; {name} observes a vector of {features} "
+            "features.",
             "It is for environments with a Discrete observation.",
         )
     return [StateBits(environment) for environment in environments]

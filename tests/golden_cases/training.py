@@ -21,6 +21,9 @@ from qcompile.version import versions
 from .case import Command
 from .inputs import ctrl_c_after, policy, setting, without, write
 
+SMALL = {"format": "qcompile-ansatz-1", "circuits": [[["ry", "x0"]]]}
+"""A file of circuits, as short as it can be."""
+
 
 @functools.cache
 def checkpoint() -> bytes:
@@ -104,11 +107,31 @@ def checkpoints() -> dict[str, Any]:
         "steps-text": collected(lambda collector: collector.update(steps="many")),
         "walk-too-long": walked([0] * 1000),
         "walk-impossible": walked([5]),
+        "ansatz-text": altered(ansatz="x"),
+        "ansatz-more": altered(
+            ansatz='{"format": "qcompile-ansatz-1", "circuits": [[["ry", "x0"]]]}'
+        ),
+    }
+
+
+def circuits() -> dict[str, str]:
+    """Files of circuits: five inputs, none, a product that cannot be trained, another JSON file."""
+    head = "OPENQASM 3.0;\ninput float[64] x;\ninput float[64] a;\nqubit q;\n"
+    many = "".join(f"input float[64] x{i};\n" for i in range(5))
+    gates = "".join(f"ry(x{i}) q;\n" for i in range(5))
+    return {
+        "five.qasm": f"OPENQASM 3.0;\n{many}qubit q;\n{gates}",
+        "none.qasm": f"{head}ry(a) q;\n",
+        "square.qasm": f"{head}ry(a*x*x) q;\n",
+        "squared.qasm": f"{head}ry(x*x) q;\n",
+        "reads.json": json.dumps(SMALL | {"reads": [3]}),
+        "unknown.json": json.dumps(SMALL | {"gain": 1}),
+        "other.json": '{"circuits": []}',
     }
 
 
 def files() -> None:
-    write(checkpoints())
+    write(checkpoints() | circuits())
     write({"file": ""})
     Path("folder.pt").mkdir()
 
@@ -131,8 +154,19 @@ def interrupted(*_: Any, **__: Any) -> None:
 TRAIN = "train CartPole-v1 --preset paper --episodes 2"
 RESUME = "train CartPole-v1 --out p.pt --resume"
 NAMES = tuple(checkpoints())
+OWN = (
+    *(f"--circuits {name}" for name in (*circuits(), "cartpol", "missing.qasm", "lunarlander")),
+    *("--init acrobot", "--init lunarlander", "--init cartpol", "--init five.qasm"),
+    *("--circuits cartpole --init cartpole", "--circuits cartpole --layout serial"),
+    *("--init cartpole --layout serial", "--init cartpole --reuse 2"),
+    *("--circuits cartpole --model fcn", "--circuits five.qasm --set features=0,1"),
+    "--circuits five.qasm --set features=0,1,2,3,4",
+    "--circuits five.qasm --set features=0,1,2,3,3 --set scales=1,2",
+    *("--set features=0,9", "--set features=x", "--set encoder=sin", "--set encoder=tanh,clip"),
+    *("--set encoder=bits", "--set encoder=bits,tanh", "--model fcn --set encoder=tanh"),
+)
 
-ENVIRONMENTS = ("Nope-v1", "''", "CartPole-v99", "Pendulum-v1", "Blackjack-v1", "a:CartPole-v1")
+ENVIRONMENTS = ("Nope-v1", "''", "CartPole-v99", "Pendulum-v1", "a:CartPole-v1")
 ASSIGNMENTS = (
     *("clp=1", "nothing=1", "clip", "model=fcn", "layout=serial", "hidden=[1"),
     *("clip=-1", "clip=none", "clip=much", "epochs=1.5", "gamma=2", "scales=1,-2", "scales=[]"),
@@ -158,7 +192,7 @@ CASES = (
         for out in ("p.txt", "p", "file/p.pt", "folder.pt", f"new/{'x' * 252}.pt")
     ),
     *(f"{TRAIN} --out p.pt --set {assignment}" for assignment in ASSIGNMENTS),
-    *(f"{TRAIN} --out p.pt {option}" for option in OPTIONS),
+    *(f"{TRAIN} --out p.pt {option}" for option in (*OPTIONS, *OWN)),
     f"{TRAIN} --model mvqc --out p.json",
     Command(
         "train CartPole-v1 --preset paper --model mvqc --episodes 1 --out p.pt",
@@ -201,7 +235,7 @@ CASES = (
         for option in (
             *("--preset tuned", "--layout parallel", "--reuse 2", "--episodes 9", "--steps 9"),
             *("--set clip=0.3", "--backend ideal", "--shots exact --mitigation none"),
-            *("--log state", "--checkpoint p.pt"),
+            *("--circuits cartpole", "--init cartpole", "--log state", "--checkpoint p.pt"),
         )
     ),
     "train CartPole-v1 --resume state --out state",

@@ -317,7 +317,7 @@ def test_bits_are_trained_and_resumed(tmp_path: Path) -> None:
     save_checkpoint(trainer, path := tmp_path / "state")
     resumed, _ = load_checkpoint(path)
     assert resumed.steps == trainer.steps
-    with pytest.raises(TrainingError, match="CartPole-v1 observes Box"):
+    with pytest.raises(TrainingError, match="CartPole-v1 observes a vector of 4"):
         Trainer("CartPole-v1", settings, 0)
     with pytest.raises(TrainingError, match="encoder bits beside others"):
         replace(settings, encoder=("bits", "tanh")).check()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -60,9 +61,11 @@ class SVQC(torch.nn.Module):
         self._wire()
 
     def _keep(self, name: str, array: np.ndarray[Any, Any] | None) -> None:
-        """An array as a tensor that is not trained, or None."""
-        tensor = None if array is None else torch.tensor(array)
-        self.register_buffer(name, tensor, persistent=False)
+        """An array as a tensor that is not trained, or None, a plain attribute: found sooner."""
+        if array is None:
+            setattr(self, name, None)
+        else:
+            self.register_buffer(name, torch.tensor(array), persistent=False)
 
     def _start(self) -> None:
         """Put in the numbers that the circuits bring along; factors of inputs start at 1."""
@@ -140,32 +143,17 @@ class SVQC(torch.nn.Module):
         return outputs
 
     def policy(self, name: str, environment: str, metadata: dict[str, Any]) -> Policy:
-        """The policy to deploy: numbers in double precision, output reuse folded.
-
-        Factors of inputs become gains of its encoder.
-        """
-        ansatz, theta = self.ansatz, numbers(self.theta)
-        used = {symbol for circuit in self.program.circuits for symbol in circuit.symbols}
-        kept = [
-            index
-            for index, symbol in enumerate(self.program.parameters)
-            if symbol in used or index not in ansatz.factors
-        ]
-        program = self.program
-        if len(kept) < len(theta):
-            names = {f"theta{index}": f"theta{i}" for i, index in enumerate(kept)}
-            circuits = [circuit.rename(names) for circuit in program.circuits]
-            program = type(program).of(circuits, len(program.inputs), len(kept))
-        return Policy(
+        """The policy to deploy: numbers in double precision, output reuse folded."""
+        head = self.head
+        return self.ansatz.policy(
             name,
             environment,
-            self._trained_encoder(theta),
-            program,
-            theta[kept],
-            numbers(self.head.weights),
-            numbers(self.head.bias),
-            self.head.reuse,
-            metadata,
+            self._trained_encoder(),
+            numbers(self.theta),
+            numbers(head.weights),
+            numbers(head.bias),
+            reuse=head.reuse,
+            metadata=metadata,
         ).folded()
 
     def circuits_metadata(self) -> dict[str, Any]:
@@ -176,28 +164,15 @@ class SVQC(torch.nn.Module):
             values["parameters"] = dict(named)
         return values
 
-    def _trained_encoder(self, theta: np.ndarray[Any, Any]) -> Encoder:
-        """The encoder of the program's inputs with the numbers as they are."""
-        encoder, reads, factors = self._encoder, self.ansatz.reads, self.ansatz.factors
+    def _trained_encoder(self) -> Encoder:
+        """The encoder of the circuits' own inputs with the numbers as they are."""
+        encoder = self._encoder
         scale = encoder.scale * numbers(self.log_scale.exp())
         gain = encoder.gain if self.gain is None else numbers(self.gain)
         if encoder.reads_bits:  # a scale of bits is a gain
             factor = scale if gain is None else scale * gain
             gain, scale = (factor if (factor != 1).any() else None), np.ones(len(scale))
-        if gain is not None:
-            gain = gain[reads]
-        if (factors != NO_FACTOR).any():
-            factor = np.append(theta, 1.0)[factors]
-            gain = factor if gain is None else gain * factor
-        names = np.array(encoder.functions)[reads]
-        return Encoder(
-            encoder.function if isinstance(encoder.function, str) else tuple(names.tolist()),
-            encoder.feature[reads].copy(),
-            scale[reads],
-            gain,
-            encoder.mean,
-            encoder.std,
-        )
+        return replace(encoder, scale=scale, gain=gain)
 
 
 def numbers(tensor: torch.Tensor) -> np.ndarray[Any, Any]:
