@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Container, Iterable, Mapping, Sequence
 from typing import Any, Literal
@@ -126,6 +127,9 @@ def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
             yield "all equal", f"up to {share} of all episodes may be others, with 95 % confidence"
     if summary["solved"] is not None:
         yield "solved", "yes" if summary["solved"] else "no"
+    if arguments := summary.get("environment_kwargs"):
+        said = ", ".join(f"{name}={json.dumps(value)}" for name, value in arguments.items())
+        yield "environment", escape(said)
     if summary["circuits_per_step"]:
         yield "settings", _circuit_settings(summary)
     for words in misfit_words(summary.get("calibration_misfits", [])):

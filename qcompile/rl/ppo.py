@@ -178,6 +178,8 @@ class Trainer:
         }
         if self.ansatz is not None and isinstance(model, SVQC):
             metadata["circuits"] = model.circuits_metadata()
+        if self.arguments:
+            metadata["environment_kwargs"] = self.arguments
         name = self.environment.rsplit("-v", 1)[0].lower()
         policy = model.policy(name, self.environment, metadata)
         policy = replace(policy, environment_kwargs=self.arguments)

@@ -29,6 +29,7 @@ def test_a_training_keeps_its_arguments(tmp_path: Path) -> None:
     assert training.to_dict()["environment_kwargs"] == OTHER
     written = json.loads(out.read_text())
     assert (written["format"], written["environment_kwargs"]) == ("qcompile-policy-2", OTHER)
+    assert written["metadata"]["environment_kwargs"] == OTHER
     trainer, _ = load_checkpoint(state)
     assert trainer.arguments == OTHER
     again = qcompile.train("CartPole-v1", resume=state, out=out, evaluate_every=1)
