@@ -11,6 +11,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
+import torch
 
 import qcompile
 from qcompile.errors import OptionError, QcompileError
@@ -47,6 +48,31 @@ def test_a_training_gives_its_policy_and_writes_nothing() -> None:
     assert training.plot().png[:8] == b"\x89PNG\r\n\x1a\n"
     assert repr(training).splitlines()[1].split()[:3] == ["CartPole-v1", "svqc", "1"]
     assert list(Path().iterdir()) == []
+
+
+@pytest.mark.parametrize("model", ["fcn", "cnn"])
+def test_a_network_is_played_and_stands_beside_circuits(model: str) -> None:
+    training = qcompile.train("CartPole-v1", model=model, preset="paper", episodes=2)
+    network = training.policy
+    assert isinstance(network, qcompile.Network)
+    assert network.parameter_count == training.to_dict()["parameters"]
+    assert network.metadata["settings"]["model"] == model
+    observations = np.random.default_rng(0).normal(size=(9, 4)).astype(np.float32)
+    logits = training.model(torch.from_numpy(observations)).detach().numpy()
+    np.testing.assert_allclose(network.logits(observations), logits, atol=1e-5)
+    result = qcompile.run(network, episodes=2, seed=7)
+    grid = qcompile.evaluate(
+        [network, "cartpole_1q"],
+        "ideal",
+        shots="exact",
+        mitigations="none",
+        episodes=2,
+        seed=7,
+        workers=1,
+    )
+    assert grid.cells[0]["episodes"] == result.episodes
+    assert [cell["circuits_per_step"] > 0 for cell in grid.cells] == [False, True]
+    assert grid.plot().png[:8] == b"\x89PNG\r\n\x1a\n"
 
 
 def test_ctrl_c_keeps_what_is_trained(ctrl_c: None) -> None:
