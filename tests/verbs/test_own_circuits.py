@@ -59,7 +59,7 @@ def test_a_qiskit_circuit_with_trained_scales_is_trained_and_plays() -> None:
     training = qcompile.train(
         "CartPole-v1",
         circuits=uploading(),
-        settings={"scales": SCALES, "trainable_scale": False},
+        settings={"scales": SCALES, "trainable_scale": False, "theta_spread_rad": 1.0},
         episodes=30,
         progress=False,
     )
