@@ -40,6 +40,23 @@ class Assignment(click.ParamType[tuple[str, Any]]):
             self.fail(f"{name}={text} is not a JSON list: {error}.", param, ctx)
 
 
+class EnvironmentArgument(click.ParamType[tuple[str, Any]]):
+    """An argument of an environment and its value: JSON, or else a text."""
+
+    name = "NAME=VALUE"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[str, Any]:
+        name, sign, text = (part.strip() for part in str(value).partition("="))
+        if not sign or not name.isidentifier():
+            self.fail(f"{value!r} is not NAME=VALUE, such as is_slippery=false.", param, ctx)
+        try:
+            return name, json.loads(text, parse_constant=str)
+        except (ValueError, RecursionError):
+            return name, text
+
+
 def as_mapping(
     ctx: click.Context, param: click.Parameter, values: tuple[tuple[str, Any], ...]
 ) -> dict[str, Any]:

@@ -15,6 +15,8 @@ from qcompile.cli.options import (
     echo_json,
     echo_note,
     engine_options,
+    env_option,
+    import_option,
     json_option,
     once,
 )
@@ -97,6 +99,8 @@ class _Mitigation(click.ParamType[str]):
     help="Episode i resets its environment with seed + i.",
 )
 @click.option("--greedy", is_flag=True, help="Take the likeliest action instead of sampling.")
+@import_option
+@env_option
 @click.option(
     "--paper",
     is_flag=True,
@@ -126,6 +130,8 @@ def command(
     episodes: int,
     seed: int,
     greedy: bool,
+    imports: tuple[str, ...],
+    env: dict[str, Any],
     paper: bool,
     out: Path,
     page: Path | None,
@@ -151,11 +157,14 @@ def command(
         "mitigations": mitigations,
         "calibrations": calibrations,
         "levels": levels,
+        "imports": imports,
+        "env": env,
     }
     named: dict[str, Any] = {name: values for name, values in sides.items() if values}
     if paper and (named or greedy):
         raise click.UsageError(
-            "--paper has its own policies, backends, shots and mitigations, and samples actions."
+            "--paper has its own policies, environments, backends, shots and mitigations, and "
+            "samples actions."
         )
     if page is not None and not paper:
         raise click.UsageError("--page is the page of --paper.")

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import click
 
+from qcompile.cli.assignments import EnvironmentArgument, as_mapping
 from qcompile.limits import MAX_SHOTS
 
 if TYPE_CHECKING:
@@ -208,6 +209,22 @@ max_steps_option: Decorator = click.option(
     "--max-steps",
     type=click.IntRange(1, 1_000_000),
     help="Stop each episode after N steps.  [default: play them to their end]",
+)
+import_option: Decorator = click.option(
+    "--import",
+    "imports",
+    multiple=True,
+    metavar="MODULE",
+    help="Import a module, or FILE.py, that registers environments; repeatable. Its code runs.",
+)
+env_option: Decorator = click.option(
+    "--env",
+    type=EnvironmentArgument(),
+    multiple=True,
+    callback=as_mapping,
+    metavar="NAME=VALUE",
+    help="Argument of the environment; repeatable. VALUE is JSON, or else a text, as in "
+    "is_slippery=false or map_name=8x8.",
 )
 json_option: Decorator = click.option(
     "--json", "as_json", is_flag=True, help="Print one JSON document on standard output."

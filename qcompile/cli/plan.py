@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import click
 
 from qcompile.cli.options import (
     Positive,
     backend_option,
     echo_json,
+    env_option,
+    import_option,
     json_option,
     level_option,
     max_steps_option,
@@ -48,6 +52,8 @@ from qcompile.limits import (
     help="Episodes side by side on the device.  [default: as many as fit]",
 )
 @max_steps_option
+@import_option
+@env_option
 @click.option(
     "--usd-per-second",
     type=Positive("dollars", zero=True),
@@ -69,6 +75,8 @@ def command(
     mitigation: str,
     copies: int | None,
     max_steps: int | None,
+    imports: tuple[str, ...],
+    env: dict[str, Any],
     usd_per_second: float,
     live: bool,
     account: str | None,
@@ -94,6 +102,8 @@ def command(
         mitigation=mitigation,
         copies=copies,
         max_steps=max_steps,
+        imports=imports,
+        env=env,
         usd_per_second=usd_per_second,
         live=live,
         account=account,

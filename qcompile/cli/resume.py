@@ -14,7 +14,13 @@ from qcompile.cli.live_options import (
     wait_option,
     yes_option,
 )
-from qcompile.cli.options import Positive, echo_json, echo_note, json_option
+from qcompile.cli.options import (
+    Positive,
+    echo_json,
+    echo_note,
+    import_option,
+    json_option,
+)
 from qcompile.limits import MAX_QPU_SECONDS
 
 if TYPE_CHECKING:
@@ -35,6 +41,7 @@ if TYPE_CHECKING:
     type=click.Path(dir_okay=False, path_type=Path),
     help="File for a calibration.  [default: the one it was begun with]",
 )
+@import_option
 @runs_option
 @json_option
 def command(
@@ -43,6 +50,7 @@ def command(
     yes: bool,
     max_wait_seconds: float | None,
     out: Path | None,
+    imports: tuple[str, ...],
     runs: Path,
     as_json: bool,
 ) -> None:
@@ -55,11 +63,13 @@ def command(
     --max-qpu-seconds where it began on another machine. A finished run shows its result. A
     calibration is written to its file, if it began here, and nothing is drawn or checked.
     """
+    from qcompile.deploy.registration import import_modules
     from qcompile.errors import PaidFailureError
     from qcompile.live.runs import find_journal
     from qcompile.report.live import print_result, result_values
     from qcompile.verbs.live import follow
 
+    import_modules(imports)
     with find_journal(runs, run_id) as journal:
         pay_again = yes or (max_qpu_seconds or 0) > journal.max_qpu_seconds
         if journal.result is None:

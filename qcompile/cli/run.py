@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -13,6 +13,8 @@ from qcompile.cli.options import (
     backend_option,
     echo_json,
     echo_note,
+    env_option,
+    import_option,
     json_option,
     level_option,
     max_steps_option,
@@ -64,6 +66,8 @@ if TYPE_CHECKING:
 )
 @max_steps_option
 @click.option("--greedy", is_flag=True, help="Take the most probable action; default: sample.")
+@import_option
+@env_option
 @click.option(
     "--video",
     type=click.Path(dir_okay=False, path_type=Path),
@@ -84,6 +88,8 @@ def command(
     copies: int | None,
     max_steps: int | None,
     greedy: bool,
+    imports: tuple[str, ...],
+    env: dict[str, Any],
     video: Path | None,
     as_json: bool,
     live: Live | None,
@@ -110,6 +116,8 @@ def command(
         copies=copies,
         max_steps=max_steps,
         greedy=greedy,
+        imports=imports,
+        env=env,
         video=video,
         live=live,
         on_note=echo_note,

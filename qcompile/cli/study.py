@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from qcompile.cli.options import MarkdownPath, echo_json, echo_note, engine_options, json_option
+from qcompile.cli.options import (
+    MarkdownPath,
+    echo_json,
+    echo_note,
+    engine_options,
+    import_option,
+    json_option,
+)
 
 if TYPE_CHECKING:
     from qcompile.sweep.engine import Engine
@@ -48,6 +55,7 @@ if TYPE_CHECKING:
     type=MarkdownPath(),
     help="Markdown page to write.  [default: reproduction.md in the folder]",
 )
+@import_option
 @engine_options("trainings")
 @click.option("--list", "listing", is_flag=True, help="List the rows and what is left, and stop.")
 @json_option
@@ -60,6 +68,7 @@ def command(
     evaluation: int,
     out: Path,
     page: Path | None,
+    imports: tuple[str, ...],
     engine: Engine,
     address: str | None,
     workers: int | None,
@@ -94,6 +103,7 @@ def command(
         name,
         **choice,
         page=page,
+        imports=imports,
         engine=engine,
         address=address,
         workers=workers,

@@ -8,7 +8,14 @@ from typing import Any
 import click
 
 from qcompile.cli.assignments import Assignment, as_mapping
-from qcompile.cli.options import Shots, echo_json, echo_note, json_option
+from qcompile.cli.options import (
+    Shots,
+    echo_json,
+    echo_note,
+    env_option,
+    import_option,
+    json_option,
+)
 from qcompile.limits import MAX_EPISODES
 
 _FILE = click.Path(dir_okay=False, path_type=Path)
@@ -76,6 +83,8 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
     type=click.Choice(["none", "readout"]),
     help="Undo readout errors; svqc.  [default: readout on a noisy backend, none on ideal]",
 )
+@import_option
+@env_option
 @click.option(
     "--circuits",
     metavar="FILE",

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from qcompile.cli.live_options import live_options
-from qcompile.cli.options import Share, echo_json, echo_note, json_option
+from qcompile.cli.options import (
+    Share,
+    echo_json,
+    echo_note,
+    env_option,
+    import_option,
+    json_option,
+)
 from qcompile.limits import MAX_SHOTS
 
 if TYPE_CHECKING:
@@ -45,6 +52,8 @@ if TYPE_CHECKING:
 @click.option(
     "--seed", type=click.IntRange(0), default=0, show_default=True, help="Draws the episodes."
 )
+@import_option
+@env_option
 @click.option(
     "--backend",
     metavar="NAME",
@@ -61,6 +70,8 @@ def command(
     power: float | None,
     effect: float,
     seed: int,
+    imports: tuple[str, ...],
+    env: dict[str, Any],
     backend: str | None,
     live: Live | None,
     as_json: bool,
@@ -82,6 +93,8 @@ def command(
         power=power,
         effect=effect,
         seed=seed,
+        imports=imports,
+        env=env,
         backend=backend,
         live=live,
         on_note=echo_note,

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import warnings
 from collections.abc import Iterable, Mapping
-from functools import cache
 from typing import Any
 
 import gymnasium
@@ -105,7 +103,8 @@ def close_environments(environments: Iterable[Environment]) -> None:
 
 def environment_name(environment: Environment) -> str:
     """What an environment is called in messages."""
-    return environment.spec.id if environment.spec else str(environment)
+    spec = environment.unwrapped.spec  # a wrapper may remember that of an environment within
+    return spec.id if spec else str(environment)
 
 
 def _check_frames(name: str, settings: Mapping[str, Any]) -> None:
@@ -142,7 +141,8 @@ def _not_filmed(name: str, why: list[str]) -> EnvironmentMismatchError:
 
 
 def _first_line(error: Exception) -> list[str]:
-    return [line] if (line := first_line(str(error))) else []
+    said, _, _ = str(error).partition(" was raised from the environment creator for ")
+    return [line] if (line := first_line(said)) else []
 
 
 def features_and_actions(environment: Environment) -> tuple[int, int]:
@@ -208,17 +208,19 @@ def check_fit(policy: Policy, environment: Environment) -> None:
 
 def reward_threshold(environment: Environment) -> float | None:
     """The mean reward at which the environment counts as solved, if it has one."""
-    return environment.spec.reward_threshold if environment.spec else None
+    spec = environment.unwrapped.spec
+    return spec.reward_threshold if spec else None
 
 
-@cache
-def threshold_of(name: str, arguments: str = "{}") -> float | None:
-    """`reward_threshold` of an environment by its name, made with arguments, JSON as text.
+def threshold_of(name: str, arguments: Mapping[str, Any]) -> float | None:
+    """`reward_threshold` of an environment by its name.
 
     Raises:
         EnvironmentMismatchError: it is unknown.
     """
-    (environment,) = make_environments(name, 1, arguments=json.loads(arguments))
+    if name in gymnasium.registry:
+        return gymnasium.registry[name].reward_threshold
+    (environment,) = make_environments(name, 1, arguments=arguments)
     try:
         return reward_threshold(environment)
     finally:

@@ -70,9 +70,11 @@ class Run:
         shots, load = settings.shots, self.total_load
         # Of an interrupted run the shortest episodes ended first: their mean is biased.
         judged = not self.interrupted and settings.max_steps is None
+        arguments = dict(policy.environment_kwargs)
         return {
             "policy": policy.name,
             "environment": policy.environment,
+            **({"environment_kwargs": arguments} if arguments else {}),
             "backend": deployment.device.name,
             "kind": deployment.executor.kind,
             "shots": "exact" if shots is None else shots,

@@ -29,6 +29,7 @@ class RunFigures(_Figures):
 
     policy: Line
     environment: Line
+    environment_kwargs: dict[Line, Any] = {}
     backend: Line
     kind: Line
     shots: Count | Line

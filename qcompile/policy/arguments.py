@@ -1,16 +1,68 @@
-"""Arguments of an environment as a policy file may give them: plain values that load no code."""
+"""Arguments of an environment: those that a user names, and what a policy file may give.
+
+A policy file is another's word: its arguments load no code. A user's own are plain values.
+"""
 
 from __future__ import annotations
 
+import json
 import math
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
+
+from qcompile.errors import OptionError
+from qcompile.policy.policy import Policy
 
 RESERVED = ("id", "render_mode", "disable_env_checker")
 """Arguments of gymnasium.make that a run sets itself."""
 
 _WORDS = re.compile(r"[A-Za-z0-9 _-]{0,200}")
+
+
+def with_arguments(policy: Policy, env: Mapping[str, Any] | None, *, kept: bool = False) -> Policy:
+    """The policy, whose environment is made with `env` over the arguments that it has.
+
+    Raises:
+        OptionError: an argument is reserved or not a plain value, or `kept`, and a policy file
+            could not keep it.
+    """
+    if not env:
+        return policy
+    check_env(env, kept=kept)
+    return replace(policy, environment_kwargs={**policy.environment_kwargs, **env})
+
+
+def check_env(env: Mapping[str, Any], *, kept: bool = False) -> None:
+    """Raise OptionError where a user's arguments are reserved, or not plain values.
+
+    With `kept` they must be such as a policy file may give, too.
+    """
+    for name, value in env.items():
+        if name in RESERVED or not name.isidentifier():
+            raise OptionError(
+                f"env {name[:60]}: that is not an argument of an environment.",
+                f"Those of gymnasium.make itself ({', '.join(RESERVED)}) are set by a run.",
+            )
+        try:
+            plain = json.loads(json.dumps(value, allow_nan=False)) == value
+        except (TypeError, ValueError, RecursionError):
+            plain = False
+        if not plain:
+            raise OptionError(
+                f"env {name} is {value!r:.60}.",
+                "An argument is a number, a text, true, false, null, or a list or dict of these; "
+                "gymnasium.register gives an environment any other.",
+            )
+    if kept:
+        try:
+            check_arguments(env)
+        except ValueError as error:
+            raise OptionError(
+                f"env cannot be kept in a policy file: {error}.",
+                "Register the environment with it, in a module of yours: --import MODULE.",
+            ) from error
 
 
 def check_arguments(arguments: Mapping[str, Any]) -> Mapping[str, Any]:

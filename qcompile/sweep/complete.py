@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Generic, Protocol, TypeVar
 
 from pydantic import BaseModel
 
+from qcompile.deploy.registration import knowing_environments
 from qcompile.errors import StudyError
 from qcompile.sweep.engine import Engine, Named, run_all
 from qcompile.sweep.folder import Folder
@@ -58,6 +59,11 @@ class Pool:
     workers: int | None = None
     on_loss: Callable[[str], None] = lambda words: None
 
+    @property
+    def is_this_process(self) -> bool:
+        """Whether cells are run here, one by one."""
+        return self.engine == "processes" and self.workers == 1
+
 
 def complete(
     cells: Sequence[C],
@@ -67,14 +73,17 @@ def complete(
     on_progress: OnProgress,
     *,
     describe: Callable[[R], str],
+    environments: Iterable[str] = (),
     noun: str = "cell",
 ) -> Completed[R]:
     """Run the cells that the folder lacks, and give the results of all.
 
     A cell that fails in words is not written, and leaves the others alone. `describe` says in a few
-    words what came of a cell; `noun` is what messages call one.
+    words what came of a cell; `noun` is what messages call one. Workers know what is known here of
+    `environments`.
 
     Raises:
+        EnvironmentMismatchError: an environment cannot be sent to workers.
         OutputError: a result cannot be written.
         StudyError: Ctrl-C, or what `run_all` raises; what is finished stays in the folder.
         MissingExtraError: the engine's package is not installed.
@@ -95,9 +104,12 @@ def complete(
             words = describe(outcome)
         on_progress(len(results) + len(completed.failures), count, words)
 
+    waiting = [cell for cell in cells if cell.name not in results]
+    if waiting and not pool.is_this_process:
+        run = knowing_environments(run, environments)
     try:
         run_all(
-            [cell for cell in cells if cell.name not in results],
+            waiting,
             run,
             keep,
             engine=pool.engine,

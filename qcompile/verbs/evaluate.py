@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 from qcompile.calibration import Calibration
+from qcompile.deploy.registration import import_modules
 from qcompile.device import Device
 from qcompile.errors import StudyError
 from qcompile.execution import Backend
@@ -17,7 +18,7 @@ from qcompile.report import progress as bars
 from qcompile.report.figure import Figure
 from qcompile.report.intervals import draw_intervals
 from qcompile.report.tables import grid_table, plural
-from qcompile.sweep.arguments import Name, Shots, Words, ignore
+from qcompile.sweep.arguments import Name, Shots, Words, ignore, several
 from qcompile.sweep.complete import CellFailure
 from qcompile.sweep.engine import Engine
 from qcompile.sweep.evaluation import run as grids
@@ -103,6 +104,8 @@ def evaluate(
     episodes: int = 100,
     seed: int = 0,
     greedy: bool = False,
+    imports: Name | Sequence[Name] = (),
+    env: Mapping[str, Any] | None = None,
     out: Name | None = None,
     engine: Engine = "processes",
     address: str | None = None,
@@ -116,6 +119,8 @@ def evaluate(
     exact expectations. Every cell plays the same `episodes`: episode i resets with `seed` + i, and
     is compared with its policy's on `ideal` with exact expectations. `calibrations` mitigate,
     instead of a fresh one, on every backend of their device. `greedy` takes the likeliest action.
+    `imports` are modules, names or files, that register environments, in workers too; `env` are
+    arguments of the environments, over those of the policies.
 
     With the folder `out` cells, results.json, results.csv and a picture for each policy are written
     to it, and cells that it holds are not played again; the command writes to `evaluation`. Without
@@ -126,6 +131,7 @@ def evaluate(
         QcompileError: a name, a file or a combination that cannot be played; an output that cannot
             be written; Ctrl-C. Cells that fail by themselves are in `failures` instead.
     """
+    import_modules(several(imports))
     with _folder(out) as folder, bars.progress_bar("evaluate", 1, enabled=progress) as show:
         evaluation = grids.evaluate(
             policies,
@@ -137,6 +143,7 @@ def evaluate(
             episodes=episodes,
             seed=seed,
             greedy=greedy,
+            env=env,
             out=folder,
             engine=engine,
             address=address,

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+from qcompile.deploy.registration import import_modules
 from qcompile.device import Device
 from qcompile.errors import DeviceError, OptionError
 from qcompile.execution import Backend, Executor, load_backend
@@ -12,10 +14,11 @@ from qcompile.live.connection import Connection
 from qcompile.live.plan import copies_that_fit, forecast, strategies
 from qcompile.live.play import RunTask
 from qcompile.policy import Policy, load_policy
+from qcompile.policy.arguments import with_arguments
 from qcompile.policy.files import policy_values
 from qcompile.report.figure import Figure
 from qcompile.report.seconds import draw_seconds
-from qcompile.sweep.arguments import Name, shots_of
+from qcompile.sweep.arguments import Name, several, shots_of
 from qcompile.verbs.arguments import checked
 from qcompile.verbs.results import Result
 
@@ -61,6 +64,8 @@ def plan(
     mitigation: str = "readout",
     copies: int | None = None,
     max_steps: int | None = None,
+    imports: Name | Sequence[Name] = (),
+    env: Mapping[str, Any] | None = None,
     usd_per_second: float = USD_PER_SECOND,
     live: bool = False,
     account: str | None = None,
@@ -70,7 +75,8 @@ def plan(
 
     They are played on the backend's noise model first: they may last longer or shorter on the
     machine. Nothing is sent. The calibration of `mitigation` is counted, but for the paper's way;
-    `copies` None are as many episodes side by side as fit. `usd_per_second` is the price of a QPU
+    `copies` None are as many episodes side by side as fit. `imports` are modules that register
+    environments, `env` arguments of the policy's. `usd_per_second` is the price of a QPU
     second beyond the free plan, a third party's figure. With `live` IBM is asked for the machine's
     qubits, which spends nothing; `account` and `instance` are names of IBM's own tools.
 
@@ -89,7 +95,9 @@ def plan(
             "ideal is not a machine: it costs nothing.",
             "Name a device; `qcompile backends` lists some.",
         )
+    import_modules(several(imports))
     loaded = policy if isinstance(policy, Policy) else load_policy(policy)
+    loaded = with_arguments(loaded, env, kept=True)
     task = RunTask.model_validate(
         {
             "backend": device.name,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from datetime import UTC, datetime
 from os import PathLike
@@ -13,6 +13,7 @@ from qcompile.calibration import Calibration, age_words, load_calibration
 from qcompile.deploy.deployment import Deployment
 from qcompile.deploy.lockstep import Episode
 from qcompile.deploy.play import play
+from qcompile.deploy.registration import import_modules
 from qcompile.deploy.settings import RunSettings
 from qcompile.device import Device
 from qcompile.errors import OptionError, QcompileError
@@ -21,13 +22,14 @@ from qcompile.live.plan import copies_that_fit, forecast
 from qcompile.live.play import RunTask
 from qcompile.mitigation.misfit import misfit_words
 from qcompile.policy import Policy, load_policy
+from qcompile.policy.arguments import with_arguments
 from qcompile.policy.files import policy_values
 from qcompile.report import progress as bars
 from qcompile.report.figure import Figure
 from qcompile.report.film import SUFFIXES, Film
 from qcompile.report.rewards import draw_rewards
 from qcompile.report.tables import interval_words, plural
-from qcompile.sweep.arguments import Name, Shots, Words, ignore, shots_of
+from qcompile.sweep.arguments import Name, Shots, Words, ignore, several, shots_of
 from qcompile.verbs.arguments import checked
 from qcompile.verbs.live import Live, check_live, spend
 from qcompile.verbs.results import Result
@@ -111,6 +113,8 @@ def run(
     copies: int | None = None,
     max_steps: int | None = None,
     greedy: bool = False,
+    imports: Name | Sequence[Name] = (),
+    env: Mapping[str, Any] | None = None,
     sampler: Any = None,
     video: Name | None = None,
     live: Live | None = None,
@@ -123,8 +127,9 @@ def run(
     its calibration, or through `sampler`, a SamplerV2. The settings are those of `RunSettings`:
     shots None or "exact" are exact expectations; mitigation None is `readout` on a noisy backend,
     calibrated first unless `calibration` is given, and `none` on `ideal`. The same seed gives the
-    same result; episode i resets its environment with seed + i. `video` films the first episode,
-    .mp4 or .gif.
+    same result; episode i resets its environment with seed + i. `imports` are modules, names or
+    files, that register environments; `env` are arguments of the environment, over those of the
+    policy. `video` films the first episode, .mp4 or .gif.
 
     With `live` it is played on IBM's machine of that name, which costs money: see `Live`. `on_note`
     is told what a person should read.
@@ -147,7 +152,9 @@ def run(
         max_steps=max_steps,
         greedy=greedy,
     )
+    import_modules(several(imports))
     loaded = policy if isinstance(policy, Policy) else load_policy(policy)
+    loaded = with_arguments(loaded, env, kept=live is not None)
     if isinstance(calibration, str | PathLike):
         file = Path(calibration)
         calibration = load_calibration(file)

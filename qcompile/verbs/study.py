@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from qcompile.deploy.registration import import_modules
 from qcompile.errors import StudyError
 from qcompile.report import progress as bars
 from qcompile.report.figure import Figure
-from qcompile.sweep.arguments import Name, Words, ignore
+from qcompile.sweep.arguments import Name, Words, ignore, several
 from qcompile.sweep.engine import Engine
 from qcompile.sweep.study import run as studies
 from qcompile.sweep.study.cell import EVALUATION_EPISODES
@@ -73,6 +74,7 @@ def study(
     seeds: int | None = None,
     episodes: int | None = None,
     evaluation: int = EVALUATION_EPISODES,
+    imports: Name | Sequence[Name] = (),
     out: Name = "study",
     page: Name | None = None,
     engine: Engine = "processes",
@@ -88,12 +90,14 @@ def study(
     episodes. Trainings, results.csv, curves.csv and a picture for each figure are written to `out`,
     whose trainings are not repeated, and the Markdown page, by default reproduction.md in `out`.
     Trainings run side by side by `engine`: "processes", "dask" or "ray", the cluster at `address`,
-    with so many `workers`. `on_note` is told when workers were lost.
+    with so many `workers`, which import the modules `imports` too. `on_note` is told when workers
+    were lost.
 
     Raises:
         QcompileError: no such study, figure or row; an output that cannot be written; a training
             that fails; Ctrl-C, after which `out` holds what is finished.
     """
+    import_modules(several(imports))
     with bars.progress_bar(f"study {name}", 1, enabled=progress) as show:
         result = studies.study(
             name,

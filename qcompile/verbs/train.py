@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any, Literal
 
+from qcompile.deploy.registration import environment_id, import_modules
 from qcompile.errors import EnvironmentStepError, OptionError, QcompileError, TrainingError
 from qcompile.report import progress as bars
-from qcompile.sweep.arguments import Name, Words, ignore
+from qcompile.sweep.arguments import Name, Words, ignore, several
 from qcompile.verbs.arguments import checked
 from qcompile.verbs.files import path_of
 from qcompile.verbs.train_outputs import TrainingOutputs
@@ -27,7 +28,7 @@ EVALUATION_EPISODES = 20
 
 @checked
 def train(
-    environment: str | EnvSpec,
+    environment: str | EnvSpec | Callable[..., Any],
     *,
     model: str | None = None,
     preset: str | None = None,
@@ -42,6 +43,8 @@ def train(
     mitigation: str | None = None,
     circuits: Name | Ansatz | Program | Policy | QuantumCircuit | None = None,
     init: Name | Policy | None = None,
+    imports: Name | Sequence[Name] = (),
+    env: Mapping[str, Any] | None = None,
     evaluate_every: int | None = None,
     evaluate_episodes: int | None = None,
     log: Name | None = None,
@@ -54,12 +57,17 @@ def train(
 ) -> Training:
     """Train a policy in an environment with PPO.
 
-    The environment is a registered id, or an EnvSpec. `model` is svqc (the default), mvqc, fcn, cnn
-    or surrogate; `preset` tuned (the default) or paper; `layout` parallel (the default), serial or
-    single; `reuse` the copies of each output; `seed` 0. `episodes` and `steps` end the training
-    sooner or later than the preset does; `settings` changes others of its settings by name. On a
-    `backend` with noise the policy learns under it: with 1024 shots and mitigation readout, unless
-    `shots` (a number or "exact") and `mitigation` say otherwise.
+    The environment is a registered id, an EnvSpec or what makes it: a class is registered as
+    CLASS-v0, a function as FUNCTION-v0, a lambda as CLASS-v0 of what it makes. `imports` are
+    modules, names or files, that register environments; `env` are arguments that the environment is
+    made with, which the policy keeps.
+
+    `model` is svqc (the default), mvqc, fcn, cnn or surrogate; `preset` tuned (the default) or
+    paper; `layout` parallel (the default), serial or single; `reuse` the copies of each output;
+    `seed` 0. `episodes` and `steps` end the training sooner or later than the preset does;
+    `settings` changes others of its settings by name. On a `backend` with noise the policy learns
+    under it: with 1024 shots and mitigation readout, unless `shots` (a number or "exact") and
+    `mitigation` say otherwise.
 
     `circuits` are trained in place of a layout: those of a policy with its encoder and its numbers
     as a start, of an OpenQASM file, a Program, an Ansatz or a Qiskit circuit; the head is new.
@@ -77,8 +85,10 @@ def train(
         QcompileError: an environment, settings or files that cannot be used; an environment fails
             before anything was learned.
     """
+    modules = several(imports)
+    import_modules(modules)
     request = TrainingRequest(
-        environment=_environment_id(environment),
+        environment=environment_id(environment),
         model=model,
         preset=preset,
         layout=layout,
@@ -92,6 +102,7 @@ def train(
         mitigation=mitigation,
         circuits=circuits,
         init=init,
+        env=env or {},
     )
     if evaluate_episodes is not None and evaluate_every is None:
         raise OptionError("evaluate-episodes needs evaluate-every: how often they are played.")
@@ -130,32 +141,8 @@ def train(
         policy=policy,
         watch=watch,
         outputs=outputs,
+        imports=modules,
         preset=None if state else preset or PRESET,
         interrupted=result.interrupted,
         failure=failure,
     )
-
-
-def _environment_id(environment: str | EnvSpec) -> str:
-    """The id of an environment; a spec that is not registered is, and stays so.
-
-    Raises:
-        OptionError: another environment has its id.
-    """
-    if isinstance(environment, str):
-        return environment
-    import gymnasium
-
-    name = getattr(environment, "id", None)
-    if not isinstance(environment, gymnasium.envs.registration.EnvSpec) or name is None:
-        raise OptionError(
-            f"An environment is an id or an EnvSpec, found {type(environment).__name__}.",
-            "gymnasium.register gives an environment of yours an id.",
-        )
-    known = gymnasium.registry.setdefault(name, environment)
-    if known != environment:
-        raise OptionError(
-            f"Another environment is registered as {name!r}, or the same with other arguments.",
-            "Register yours under an id of its own, and give that.",
-        )
-    return str(name)

@@ -12,6 +12,7 @@ from qcompile.catalogue import nearest
 from qcompile.device import IDEAL_NAME, load_device
 from qcompile.errors import OptionError, TrainingError
 from qcompile.policy import Ansatz, Policy, load_ansatz, load_policy
+from qcompile.policy.arguments import check_env
 from qcompile.sweep.arguments import Name, Words
 
 if TYPE_CHECKING:
@@ -51,25 +52,35 @@ class TrainingRequest:
     circuits: Any = None
     init: Name | Policy | None = None
     settings: Mapping[str, Any] = field(default_factory=dict)
+    env: Mapping[str, Any] = field(default_factory=dict)
 
     def trainer(self) -> Trainer:
         """A new trainer of the preset's settings, with what is named beside it.
 
         Raises:
-            OptionError: a setting is unknown, or named twice.
+            OptionError: a setting is unknown, or named twice; `env` cannot be kept in a policy.
             QcompileError: the settings do not fit each other, or there is no such device.
         """
         from qcompile.rl.ppo import Trainer
 
-        ansatz = self._ansatz()
+        check_env(self.env, kept=True)
+        self._check_own()
+        policy, ansatz, env = None, None, self.env
+        if self.circuits is not None:
+            ansatz = load_ansatz(self.circuits)
+        elif self.init is not None:
+            policy = self.init if isinstance(self.init, Policy) else load_policy(self.init)
+            ansatz = Ansatz.of_policy(policy, head=True)
+        if policy is not None and policy.environment == self.environment:
+            env = {**policy.environment_kwargs, **env}
         seed = SEED if self.seed is None else self.seed
-        return Trainer(self.environment, self._settings(ansatz), seed, ansatz=ansatz)
+        return Trainer(self.environment, self._settings(ansatz), seed, arguments=env, ansatz=ansatz)
 
-    def _ansatz(self) -> Ansatz | None:
-        """The circuits that are trained in place of a layout, if any."""
+    def _check_own(self) -> None:
+        """Raise OptionError where circuits or init are given with what they stand for."""
         own = "circuits" if self.circuits is not None else "init"
         if getattr(self, own) is None:
-            return None
+            return
         for other in _NOT_WITH[own]:
             if getattr(self, other) is not None or other in self.settings:
                 raise OptionError(f"{own} and {other} cannot be given together.", _WHY[other])
@@ -78,10 +89,6 @@ class TrainingRequest:
                 f"{own} and model {self.model!r} cannot be given together.",
                 f"Circuits of your own are of model {MODEL}.",
             )
-        if self.circuits is not None:
-            return load_ansatz(self.circuits)
-        policy = self.init if isinstance(self.init, Policy) else load_policy(self.init)  # type: ignore[arg-type]
-        return Ansatz.of_policy(policy, head=True)
 
     def _settings(self, ansatz: Ansatz | None) -> Settings:
         from qcompile.rl.presets import settings_for

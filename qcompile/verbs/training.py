@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shlex
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,6 +35,7 @@ class Training(Result):
         policy: Policy | None,
         watch: Watch,
         outputs: TrainingOutputs,
+        imports: Sequence[str],
         preset: str | None,
         interrupted: bool,
         failure: QcompileError | None,
@@ -43,6 +46,7 @@ class Training(Result):
         super().__init__(
             {
                 "environment": trainer.environment,
+                **({"environment_kwargs": trainer.arguments} if trainer.arguments else {}),
                 "model": settings.model,
                 "preset": preset,
                 "seed": trainer.seed,
@@ -60,6 +64,7 @@ class Training(Result):
                 "interrupted": interrupted,
             }
         )
+        self._imports = imports
         self.policy, self.failure, self.interrupted = policy, failure, interrupted
         self.model = trainer.actor
         self._history, self._environments = trainer.history, settings.environments
@@ -150,6 +155,8 @@ class Training(Result):
         hints = [] if out is None else [f"The {what} as it was by then is in {out}."]
         state = values["checkpoint"] or (out if self.policy is None else None)
         if state is not None:
-            environment = values["environment"]
-            hints.append(f"Resume with: qcompile train {environment} --resume {state} --out {out}")
+            words = ["qcompile", "train", values["environment"]]
+            words += [word for module in self._imports for word in ("--import", module)]
+            words += ["--resume", state] + ([] if out is None else ["--out", out])
+            hints.append(f"Resume with: {shlex.join(words)}")
         raise QcompileError("Interrupted.", *hints)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from qcompile.arrays import FloatArray
 from qcompile.calibration import Calibration, load_calibration
+from qcompile.deploy.registration import import_modules
 from qcompile.deploy.twin_check import check_twin, wide_observations
 from qcompile.deploy.twin_power import EFFECT, POWER, choose_check
 from qcompile.device import Device
@@ -17,8 +19,9 @@ from qcompile.execution import Backend, Executor, check_shots, open_executor
 from qcompile.live.validate import ValidateTask
 from qcompile.mitigation.misfit import misfit_words
 from qcompile.policy import Policy, load_policy
+from qcompile.policy.arguments import with_arguments
 from qcompile.policy.files import policy_values
-from qcompile.sweep.arguments import Name, Words, ignore
+from qcompile.sweep.arguments import Name, Words, ignore, several
 from qcompile.verbs.arguments import checked
 from qcompile.verbs.live import Live, check_live, spend
 from qcompile.verbs.results import Result
@@ -77,6 +80,8 @@ def validate(
     power: float | None = None,
     effect: float = EFFECT,
     seed: int = 0,
+    imports: Name | Sequence[Name] = (),
+    env: Mapping[str, Any] | None = None,
     backend: Name | Device | Backend | Executor | Any = None,
     live: Live | None = None,
     on_note: Words = ignore,
@@ -87,7 +92,8 @@ def validate(
     of episodes on the twin (their number) and `shots` of each circuit are by default the fewest
     executions that find a p01 of any one qubit raised by `effect` with `power` (0.9). The circuits
     run on `backend`, by default the noise model of the calibration's device, or with `live` on the
-    machine that was calibrated, for a few seconds; that costs money.
+    machine that was calibrated, for a few seconds; that costs money. `imports` are modules that
+    register environments, `env` arguments of the policy's.
 
     Raises:
         OptionError: options contradict each other.
@@ -106,7 +112,9 @@ def validate(
         file = str(Path(calibration))
     if shots is not None:
         check_shots(shots)
+    import_modules(several(imports))
     loaded = policy if isinstance(policy, Policy) else load_policy(policy)
+    loaded = with_arguments(loaded, env, kept=live is not None)
     least_power = POWER if power is None else power
     rows, shots, reached = choose_check(
         known,

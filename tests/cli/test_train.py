@@ -148,9 +148,10 @@ BAD_ENVIRONMENTS = {
     "": "Error: Unknown environment ''.\n",
     "CartPole-v99": "Error: Unknown environment 'CartPole-v99'.\n",
     "Pendulum-v1": "Error: Pendulum-v1 acts in Box(-2.0, 2.0, (1,), float32).\n"
-    "  A policy chooses among numbered actions (Discrete).\n",
-    "Blackjack-v1": "Error: Blackjack-v1 observes Tuple(Discrete(32), Discrete(11), Discrete(2)).\n"
-    "  A policy needs a vector of features (a 1-D Box).\n",
+    "  Continuous actions are not built yet: a policy chooses among numbered actions (Discrete).\n",
+    "CarRacing-v3": "Error: CarRacing-v3 observes 27,648 numbers, once they are in one vector.\n",
+    "mine:Corridor-v0": "Error: Environment 'mine:Corridor-v0' names a module to import.\n"
+    "  Say it apart: --import mine, and the plain id Corridor-v0.\n",
 }
 
 

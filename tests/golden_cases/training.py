@@ -150,7 +150,7 @@ OWN = (
     *("--set encoder=bits", "--set encoder=bits,tanh", "--model fcn --set encoder=tanh"),
 )
 
-ENVIRONMENTS = ("Nope-v1", "''", "CartPole-v99", "Pendulum-v1", "a:CartPole-v1")
+ENVIRONMENTS = ("Nope-v1", "''", "CartPole-v99", "Pendulum-v1", "CarRacing-v3", "a:CartPole-v1")
 ASSIGNMENTS = (
     *("clp=1", "nothing=1", "clip", "model=fcn", "layout=serial", "hidden=[1"),
     *("clip=-1", "clip=none", "clip=much", "epochs=1.5", "gamma=2", "scales=1,-2", "scales=[]"),

@@ -91,6 +91,18 @@ def test_a_policy_starts_where_it_was(tmp_path: Path) -> None:
     assert np.abs(more.policy.weights - policy.weights).max() > 0
 
 
+def test_a_policy_is_trained_further_in_its_world() -> None:
+    """It keeps the arguments of its environment, but for those that are given anew."""
+    given = {"sutton_barto_reward": True, "max_episode_steps": 30}
+    first = qcompile.train("CartPole-v1", env=given, episodes=1, progress=False).policy
+    assert first is not None
+    again = qcompile.train(
+        "CartPole-v1", init=first, env={"max_episode_steps": 20}, episodes=1, progress=False
+    ).policy
+    assert again is not None
+    assert again.environment_kwargs == given | {"max_episode_steps": 20}
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [

@@ -87,8 +87,8 @@ def test_an_environment_by_its_specification() -> None:
             qcompile.train(other)
     finally:
         gymnasium.registry.pop("Mine-v0", None)
-    with pytest.raises(OptionError, match="an id or an EnvSpec, found function"):
-        qcompile.train(lambda: None)  # type: ignore[arg-type]
+    with pytest.raises(OptionError, match=r"what makes one .*, found CartPoleEnv"):
+        qcompile.train(gymnasium.make("CartPole-v1").unwrapped)  # type: ignore[arg-type]
 
 
 def test_noise_brings_shots_and_mitigation() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -49,6 +48,7 @@ class _Summary(_Part):
 
     policy: str
     environment: str
+    environment_kwargs: dict[str, Any] = {}
     backend: str
     kind: Kind
     shots: int | Literal["exact"]
@@ -204,12 +204,12 @@ def _is_consistent(result: CellResult, cell: Cell) -> bool:
         "solved": is_solved(rewards, result.threshold),
         "env_steps": sum(episode["length"] for episode in episodes),
     }
-    arguments = json.dumps(cell.policy.environment_kwargs)
+    policy = cell.policy
     if (
         any(summary[key] != value for key, value in expected.items())
         or [episode["seed"] for episode in episodes]
         != [cell.seed + i for i in range(cell.episodes)]
-        or result.threshold != threshold_of(cell.policy.environment, arguments)
+        or result.threshold != threshold_of(policy.environment, policy.environment_kwargs)
     ):
         return False
     figures = [summary["mean_reward"], summary["std_reward"]]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import chain
@@ -18,6 +18,7 @@ from qcompile.errors import CalibrationError, DeviceError, StudyError
 from qcompile.execution import Backend, Executor, load_backend
 from qcompile.output import check_writable
 from qcompile.policy import Policy, load_policy
+from qcompile.policy.arguments import with_arguments
 from qcompile.sweep.arguments import (
     Name,
     Shots,
@@ -81,6 +82,7 @@ def evaluate(
     episodes: int = 100,
     seed: int = 0,
     greedy: bool = False,
+    env: Mapping[str, Any] | None = None,
     out: Name = "evaluation",
     engine: Engine = "processes",
     address: str | None = None,
@@ -94,7 +96,8 @@ def evaluate(
     Policies and backends are names, files or objects; shots None or "exact" are exact expectations.
     Every cell plays the same `episodes`: episode i resets with `seed` + i, and is compared with its
     policy's on `ideal` with exact expectations. `calibrations` mitigate, instead of a fresh one, on
-    every backend of their device. `greedy` takes the likeliest action instead of sampling.
+    every backend of their device. `greedy` takes the likeliest action instead of sampling; `env`
+    are arguments of the environments, over those of the policies.
 
     Cells, results.json, results.csv and a picture for each policy are written to `out`; cells that
     it holds are not played again. `engine`, `address` and `workers` are those of `run_all`.
@@ -113,7 +116,10 @@ def evaluate(
         several(levels),
     )
     named = several(policies)
-    loaded = [policy if isinstance(policy, Policy) else load_policy(policy) for policy in named]
+    loaded = [
+        with_arguments(policy if isinstance(policy, Policy) else load_policy(policy), env)
+        for policy in named
+    ]
     words = [policy.name if isinstance(policy, Policy) else fspath(policy) for policy in named]
     different = rename_duplicates(words, loaded)
     opened = [_backend(backend) for backend in several(backends)]
@@ -185,7 +191,15 @@ def _completed(
     folder = folder_of(out)
     check_writable(out / "results.json")
     folder.check_writable()
-    return complete(cells, folder, run_cell, pool, on_progress, describe=_description)
+    return complete(
+        cells,
+        folder,
+        run_cell,
+        pool,
+        on_progress,
+        describe=_description,
+        environments=[cell.policy.environment for cell in cells],
+    )
 
 
 def _written(

@@ -94,6 +94,7 @@ def study(
         Pool(engine, address, workers, on_loss),
         on_progress,
         describe=_description,
+        environments=[row.environment for row in chosen],
         noun="training",
     )
     known = _shortened(every_row(), episodes)
