@@ -10,6 +10,7 @@ from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
+import torch
 from mutations import read_all
 
 import qcompile
@@ -23,10 +24,12 @@ from qcompile.mitigation import calibrate
 from qcompile.noise import usable
 from qcompile.passes import compile
 from qcompile.policy import (
+    Ansatz,
     Convolution,
     Dense,
     Network,
     Policy,
+    load_ansatz,
     load_circuits,
     load_policy,
     save_policy,
@@ -36,6 +39,7 @@ from qcompile.policy.refusals import UnsupportedPolicyError
 from qcompile.qasm import read_file, write
 from qcompile.report.live import exported
 from qcompile.rl.checkpoint import load_checkpoint, save_checkpoint
+from qcompile.rl.models import make_model
 from qcompile.rl.ppo import Trainer
 from qcompile.rl.settings import Settings
 from qcompile.sweep.evaluation import cell as evaluated
@@ -125,6 +129,24 @@ def use_network(path: Path) -> object:
     return loaded.logits(np.ones((2, loaded.features)))
 
 
+def ansatz() -> Ansatz:
+    """Circuits to train, with everything that such a file can have."""
+    whole = Ansatz.of_policy(policy(), head=True)
+    factors = whole.factors.copy()
+    factors[0] = 1
+    return replace(whole, factors=factors)
+
+
+def use_ansatz(path: Path) -> object:
+    """Read, and a model made of it."""
+    loaded = load_ansatz(path)
+    if len(loaded.inputs) + len(loaded.parameters) < 200:
+        actions = 2 if loaded.bias is None else len(loaded.bias)
+        settings = Settings(layout="own", episodes=1)
+        make_model(settings, 4, actions, torch.Generator(), loaded)
+    return loaded
+
+
 def checkpoints() -> list[bytes]:
     settings = Settings(episodes=4, reuse=2, pause_at=5.0, critic_hidden=(4,))
     found = []
@@ -132,7 +154,8 @@ def checkpoints() -> list[bytes]:
         trainer = Trainer("CartPole-v1", changed, 1)
         trainer.train()
         found.append(saved(partial(save_checkpoint, trainer), "c.pt"))
-    return found
+    own = Trainer("CartPole-v1", settings.changed(layout="own"), 1, ansatz=ansatz())
+    return [*found, saved(partial(save_checkpoint, own), "c.pt")]
 
 
 def devices() -> list[bytes]:
@@ -258,6 +281,9 @@ READERS = {
     "policy of blocks": Reader("json", "p.json", use_wide_policy, wide_policies, 1),
     "network .json": Reader("json", "n.json", use_network, lambda: networks(".json"), 1),
     "network .pt": Reader("pt", "n.pt", use_network, lambda: networks(".pt"), 1),
+    "circuits to train": Reader(
+        "json", "a.json", use_ansatz, lambda: [saved(ansatz().save, "a.json")], 1
+    ),
     "checkpoint": Reader("pt", "c.pt", load_checkpoint, checkpoints, 1),
     "device": Reader("json", "d.json", use_device, devices, 2),
     "calibration": Reader("json", "c.json", lambda path: load_backend(str(path)), calibrations, 2),

@@ -156,6 +156,11 @@ class Network(Softmax):
         return len(self.layers[-1].bias)
 
     @property
+    def model(self) -> str:
+        """What a training calls it: cnn if it begins with a convolution, else fcn."""
+        return "cnn" if isinstance(self.layers[0], Convolution) else "fcn"
+
+    @property
     def parameter_count(self) -> int:
         """The numbers of all layers."""
         return sum(layer.weights.size + layer.bias.size for layer in self.layers)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from qiskit.circuit import QuantumCircuit
 
     from qcompile.ir import Program
-    from qcompile.policy import Ansatz, Policy
+    from qcompile.policy import Ansatz, AnyPolicy, Policy
     from qcompile.rl.training_log import Callback
 
 EVALUATION_EPISODES = 20
@@ -43,10 +43,10 @@ def train(
     backend: Name | None = None,
     shots: int | Literal["exact"] | None = None,
     mitigation: str | None = None,
+    circuits: Name | Ansatz | Program | Policy | QuantumCircuit | None = None,
+    init: Name | AnyPolicy | None = None,
     imports: Name | Sequence[Name] = (),
     env: Mapping[str, Any] | None = None,
-    circuits: Name | Ansatz | Program | Policy | QuantumCircuit | None = None,
-    init: Name | Policy | None = None,
     evaluate_every: int | None = None,
     evaluate_episodes: int | None = None,
     log: Name | None = None,
@@ -116,9 +116,9 @@ def train(
         backend=backend,
         shots=shots,
         mitigation=mitigation,
-        env=env or {},
         circuits=circuits,
         init=init,
+        env=env or {},
     )
     if evaluate_episodes is not None and evaluate_every is None:
         raise OptionError("evaluate-episodes needs evaluate-every: how often they are played.")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from qcompile.catalogue import nearest
 from qcompile.device import IDEAL_NAME, load_device
 from qcompile.errors import OptionError, TrainingError
-from qcompile.policy import Ansatz, Policy, load_ansatz, load_circuits
+from qcompile.policy import Ansatz, AnyPolicy, Network, Policy, load_ansatz, load_policy
 from qcompile.policy.arguments import check_env
 from qcompile.sweep.arguments import Name, Words
 
@@ -50,7 +50,7 @@ class TrainingRequest:
     shots: int | Literal["exact"] | None = None
     mitigation: str | None = None
     circuits: Any = None
-    init: Name | Policy | None = None
+    init: Name | AnyPolicy | None = None
     settings: Mapping[str, Any] = field(default_factory=dict)
     env: Mapping[str, Any] = field(default_factory=dict)
 
@@ -61,38 +61,52 @@ class TrainingRequest:
             OptionError: a setting is unknown, or named twice; `env` cannot be kept in a policy.
             QcompileError: the settings do not fit each other, or there is no such device.
         """
+        from qcompile.rl.models import NetworkModel
         from qcompile.rl.ppo import Trainer
 
         check_env(self.env, kept=True)
-        ansatz = self._ansatz()
-        seed = SEED if self.seed is None else self.seed
-        settings = self._settings(ansatz)
-        return Trainer(self.environment, settings, seed, arguments=self.env, ansatz=ansatz)
+        start = None if self.init is None else load_policy(self.init)
+        self._check_own(start)
+        ansatz, env = None, self.env
+        if self.circuits is not None:
+            ansatz = load_ansatz(self.circuits)
+        elif isinstance(start, Policy):
+            ansatz = Ansatz.of_policy(start, head=True)
+        if start is not None and start.environment == self.environment:
+            env = {**start.environment_kwargs, **env}
+        network = start if isinstance(start, Network) else None
+        settings, seed = self._settings(ansatz, network), SEED if self.seed is None else self.seed
+        trainer = Trainer(self.environment, settings, seed, arguments=env, ansatz=ansatz)
+        if network is not None:
+            assert isinstance(trainer.actor, NetworkModel)
+            trainer.actor.take(network)
+        return trainer
 
-    def _ansatz(self) -> Ansatz | None:
-        """The circuits that are trained in place of a layout, if any."""
+    def _check_own(self, start: AnyPolicy | None) -> None:
+        """Raise OptionError where circuits or init are given with what they stand for."""
         own = "circuits" if self.circuits is not None else "init"
         if getattr(self, own) is None:
-            return None
+            return
         for other in _NOT_WITH[own]:
             if getattr(self, other) is not None or other in self.settings:
                 raise OptionError(f"{own} and {other} cannot be given together.", _WHY[other])
-        if self.model not in (None, MODEL):
+        model = start.model if isinstance(start, Network) else MODEL
+        if self.model not in (None, model):
             raise OptionError(
                 f"{own} and model {self.model!r} cannot be given together.",
-                f"Circuits of your own are of model {MODEL}.",
+                f"What is trained is of model {model}.",
             )
-        if self.circuits is not None:
-            return load_ansatz(self.circuits)
-        assert self.init is not None
-        return Ansatz.of_policy(load_circuits(self.init), head=True)
 
-    def _settings(self, ansatz: Ansatz | None) -> Settings:
+    def _settings(self, ansatz: Ansatz | None, network: Network | None) -> Settings:
+        from qcompile.rl.models import settings_of
         from qcompile.rl.presets import settings_for
 
+        model = self.model or (MODEL if network is None else network.model)
         settings = settings_for(
-            self.preset or PRESET, self.environment, self.model or MODEL, self.layout or LAYOUT
+            self.preset or PRESET, self.environment, model, self.layout or LAYOUT
         )
+        if network is not None:
+            settings = settings.changed(**settings_of(network))
         changed = self._named_settings()
         if ansatz is not None:  # a preset's scales are those of its layout
             changed = {"scales": (1.0,)} | changed | {"layout": "own"}

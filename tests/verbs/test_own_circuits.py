@@ -59,7 +59,7 @@ def test_a_qiskit_circuit_with_trained_scales_is_trained_and_plays() -> None:
     training = qcompile.train(
         "CartPole-v1",
         circuits=uploading(),
-        settings={"scales": SCALES, "trainable_scale": False},
+        settings={"scales": SCALES, "trainable_scale": False, "theta_spread_rad": 1.0},
         episodes=30,
         progress=False,
     )
@@ -89,6 +89,18 @@ def test_a_policy_starts_where_it_was(tmp_path: Path) -> None:
     assert more.policy is not None
     assert more.policy.metadata["circuits"] == {"origin": "policy first"}
     assert np.abs(more.policy.weights - policy.weights).max() > 0
+
+
+def test_a_policy_is_trained_further_in_its_world() -> None:
+    """It keeps the arguments of its environment, but for those that are given anew."""
+    given = {"sutton_barto_reward": True, "max_episode_steps": 30}
+    first = qcompile.train("CartPole-v1", env=given, episodes=1, progress=False).policy
+    assert first is not None
+    again = qcompile.train(
+        "CartPole-v1", init=first, env={"max_episode_steps": 20}, episodes=1, progress=False
+    ).policy
+    assert again is not None
+    assert again.environment_kwargs == given | {"max_episode_steps": 20}
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from qcompile.errors import TrainingError
 from qcompile.policy import Ansatz
 from qcompile.rl.models.head import ReusedLinear
 from qcompile.rl.models.mvqc import MVQC
-from qcompile.rl.models.networks import NetworkModel, convolutional, fully_connected
+from qcompile.rl.models.networks import NetworkModel, convolutional, fully_connected, settings_of
 from qcompile.rl.models.surrogate import SurrogateModel
 from qcompile.rl.models.svqc import SVQC
 from qcompile.rl.settings import Settings
@@ -27,6 +27,7 @@ __all__ = [
     "make_model",
     "model_size",
     "parameter_count",
+    "settings_of",
 ]
 
 _MAKERS: dict[str, Callable[[int, int, Settings, torch.Generator], torch.nn.Module]] = {

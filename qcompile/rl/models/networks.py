@@ -32,11 +32,15 @@ class NetworkModel(torch.nn.Sequential):
     def take(self, network: Network) -> None:
         """Take over the numbers of a network with the same layers, as a start.
 
-        Its mean and std are left to whoever normalises the observations.
-
         Raises:
-            TrainingError: its layers are others.
+            TrainingError: its layers are others, or it normalises observations by numbers of its
+                own.
         """
+        if network.mean is not None or network.std is not None:
+            raise TrainingError(
+                f"{network.name} normalises observations by numbers of its own.",
+                "Start from a network without; a checkpoint is resumed with them.",
+            )
         own, others = ([*map(_form, layers)] for layers in (self._layers(), network.layers))
         if own != others:
             raise TrainingError(
@@ -59,6 +63,19 @@ class NetworkModel(torch.nn.Sequential):
                 activation = _NAMES.get(type(following), "none")
                 layers.append(form(numbers(part.weight), numbers(part.bias), activation))
         return layers
+
+
+def settings_of(network: Network) -> dict[str, Any]:
+    """The settings of a network: its hidden layers, and what is between them."""
+    *hidden, _ = network.layers
+    names = {layer.activation for layer in hidden}
+    if len(names) > 1 or not names <= set(_ACTIVATIONS):
+        raise TrainingError(
+            f"The layers of {network.name} have the activations {', '.join(sorted(names))}.",
+            "Networks that are trained have one, relu or tanh.",
+        )
+    settings: dict[str, Any] = {"hidden": tuple(len(layer.bias) for layer in hidden)}
+    return settings | ({"activation": names.pop()} if names else {})
 
 
 def _form(layer: Layer) -> str:
