@@ -5,26 +5,16 @@ from __future__ import annotations
 import hashlib
 import json
 from pathlib import Path
-from typing import Any
 
 import pytest
+from version_0_1_0 import of_version_0_1_0
 
 from qcompile.errors import TrainingError
 from qcompile.rl.presets import PRESETS, read_preset
-from qcompile.rl.settings import Settings, plain
+from qcompile.rl.settings import Settings
 
 OF_VERSION_0_1_0 = "b163ec83ef45dec96996ff133d3d21388fc6a9de594d7a8aa3aa63d149d63cbe"
 """SHA-256 of the values that version 0.1.0 had in its code: trainings stand on them."""
-
-
-ADDED = {"normalise": False}
-"""Settings that version 0.1.0 had not; what a preset says of them."""
-
-
-def of_version_0_1_0(settings: Settings) -> dict[str, Any]:
-    values = plain(settings)
-    assert values | ADDED == values
-    return {name: value for name, value in values.items() if name not in ADDED}
 
 
 def test_the_presets_are_those_of_version_0_1_0() -> None:

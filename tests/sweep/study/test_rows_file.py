@@ -7,10 +7,10 @@ import json
 from pathlib import Path
 
 import pytest
+from version_0_1_0 import of_version_0_1_0
 
 from qcompile.errors import StudyError
 from qcompile.rl.presets import settings_for
-from qcompile.rl.settings import plain
 from qcompile.sweep.study.paper import rows
 from qcompile.sweep.study.rows import Claim, Row
 from qcompile.sweep.study.rows_file import Figure, read_rows
@@ -23,7 +23,10 @@ def test_the_rows_are_those_of_version_0_1_0() -> None:
     names = ("name", "title", "figure", "environment", "preset", "seeds", "target")
     values = [
         {name: getattr(row, name) for name in names}
-        | {"settings": plain(row.settings), "claim": [row.claim.words, row.claim.episodes]}
+        | {
+            "settings": of_version_0_1_0(row.settings),
+            "claim": [row.claim.words, row.claim.episodes],
+        }
         for row in rows()
     ]
     text = json.dumps(values, sort_keys=True)

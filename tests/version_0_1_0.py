@@ -1,0 +1,17 @@
+"""Settings as version 0.1.0 had them, whose trainings are kept."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from qcompile.rl.settings import Settings, plain
+
+ADDED = {"normalise": False}
+"""Settings that it had not, and what all of its trainings have of them."""
+
+
+def of_version_0_1_0(settings: Settings) -> dict[str, Any]:
+    """The plain values of settings that it could have had."""
+    values = plain(settings)
+    assert values | ADDED == values
+    return {name: value for name, value in values.items() if name not in ADDED}
