@@ -1,8 +1,9 @@
-"""Actions of a model in training, drawn from the softmax of its outputs."""
+"""The softmax of a model's outputs in training: actions drawn from it, and its entropy."""
 
 from __future__ import annotations
 
 import numpy as np
+import torch
 
 from qcompile.arrays import FloatArray, IntArray
 
@@ -13,3 +14,9 @@ def draw_actions(logits: FloatArray, rng: np.random.Generator) -> IntArray:
     The largest of logits plus Gumbel noise is distributed so.
     """
     return np.asarray((logits + rng.gumbel(size=logits.shape)).argmax(axis=1))
+
+
+def mean_entropy(outputs: torch.Tensor) -> torch.Tensor:
+    """The mean entropy in nats of the softmax of outputs (B, actions)."""
+    log_all = torch.log_softmax(outputs, dim=1)
+    return -(log_all.exp() * log_all).sum(dim=1).mean()

@@ -18,7 +18,7 @@ from qcompile.policy import Ansatz, AnyPolicy
 from qcompile.rl.acting_noise import ActingNoise
 from qcompile.rl.advantage import ReturnScale, generalised_advantage
 from qcompile.rl.average import Average
-from qcompile.rl.draw import draw_actions
+from qcompile.rl.draw import draw_actions, mean_entropy
 from qcompile.rl.flat import FlatParameters
 from qcompile.rl.models import (
     SVQC,
@@ -226,7 +226,7 @@ class Trainer:
                 gain = torch.minimum(ratio * advantage, clipped * advantage).mean()
                 loss = -gain
                 if settings.entropy:
-                    loss = loss - settings.entropy * left * _entropy(outputs)
+                    loss = loss - settings.entropy * left * mean_entropy(outputs)
                 critic_loss = mse_loss(self._critic(observations)[:, 0], target)
                 self._descend(loss, critic_loss)
         with torch.no_grad():
@@ -238,7 +238,7 @@ class Trainer:
                     "finite.",
                     "Try smaller step sizes, or smaller rewards.",
                 )
-            losses = -gain.item(), critic_loss.item(), _entropy(outputs).item()
+            losses = -gain.item(), critic_loss.item(), mean_entropy(outputs).item()
             divergence = (ratio - 1 - ratio.log()).mean().item()
             share = (ratio != clipped).float().mean().item()
             self.last_update = Update(self.steps, len(self.history), *losses, divergence, share)
@@ -331,9 +331,3 @@ class Trainer:
         if self.normaliser is not None:
             self.normaliser.restore(state["normaliser"])
         self._collector.restore(state["collector"])
-
-
-def _entropy(outputs: torch.Tensor) -> torch.Tensor:
-    """The mean entropy in nats of the softmax of outputs (B, actions)."""
-    log_all = torch.log_softmax(outputs, dim=1)
-    return -(log_all.exp() * log_all).sum(dim=1).mean()
