@@ -6,7 +6,7 @@ from typing import Any
 
 from qcompile.rl.settings import Settings, plain
 
-ADDED = {"average_share": 0.0}
+ADDED = {"average_share": 0.0, "rollouts": 1}
 """Settings that it had not, and what all of its trainings have of them."""
 
 
