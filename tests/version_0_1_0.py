@@ -12,6 +12,7 @@ ADDED = {
     "trainable_gain": False,
     "normalise": False,
     "average_share": 0.0,
+    "rollouts": 1,
 }
 """Settings that it had not, and what all of its trainings have of them."""
 

@@ -25,7 +25,7 @@ class ActingNoise:
     """
 
     def __init__(self, actor: SVQC, settings: Settings, seed: np.random.SeedSequence):
-        self._actor = actor
+        self._actor, self.circuits = actor, len(actor.program)
         self._executor = OfflineExecutor(load_device(settings.backend), seed)
         self._measure = Measurement(
             actor.program,

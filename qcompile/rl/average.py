@@ -13,7 +13,7 @@ import torch
 
 
 class Average:
-    """The running average of a model's trained numbers, in `model`, another one of its shape.
+    """The running average of the trained numbers of a model, in its `twin`, one of its shape.
 
     The average moves by 1 / (1 + share (t - 1)) of the way to the numbers after update t, so that
     update s of t weighs about (s / t)^(1 / share - 1): with a share of 1 it is the mean over all
@@ -21,8 +21,9 @@ class Average:
     difference. Source: arXiv 1212.1824, polynomial decay.
     """
 
-    def __init__(self, model: torch.nn.Module, share: float):
-        self.model = model
+    def __init__(self, model: torch.nn.Module, twin: torch.nn.Module, share: float):
+        self.model = twin
+        self.model.load_state_dict(model.state_dict())
         self._share = share
         self._updates = 0
 

@@ -47,7 +47,7 @@ from qcompile.version import versions
 
 FORMAT = "qcompile-checkpoint-1"
 
-_TENSORS = ("actor", "critic", "optimiser", "generator", "pause", "average")
+_TENSORS = ("actor", "critic", "optimiser", "generator", "pause", "average", "memory")
 
 
 _ARGUMENTS = TypeAdapter(Annotated[dict[str, JsonValue], AfterValidator(check_arguments)])
@@ -105,7 +105,8 @@ class _Tensors(BaseModel):
     generator: torch.Tensor
     pause: _Paused
     average: _Averaged | None = None
-    """None in files of versions before it, too."""
+    memory: list[dict[str, torch.Tensor]] = []
+    """Files of versions before these have neither."""
 
 
 class _Collected(BaseModel):

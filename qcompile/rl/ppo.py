@@ -20,6 +20,7 @@ from qcompile.rl.advantage import ReturnScale, generalised_advantage
 from qcompile.rl.average import Average
 from qcompile.rl.draw import draw_actions, mean_entropy
 from qcompile.rl.flat import FlatParameters
+from qcompile.rl.memory import Memory
 from qcompile.rl.models import (
     SVQC,
     NetworkModel,
@@ -72,14 +73,13 @@ class Trainer:
         self._average: Average | None = None
         if settings.average_share:
             twin = make_model(settings, features, actions, torch.Generator(), ansatz)
-            twin.load_state_dict(self.actor.state_dict())
-            self._average = Average(twin, settings.average_share)
+            self._average = Average(self.actor, twin, settings.average_share)
         self.normaliser = Normaliser(self.actor, features) if settings.normalise else None
         self._learned = [FlatParameters(self.actor), FlatParameters(self._critic)]
         groups = [{"params": [flat.parameter]} for flat in self._learned]
         self._optimiser = torch.optim.Adam(groups, eps=1e-5, fused=True)
         self._scale = ReturnScale(settings.environments, settings.gamma)
-        self._pause = Pause(settings.pause_at)
+        self._pause, self._memory = Pause(settings.pause_at), Memory(settings.rollouts)
         self._noise: ActingNoise | None = None
         if isinstance(self.actor, SVQC) and (settings.backend, settings.shots) != ("ideal", None):
             self._noise = ActingNoise(self.actor, settings, seeds[3])
@@ -206,16 +206,19 @@ class Trainer:
         if settings.anneal:
             left -= self._share(settings.anneal_steps, settings.anneal_episodes)
         numbers = [flat.parameter.detach().clone() for flat in self._learned]
-        rates = (settings.actor_lr, settings.critic_lr)
-        for group, rate in zip(self._optimiser.param_groups, rates, strict=True):
-            group["lr"] = rate * max(left, _LEAST_RATE)
-        observations = self._seen(rollout.observations).flatten(0, 1)
-        actions = torch.from_numpy(rollout.actions).flatten()
+        actor, critic = self._optimiser.param_groups
+        actor["lr"] = settings.actor_lr * max(left, _LEAST_RATE)
+        critic["lr"] = settings.critic_lr * max(left, _LEAST_RATE)
+        scale = self._scale.update(rollout.rewards, rollout.done) if settings.scale_rewards else 1.0
         residual = [] if self._noise is None else [self._noise.taken()]
+        joined, residual = self._memory.joined(rollout, residual)
+        observations = self._seen(joined.observations).flatten(0, 1)
+        actions = torch.from_numpy(joined.actions).flatten()
         with torch.no_grad():
             outputs = self._outputs(observations, *residual)
             before = cross_entropy(outputs, actions, reduction="none")
-        columns = [observations, before, actions, *self._advantages_and_targets(rollout), *residual]
+        judged = self._advantages_and_targets(joined, scale)
+        columns = [observations, before, actions, *judged, *residual]
         for _ in range(settings.epochs):
             for batch in self._minibatches(columns):
                 observations, before, actions, advantage, target, *residual = batch
@@ -252,11 +255,11 @@ class Trainer:
         outputs: torch.Tensor = model(observations, *residual)
         return outputs
 
-    def _advantages_and_targets(self, rollout: Rollout) -> tuple[torch.Tensor, torch.Tensor]:
+    def _advantages_and_targets(
+        self, rollout: Rollout, scale: float
+    ) -> tuple[torch.Tensor, torch.Tensor]:
         """Normalised advantages and value targets, both (steps * environments,)."""
-        settings, rewards = self.settings, rollout.rewards
-        if settings.scale_rewards:
-            rewards = rewards / self._scale.update(rewards, rollout.done)
+        settings, rewards = self.settings, rollout.rewards / scale
         with torch.no_grad():
             both = (rollout.observations, rollout.next_observations)
             outputs = (self._critic(self._seen(o).flatten(0, 1)).double() for o in both)
@@ -299,6 +302,7 @@ class Trainer:
             "collector": self._collector.state(),
             "return_scale": self._scale.state(),
             "pause": self._pause.state(),
+            "memory": self._memory.state(),
             "average": None if self._average is None else self._average.state(),
             "noise": None if self._noise is None else self._noise.state(),
             "normaliser": None if self.normaliser is None else self.normaliser.state(),
@@ -331,3 +335,5 @@ class Trainer:
         if self.normaliser is not None:
             self.normaliser.restore(state["normaliser"])
         self._collector.restore(state["collector"])
+        circuits = None if self._noise is None else self._noise.circuits
+        self._memory.restore(state["memory"], self._collector, circuits)

@@ -77,6 +77,11 @@ class Collector:
         self.steps = 0
         self.history: list[FinishedEpisode] = []
 
+    @property
+    def observations(self) -> NDArray[np.floating]:
+        """What the environments show now, (environments, features)."""
+        return self._observations
+
     def _seed(self) -> int:
         return int(self._rng.integers(2**31))
 

@@ -119,6 +119,9 @@ class Settings:
     """Stop after this many episodes."""
 
     # The update
+    rollouts: Annotated[int, Field(ge=1, le=100)] = 1
+    """An update learns from this many of the latest rollouts, the older ones as if the present
+    policy had played them."""
     actor_lr: Magnitude = 0.001
     """Adam's step size for the policy."""
     critic_lr: Magnitude = 0.01

@@ -19,7 +19,7 @@ SETTINGS = Settings(environments=2, horizon=16, steps=320, actor_lr=0.02, averag
 def averaged(share: float, numbers: list[float]) -> float:
     """The average after a model of one number had these."""
     model = torch.nn.Linear(1, 1, bias=False).double()
-    average = Average(torch.nn.Linear(1, 1, bias=False).double(), share)
+    average = Average(model, torch.nn.Linear(1, 1, bias=False).double(), share)
     for number in numbers:
         model.weight.data.fill_(number)
         average.add(model)

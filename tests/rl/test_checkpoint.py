@@ -53,6 +53,8 @@ RUNS: dict[str, tuple[str, Settings]] = {
     "mvqc": ("CartPole-v1", settings_for("paper", "CartPole-v1", "mvqc").changed(episodes=8)),
     "surrogate": ("CartPole-v1", TUNED.changed(model="surrogate", theta_spread_rad=0.0)),
     "ibm_lima": ("CartPole-v1", LIMA),
+    "memory": ("CartPole-v1", LIMA.changed(rollouts=3)),
+    "episodes in memory": ("Match-v0", Settings(episodes=20, rollouts=4)),
     "average": ("CartPole-v1", NETWORK.changed(average_share=0.3)),
 }
 
@@ -109,7 +111,7 @@ def test_a_training_may_stop_more_than_once(tmp_path: Path) -> None:
     assert resumed.episodes == undisturbed.episodes
 
 
-@pytest.mark.parametrize("name", ["algorithm 2", "tuned", "ibm_lima", "average"])
+@pytest.mark.parametrize("name", ["algorithm 2", "tuned", "ibm_lima", "average", "memory"])
 def test_ctrl_c_within_a_rollout_goes_on_from_the_last_update(name: str, tmp_path: Path) -> None:
     """The state taken at an update is not touched by what happens after it."""
     environment, settings = RUNS[name]

@@ -182,7 +182,7 @@ def test_a_time_limit_is_bootstrapped_where_asked(bootstrap: bool, outputs: Outp
     trainer = Trainer("Clock-v0", settings, 0)
     for _ in range(2):
         rollout = trainer._collector.collect(lambda seen: np.array([0]), None)
-    _, targets = trainer._advantages_and_targets(rollout)
+    _, targets = trainer._advantages_and_targets(rollout, 1.0)
     critic = trainer._critic.policy("p", "e", {})
     behind = outputs(critic, np.array([[2.0, 3.0]]))[0, 0] if bootstrap else 0.0
     third = 23 + 0.9 * behind

@@ -1,0 +1,104 @@
+"""The latest rollouts, which an update learns from together."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import torch
+
+from qcompile.errors import TrainingError
+from qcompile.rl.rollout import Collector, Rollout
+
+_COLUMNS = {
+    "actions": torch.int64,
+    "rewards": torch.float64,
+    "terminated": torch.bool,
+    "truncated": torch.bool,
+}
+_ARRAYS = ("observations", "next_observations", *_COLUMNS)
+
+
+class Memory:
+    """Keeps rollouts, and the residuals of noise they were played with, for later updates.
+
+    Steps of earlier rollouts are learned from as if the present policy had taken them: in a few
+    rollouts it changes little, and the advantages are estimated anew.
+    """
+
+    def __init__(self, rollouts: int):
+        self._kept: deque[tuple[Rollout, list[torch.Tensor]]] = deque(maxlen=rollouts - 1)
+
+    def joined(
+        self, rollout: Rollout, residual: list[torch.Tensor]
+    ) -> tuple[Rollout, list[torch.Tensor]]:
+        """The rollouts kept with this one at their end, one after the other, and the residuals.
+
+        `residual` is empty, or holds one tensor (steps * environments, circuits).
+        """
+        parts = [*self._kept, (rollout, residual)]
+        self._kept.append((rollout, residual))
+        if len(parts) == 1:
+            return rollout, residual
+        rollouts = [part for part, _ in parts]
+        arrays = {name: np.concatenate([getattr(r, name) for r in rollouts]) for name in _ARRAYS}
+        columns = zip(*(part for _, part in parts), strict=True)
+        return Rollout(**arrays, finished=rollout.finished), [torch.cat(c) for c in columns]
+
+    def state(self) -> list[dict[str, torch.Tensor]]:
+        """What `restore` takes, a set of tensors for each rollout."""
+        return [
+            {name: torch.from_numpy(getattr(rollout, name)) for name in _ARRAYS}
+            | dict(zip(["residual"], residual, strict=False))
+            for rollout, residual in self._kept
+        ]
+
+    def restore(
+        self,
+        state: Sequence[Mapping[str, torch.Tensor]],
+        collector: Collector,
+        circuits: int | None,
+    ) -> None:
+        """Resume from `state`, in a training with residuals of `circuits`, None without noise.
+
+        Raises:
+            TrainingError: what the state holds are not rollouts of this training.
+        """
+        like, numbers = _empty(collector.observations, circuits), set(range(collector.actions))
+        if len(state) > (self._kept.maxlen or 0):
+            raise TrainingError("The checkpoint has more rollouts than its settings keep.")
+        self._kept.clear()
+        for part in state:
+            known = _fits(part, like) and {*part["actions"].flatten().tolist()} <= numbers
+            if not known:
+                raise TrainingError("A rollout of the checkpoint is not one of its training.")
+            arrays: dict[str, Any] = {name: part[name].numpy() for name in _ARRAYS}
+            residual = [part["residual"]] if "residual" in part else []
+            self._kept.append((Rollout(**arrays, finished=[]), residual))
+
+
+def _empty(observations: np.ndarray[Any, Any], circuits: int | None) -> dict[str, torch.Tensor]:
+    """The tensors of a rollout of no steps."""
+    seen = torch.from_numpy(observations[None][:0])
+    like = {"observations": seen, "next_observations": seen}
+    for name, dtype in _COLUMNS.items():
+        like[name] = torch.empty(seen.shape[:2], dtype=dtype)
+    if circuits is not None:
+        like["residual"] = torch.empty(0, circuits)
+    return like
+
+
+def _fits(part: Mapping[str, torch.Tensor], like: Mapping[str, torch.Tensor]) -> bool:
+    """Whether tensors are those of a rollout."""
+    if part.keys() != like.keys():
+        return False
+    steps, environments = part["actions"].shape[:1].numel(), like["actions"].shape[1]
+    lengths = {name: steps * environments if name == "residual" else steps for name in like}
+    return steps > 0 and all(
+        tensor.dtype == like[name].dtype
+        and tensor.shape == (lengths[name], *like[name].shape[1:])
+        and bool(torch.isfinite(tensor).all())
+        for name, tensor in part.items()
+    )
