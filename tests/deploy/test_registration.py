@@ -133,7 +133,7 @@ class Shortened(gymnasium.wrappers.TimeLimit):
         (lambda: gymnasium.make("CartPole-v1"), "CartPoleEnv-v0"),
         (partial(cart_pole, max_episode_steps=5), "CartPoleEnv-v0"),
     ],
-    ids=str,
+    ids=["id", "spec", "function", "class", "lambda", "partial"],
 )
 def test_what_makes_an_environment_gets_an_id(environment: Any, name: str) -> None:
     assert environment_id(environment) == name
@@ -178,7 +178,6 @@ def test_a_definition_replaces_our_own_registration_and_no_other() -> None:
         (3, r"a class, a function\), found int\."),
         (gymnasium.make("CartPole-v1"), "found TimeLimit"),
     ],
-    ids=str,
 )
 def test_what_makes_none_is_refused(environment: Any, words: str) -> None:
     with pytest.raises((EnvironmentMismatchError, OptionError), match=words):
