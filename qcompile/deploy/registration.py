@@ -96,14 +96,16 @@ def _not_imported(module: str, name: str, error: BaseException) -> EnvironmentMi
             f"There is no module {module!r}.",
             f"It is looked for among the installed packages and in {os.getcwd()}.",
         )
-    said = f"{type(error).__name__}: {first_line(str(error))}".removesuffix(": ")
     frames = traceback.extract_tb(error.__traceback__)
-    own = [frame for frame in frames if not frame.filename.startswith("<")][-1:]
+    *_, last = (frame for frame in frames if not frame.filename.startswith("<"))
+    line, file, said = last.lineno, last.filename, first_line(str(error))
     if isinstance(error, SyntaxError):
-        where = f" (line {error.lineno} of {error.filename})"
-    else:
-        where = "".join(f" (line {frame.lineno} of {frame.filename})" for frame in own)
-    return EnvironmentMismatchError(f"Module {module!r} fails when it is imported.", said + where)
+        line, file, said = error.lineno, error.filename or module, error.msg
+    kind = type(error).__name__
+    words = f"{kind}: {said}" if said and not isinstance(error, SystemExit) else kind
+    return EnvironmentMismatchError(
+        f"Module {module!r} fails when it is imported.", f"{words} (line {line} of {file})"
+    )
 
 
 def environment_id(environment: str | EnvSpec | Callable[..., Any]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Container, Iterable, Mapping, Sequence
 from typing import Any, Literal
@@ -130,6 +131,9 @@ def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
     words += (
         "predistorted angles" if summary["predistort"] else f"mitigation {summary['mitigation']}"
     )
+    if arguments := summary.get("environment_kwargs"):
+        said = ", ".join(f"{name}={json.dumps(value)}" for name, value in arguments.items())
+        yield "environment", escape(said)
     yield "settings", words + (f" by {escape(file)}" if (file := summary["calibration"]) else "")
     for words in misfit_words(summary.get("calibration_misfits", [])):
         yield "doubtful", words

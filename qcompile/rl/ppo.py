@@ -151,6 +151,8 @@ class Trainer:
             "settings": plain(self.settings),
             "versions": versions(*PACKAGES),
         }
+        if self.arguments:
+            metadata["environment_kwargs"] = self.arguments
         name = self.environment.rsplit("-v", 1)[0].lower()
         policy = self.actor.policy(name, self.environment, metadata)
         policy = replace(policy, environment_kwargs=self.arguments)

@@ -122,6 +122,14 @@ def test_what_renders_no_frames_is_not_filmed(settings: dict[str, Any], words: s
     assert message.endswith("Run without --video.")
 
 
+def test_what_takes_no_render_mode_is_not_filmed() -> None:
+    assert refused("Plain-v0", film=True) == (
+        "Environment 'Plain-v0' cannot be filmed: it renders no pictures.\n"
+        "  Plain.__init__() got an unexpected keyword argument 'render_mode'\n"
+        "  Run without --video."
+    )
+
+
 def test_what_renders_frames_is_filmed() -> None:
     gymnasium.registry["Blind-v0"].kwargs = {"frame": np.zeros((4, 5, 3), np.uint8)}
     assert len(make_environments("Blind-v0", 1, film=True)) == 1

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import gymnasium
 import numpy as np
 import pytest
-from gymnasium.spaces import Box, Discrete
+from gymnasium.spaces import Box, Dict, Discrete, Text
 
 from .case import Command
 from .inputs import policy, write
@@ -38,6 +38,12 @@ class Odd(gymnasium.Env[Any, Any]):
 
     def render(self) -> Any:
         return _given(self.frame)
+
+
+class Wordy(Odd):
+    """Observes a text beside numbers."""
+
+    observation_space = Dict({"mission": Text(20), "place": Discrete(4)})  # type: ignore[assignment]
 
 
 class Seedless(Odd):
@@ -104,9 +110,10 @@ def unfinished(**_: Any) -> Any:
 
 
 def files() -> None:
-    write({"odd.json": policy(environment="Odd-v0")})
+    write({"odd.json": policy(environment="Odd-v0"), "fails.py": "import gymnasium\n1 / 0\n"})
 
 
+TRAIN = "train --out p.pt"
 RUN = "run odd.json --episodes 1 --shots exact --greedy"
 
 CASES = (
@@ -124,4 +131,21 @@ CASES = (
         registered(Odd, **ENVIRONMENTS["step gives infinity"]),
         masked=True,
     ),
+    Command(f"{TRAIN} Odd-v0", "it observes a text", registered(Wordy)),
+    Command(f"{TRAIN} Nowhere-v0"),
+    Command(f"{TRAIN} Taxi-v3"),
+    Command(f"{TRAIN} CartPoel-v1"),
+    Command(f"{TRAIN} mine:Corridor-v0"),
+    Command(f"{TRAIN} Pendulum-v1"),
+    Command(f"{TRAIN} CarRacing-v3 --env continuous=false"),
+    Command(f"{TRAIN} CartPole-v1 --import nosuch"),
+    Command(f"{TRAIN} CartPole-v1 --import nosuch.py"),
+    Command(f"{TRAIN} CartPole-v1 --import fails.py"),
+    Command(f"{TRAIN} CartPole-v1 --env wind=3"),
+    Command(f"{TRAIN} CartPole-v1 --env track=../a.xml"),
+    Command(f"{TRAIN} CartPole-v1 --env max_episode_steps=0"),
+    Command(f"{TRAIN} CartPole-v1 --env gravity"),
+    Command(f"{TRAIN} CartPole-v1 --env gravity=1 --env gravity=2"),
+    Command("run cartpole --env id=Acrobot-v1"),
+    Command("evaluate --paper --env gravity=1"),
 )

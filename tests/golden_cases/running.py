@@ -14,7 +14,6 @@ POLICIES: dict[str, Any] = {
     "version": policy(environment="CartPole-v99"),
     "box2d": policy(environment="GymV21Environment-v0"),
     "continuous": policy(environment="Pendulum-v1"),
-    "tuple": policy(environment="Blackjack-v1"),
     "features": policy(encoder=ENCODER | {"feature": [0, 1, 2, 7]}),
     "actions": policy(environment="Acrobot-v1"),
 }

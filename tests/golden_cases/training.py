@@ -132,7 +132,7 @@ TRAIN = "train CartPole-v1 --preset paper --episodes 2"
 RESUME = "train CartPole-v1 --out p.pt --resume"
 NAMES = tuple(checkpoints())
 
-ENVIRONMENTS = ("Nope-v1", "''", "CartPole-v99", "Pendulum-v1", "Blackjack-v1", "a:CartPole-v1")
+ENVIRONMENTS = ("Nope-v1", "''", "CartPole-v99", "Pendulum-v1", "CarRacing-v3", "a:CartPole-v1")
 ASSIGNMENTS = (
     *("clp=1", "nothing=1", "clip", "model=fcn", "layout=serial", "hidden=[1"),
     *("clip=-1", "clip=none", "clip=much", "epochs=1.5", "gamma=2", "scales=1,-2", "scales=[]"),
