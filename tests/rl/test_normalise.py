@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import pytest
 import torch
 
 from qcompile.errors import TrainingError
+from qcompile.policy import Ansatz, Network, Policy, load_policy
 from qcompile.rl.checkpoint import load_checkpoint, save_checkpoint
 from qcompile.rl.normalise import Normaliser
 from qcompile.rl.ppo import Trainer
@@ -169,3 +171,38 @@ def test_what_is_far_and_faint_is_learned_and_scored(far: str, model: Any) -> No
         scores.append(score(trainer, 20, 100).mean())
     assert scores[0] < 13
     assert scores[1] > 15
+
+
+def test_networks_keep_the_numbers_and_play_as_they_learned() -> None:
+    settings = settings_for("tuned", "CartPole-v1", "fcn").changed(normalise=True, episodes=4)
+    trainer = Trainer("CartPole-v1", settings, 0)
+    network = trainer.train().policy
+    assert isinstance(network, Network)
+    assert trainer.normaliser is not None
+    observations = np.random.default_rng(0).normal(size=(50, 4))
+    mean, std = trainer.normaliser.kept
+    with torch.no_grad():
+        logits = trainer.model(torch.from_numpy((observations - mean) / std)).numpy()
+    np.testing.assert_allclose(network.logits(observations), logits, rtol=1e-4, atol=1e-5)
+
+
+def test_steps_of_earlier_rollouts_are_counted_once() -> None:
+    """`rollouts` = 3 learns from every step three times; mean and std are those of the steps."""
+    counts = []
+    for rollouts in (1, 3):
+        trainer = Trainer("CartPole-v1", STEPPED.changed(rollouts=rollouts), 0)
+        trainer.train()
+        assert trainer.normaliser is not None
+        counts.append(trainer.normaliser.state()["count"])
+    assert counts == [640, 640]
+
+
+def test_what_is_normalised_already_is_refused() -> None:
+    policy = load_policy("cartpole")
+    assert isinstance(policy, Policy)
+    own = replace(policy, encoder=replace(policy.encoder, mean=np.zeros(4), std=np.ones(4)))
+    settings = PAPER.changed(layout="own", scales=(1.0,))
+    with pytest.raises(TrainingError, match="policy cartpole has a mean or std of its own already"):
+        Trainer("CartPole-v1", settings, 0, ansatz=Ansatz.of_policy(own))
+    with pytest.raises(TrainingError, match="These circuits read bits"):
+        Trainer("FrozenLake-v1", PAPER.changed(encoder="bits"), 0)

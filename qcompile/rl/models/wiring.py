@@ -50,7 +50,15 @@ def wiring(settings: Settings, features: int, ansatz: Ansatz | None) -> Wiring:
             f"Layout {settings.layout!r} {'without' if ansatz is None else 'with'} own circuits.",
             "The layout is 'own' where circuits are given, and only there.",
         )
-    return _of_layout(settings, features) if ansatz is None else _of(ansatz, settings, features)
+    made = _of_layout(settings, features) if ansatz is None else _of(ansatz, settings, features)
+    if settings.normalise and (made.encoder.reads_bits or _statistics(made.encoder)):
+        raise TrainingError(
+            "normalise is for observations that are numbers as they come.",
+            "These circuits read bits."
+            if made.encoder.reads_bits
+            else f"{made.ansatz.origin} has a mean or std of its own already.",
+        )
+    return made
 
 
 def _of_layout(settings: Settings, features: int) -> Wiring:
