@@ -79,13 +79,15 @@ class TrainingOutputs:
         from qcompile.rl.settings import restored
 
         try:
-            if trainer.policy() is None:
+            if (own_policy := trainer.policy()) is None:
                 made_by = identity(path)
             else:
                 policy = load_policy(path)
                 settings = restored(policy.metadata["settings"])
                 seed = policy.metadata["seed"]
                 made_by = (policy.environment, dict(policy.environment_kwargs), settings, seed)
+                if policy.metadata.get("circuits") != own_policy.metadata.get("circuits"):
+                    return False
         except (QcompileError, LookupError, TypeError, ValueError):  # a file of anything else
             return False
         own = (trainer.environment, trainer.arguments, trainer.settings, trainer.seed)
