@@ -155,7 +155,7 @@ def test_files_are_trained_at_the_command_line(qcompile: Call) -> None:
     again = load_policy("p.json")
     assert again.encoder.feature.tolist() == [2, 3]
     assert again.metadata["circuits"]["origin"] == "policy p"
-    assert qcompile("train", "CartPole-v1", "--init", "p.json", *words).code == 0
+    assert qcompile("train", "CartPole-v1", "--init", "p.json", *words, "--force").code == 0
 
 
 def test_a_resumed_training_overwrites_its_policy_of_an_earlier_update(tmp_path: Path) -> None:
