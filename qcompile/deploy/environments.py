@@ -168,6 +168,10 @@ def features_and_actions(environment: Environment) -> tuple[int, int]:
         raise EnvironmentMismatchError(
             f"{name} acts in {acted}.", "A policy chooses among numbered actions (Discrete)."
         )
+    if not observed.shape[0]:
+        raise EnvironmentMismatchError(
+            f"{name} observes {observed}.", "A policy needs a feature at least to decide by."
+        )
     return int(observed.shape[0]), int(acted.n)
 
 
@@ -188,7 +192,7 @@ def check_fit(policy: AnyPolicy, environment: Environment) -> None:
                 f"{features} features.",
                 "Correct `environment` or `encoder.function` in the policy file.",
             )
-        bits, last = (environment.states - 1).bit_length(), int(policy.encoder.feature.max())
+        bits, last = environment.bits, int(policy.encoder.feature.max())
         if last >= bits:
             raise EnvironmentMismatchError(
                 f"Policy {policy.name!r} reads bit {last}; observations of {name} have {bits} "

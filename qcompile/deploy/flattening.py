@@ -32,7 +32,7 @@ def vector_observations(
     Raises:
         EnvironmentMismatchError: a part is not made of numbers, or the vector would be too long.
     """
-    space = environment.observation_space
+    space = getattr(environment, "observation_space", None)
     if isinstance(space, spaces.Box) and len(space.shape) == 1:
         return environment
     if not isinstance(space, spaces.Space):
@@ -64,7 +64,7 @@ def vector_observations(
 class StateNumber(gymnasium.ObservationWrapper[Any, Any, Any]):
     """Observes the number of a Discrete observation, from 0 on, as a vector of one.
 
-    `states` says how many there are.
+    `states` says how many there are, `bits` how many bits tell them apart.
     """
 
     def __init__(self, environment: gymnasium.Env[Any, Any]):
@@ -72,6 +72,7 @@ class StateNumber(gymnasium.ObservationWrapper[Any, Any, Any]):
         assert isinstance(environment.observation_space, spaces.Discrete)
         self._space = environment.observation_space
         self.states = int(self._space.n)
+        self.bits = max((self.states - 1).bit_length(), 1)
         self.observation_space = spaces.Box(0, self.states - 1, (1,), np.int64)
 
     def observation(self, observation: Any) -> NDArray[np.int64]:
@@ -108,8 +109,11 @@ def _check_part(part: Any, space: spaces.Space[Any], keys: _Keys) -> None:
     array, dtype = np.asarray(part), np.dtype(space.dtype)
     if array.shape != space.shape:
         raise ValueError(f"{name} has shape {array.shape}, its space declares {space.shape}")
-    if dtype.kind != "f" and array.dtype.kind not in "biu":
+    kinds = "biuf" if dtype.kind == "f" else "biu"
+    if array.dtype.kind not in kinds:
         raise ValueError(f"{name} has numbers of type {array.dtype}, its space declares {dtype}")
+    if dtype.kind != "f" and not np.array_equal(array.astype(dtype), array):  # 300 would be 44
+        raise ValueError(f"{name} has a number that its space's type {dtype} does not hold")
 
 
 def _parts(space: spaces.Space[Any], keys: _Keys = ()) -> Iterator[tuple[_Keys, spaces.Space[Any]]]:

@@ -73,6 +73,11 @@ def _module_of_file(file: str) -> str:
     if not path.is_file():
         raise EnvironmentMismatchError(f"There is no file {file} to import.")
     if path.stem.isidentifier():
+        if path.stem == "__main__":
+            raise EnvironmentMismatchError(
+                f"{file} cannot be imported: Python's own program has this name.",
+                "Give your file another name, or name its folder as a module.",
+            )
         known = find_spec(path.stem)
         # a folder without __init__.py has no origin, and any file comes before it
         if known is not None and known.origin and Path(known.origin).resolve() != path:
@@ -139,7 +144,7 @@ def environment_id(environment: str | EnvSpec | Callable[..., Any]) -> str:
             "gymnasium.register gives an environment of yours an id.",
         )
     known = gymnasium.registry.get(spec.id)
-    if known == spec:
+    if known is not None and _are_equal(known, spec):
         return spec.id
     if known is not None and known is not replaced:
         raise OptionError(
@@ -150,6 +155,14 @@ def environment_id(environment: str | EnvSpec | Callable[..., Any]) -> str:
     if callable(environment):
         _registered[spec.id] = spec
     return spec.id
+
+
+def _are_equal(spec: EnvSpec, other: EnvSpec) -> bool:
+    """Whether two say the same; not of arguments that cannot be compared, such as arrays."""
+    try:
+        return spec == other
+    except Exception:  # whatever an argument's == raises
+        return False
 
 
 def _name_of(make: Callable[..., Any]) -> str:

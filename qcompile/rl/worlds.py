@@ -18,6 +18,9 @@ from qcompile.deploy.environments import (
 from qcompile.deploy.flattening import StateNumber
 from qcompile.errors import TrainingError
 
+MAX_TRAINED = 100_000
+"""Features of an observation, and actions."""
+
 
 def training_environments(
     name: str, count: int, bits: bool, arguments: Mapping[str, Any] | None
@@ -26,13 +29,21 @@ def training_environments(
 
     Raises:
         EnvironmentMismatchError: as `make_environments`.
-        TrainingError: `bits`, and an observation is not one number.
+        TrainingError: `bits`, and an observation is not one number; too many features or actions.
     """
     environments = make_environments(name, count, bits=bits, arguments=arguments)
+    features, actions = features_and_actions(environments[0])
+    for what, size in (("features", features), ("actions", actions)):
+        if size > MAX_TRAINED:
+            close_environments(environments)
+            raise TrainingError(
+                f"{name} has {size:,} {what}; a training takes {MAX_TRAINED:,} at most.",
+                "Leave out what a policy does not need with a wrapper, registered in a module of "
+                "yours.",
+            )
     if not bits:
         return environments
     if not all(isinstance(environment, StateNumber) for environment in environments):
-        features, _ = features_and_actions(environments[0])
         close_environments(environments)
         raise TrainingError(
             f"The encoder bits reads the bits of a number; {name} observes a vector of {features} "
@@ -48,7 +59,7 @@ class StateBits(gymnasium.ObservationWrapper[Any, Any, Any]):
     def __init__(self, environment: Environment):
         super().__init__(environment)
         assert isinstance(environment, StateNumber)
-        self._bits = np.arange(max((environment.states - 1).bit_length(), 1))
+        self._bits = np.arange(environment.bits)
         self.observation_space = gymnasium.spaces.Box(0, 1, self._bits.shape, np.float32)
 
     def observation(self, observation: NDArray[np.int64]) -> NDArray[np.float32]:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from qcompile.errors import OptionError, QcompileError
 from qcompile.output import check_writable, resolved
@@ -86,7 +87,7 @@ class TrainingOutputs:
                 settings = restored(policy.metadata["settings"])
                 seed = policy.metadata["seed"]
                 made_by = (policy.environment, dict(policy.environment_kwargs), settings, seed)
-                if policy.metadata.get("circuits") != own_policy.metadata.get("circuits"):
+                if not _same_circuits(policy.metadata, own_policy.metadata):
                     return False
         except (QcompileError, LookupError, TypeError, ValueError):  # a file of anything else
             return False
@@ -133,6 +134,16 @@ class TrainingOutputs:
         policy = replace(policy, name=self.out.stem)
         save_policy(policy, self.out)
         return policy
+
+
+def _same_circuits(metadata: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+    """Whether two policies were trained with the same circuits of one's own, or with none.
+
+    Their trained numbers are those of different updates.
+    """
+    one, two = (dict(values.get("circuits", {})) for values in (metadata, other))
+    names = [sorted(circuits.pop("parameters", {})) for circuits in (one, two)]
+    return one == two and names[0] == names[1]
 
 
 def _numbered(path: Path | None, seed: int) -> Path | None:

@@ -105,6 +105,10 @@ def test_a_number_is_left_where_its_bits_are_read() -> None:
     assert observed(BOX, np.zeros((2, 2), np.float32), bits=True) == [[0, 0, 0, 0]]
 
 
+def test_whole_numbers_of_another_type_are_those_of_the_space() -> None:
+    assert observed(IMAGE, np.full((2, 1, 3), 255)) == [[255] * 6]
+
+
 @pytest.mark.parametrize(
     ("space", "words"),
     [
@@ -129,6 +133,12 @@ def test_what_is_not_made_of_few_numbers_is_refused(space: Any, words: str) -> N
     assert space is None or "a module of yours" in str(error.value)
 
 
+def test_a_vector_of_nothing_is_refused() -> None:
+    environment = Seen(spaces.Box(0, 1, (0,)), None)
+    with pytest.raises(EnvironmentMismatchError, match="A policy needs a feature at least"):
+        features_and_actions(environment)
+
+
 @pytest.mark.parametrize(
     ("space", "value", "words"),
     [
@@ -137,6 +147,10 @@ def test_what_is_not_made_of_few_numbers_is_refused(space: Any, words: str) -> N
         (spaces.MultiDiscrete([2, 3]), np.array([2, 0]), "the observation is [2 0], which is not"),
         (BOX, np.zeros((4, 1), np.float32), "has shape (4, 1), its space declares (2, 2)"),
         (IMAGE, np.full((2, 1, 3), 0.5), "numbers of type float64, its space declares uint8"),
+        (IMAGE, np.full((2, 1, 3), 300), "a number that its space's type uint8 does not hold"),
+        (IMAGE, np.full((2, 1, 3), -1), "a number that its space's type uint8 does not hold"),
+        (BOX, np.full((2, 2), 1j), "numbers of type complex128, its space declares float32"),
+        (BOX, np.full((2, 2), "1"), "numbers of type <U1, its space declares float32"),
         (spaces.Dict({"a": BOX}), {"b": 1}, "the observation has no part a"),
         (spaces.Dict({"a": spaces.Discrete(2)}), {"a": 5}, "part a is 5, which is not in Discrete"),
         (BOX, np.full((2, 2), np.nan, np.float32), "feature 0 of the observation is nan"),

@@ -11,7 +11,9 @@ from typing import Any
 
 import cloudpickle
 import gymnasium
+import numpy as np
 import pytest
+from gymnasium.envs.registration import EnvSpec
 
 from qcompile.deploy import registration
 from qcompile.deploy.environments import make_environments, reward_threshold
@@ -97,6 +99,7 @@ def test_a_file_imports_its_neighbours() -> None:
         (".a", None, "'.a' is not the name of a module."),
         ("my-worlds.py", "", "'my-worlds.py' is not the name of a module."),
         ("json.py", "", "json.py cannot be imported: there is another module 'json'."),
+        ("__main__.py", "", "__main__.py cannot be imported: Python's own program has this name."),
         ("bad_f.py", "\n1 / 0\n", "ZeroDivisionError: division by zero (line 2 of "),
         ("bad_g.py", "import nosuch_f\n", "ModuleNotFoundError: No module named 'nosuch_f' (line"),
         ("bad_h.py", "x = 1\nx x\n", "SyntaxError: invalid syntax (line 2 of "),
@@ -167,6 +170,23 @@ def test_a_definition_replaces_our_own_registration_and_no_other() -> None:
     gymnasium.registry["first-v0"] = gymnasium.envs.registration.EnvSpec("first-v0", first)
     with pytest.raises(OptionError, match="Another environment is registered as 'first-v0'"):
         environment_id(second)
+
+
+def test_arguments_that_cannot_be_compared_are_other_arguments() -> None:
+    one, two = (EnvSpec("Door-v0", cart_pole, kwargs={"walls": np.zeros(2)}) for _ in range(2))
+    assert environment_id(one) == environment_id(one) == "Door-v0"
+    with pytest.raises(OptionError, match="Another environment is registered as 'Door-v0'"):
+        environment_id(two)
+
+
+class Undeclared(gymnasium.Env[Any, Any]):
+    """Says neither what it observes nor how it acts."""
+
+
+def test_an_environment_without_spaces_is_refused() -> None:
+    name = environment_id(Undeclared)
+    with pytest.raises(EnvironmentMismatchError, match="has no observation_space"):
+        make_environments(name, 1)
 
 
 @pytest.mark.parametrize(

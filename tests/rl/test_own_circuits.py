@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 import torch
+from gymnasium import spaces
 from qiskit.circuit import ParameterVector, QuantumCircuit
 
 from qcompile import Ansatz, Circuit, Encoder, Policy, Program
+from qcompile.deploy.deployment import Deployment
+from qcompile.deploy.play import play
 from qcompile.errors import QcompileError, TrainingError
 from qcompile.policy.ansatz_file import ansatz_text
 from qcompile.policy.files import policy_values
@@ -332,3 +337,49 @@ def test_a_policy_of_bits_is_trained_on(tmp_path: Path) -> None:
     assert again.encoder.reads_bits
     states = np.arange(16.0)[:, None]
     np.testing.assert_allclose(logits(again, states), logits(first, states), atol=1e-6)
+
+
+class State(gymnasium.Env[Any, Any]):
+    """Stays in the first of its states for three steps."""
+
+    action_space = spaces.Discrete(2)
+
+    def __init__(self, states: int = 1, features: int = 0, actions: int = 2):
+        self.observation_space = spaces.Discrete(states, start=5)
+        if features:
+            self.observation_space = spaces.Box(0, 1, (features,))
+        self.action_space = spaces.Discrete(actions)
+
+    def reset(self, *, seed: int | None = None, options: Any = None) -> tuple[Any, dict[str, Any]]:
+        super().reset(seed=seed)
+        self.count = 0
+        return 5, {}
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        self.count += 1
+        return 5, 1.0, self.count == 3, False, {}
+
+
+@pytest.fixture
+def state() -> Iterator[str]:
+    gymnasium.register("State-v0", State, disable_env_checker=True)
+    yield "State-v0"
+    gymnasium.registry.pop("State-v0")
+
+
+def test_a_policy_of_the_one_bit_of_one_state_plays(state: str) -> None:
+    policy = Trainer(state, Settings(encoder="bits", episodes=2), 0).train().policy
+    assert isinstance(policy, Policy)
+    assert play(Deployment(policy, "ideal"), 2).rewards.tolist() == [3.0, 3.0]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"actions": 10**9}, "State-v0 has 1,000,000,000 actions; a training takes 100,000"),
+        ({"features": 2 * 10**6}, "State-v0 has 2,000,000 features; a training takes 100,000"),
+    ],
+)
+def test_what_no_memory_holds_is_refused(state: str, arguments: dict[str, Any], words: str) -> None:
+    with pytest.raises(TrainingError, match=words):
+        Trainer(state, Settings(episodes=1), 0, arguments=arguments)

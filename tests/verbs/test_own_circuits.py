@@ -13,7 +13,7 @@ from qiskit.quantum_info import SparsePauliOp, Statevector
 
 import qcompile
 from qcompile import Ansatz, Policy, Simulator
-from qcompile.errors import OptionError
+from qcompile.errors import OptionError, OutputError
 from qcompile.policy import load_policy
 from qcompile.rl.ppo import Trainer
 from qcompile.rl.presets import settings_for
@@ -151,8 +151,27 @@ def test_files_are_trained_at_the_command_line(qcompile: Call) -> None:
     assert policy.encoder.feature.tolist() == [2, 3]
     assert policy.metadata["circuits"]["origin"] == "OpenQASM own.qasm"
     assert policy.metadata["settings"]["layout"] == "own"
-    assert qcompile("train", "CartPole-v1", "--circuits", "p.json", *words).code == 0
+    assert qcompile("train", "CartPole-v1", "--circuits", "p.json", *words, "--force").code == 0
     again = load_policy("p.json")
     assert again.encoder.feature.tolist() == [2, 3]
     assert again.metadata["circuits"]["origin"] == "policy p"
-    assert qcompile("train", "CartPole-v1", "--init", "p.json", *words).code == 0
+    assert qcompile("train", "CartPole-v1", "--init", "p.json", *words, "--force").code == 0
+
+
+def test_a_resumed_training_overwrites_its_policy_of_an_earlier_update(tmp_path: Path) -> None:
+    """What `out` was written with are numbers of another update than the checkpoint's."""
+    out, state = tmp_path / "p.json", tmp_path / "state"
+
+    def once(scalars: Any, steps: int) -> bool:
+        return "update/entropy" not in scalars
+
+    settings = {"horizon": 8, "environments": 1, "rollouts": 1}
+    first = {"circuits": uploading(), "settings": settings, "steps": 32, "checkpoint": state}
+    qcompile.train("CartPole-v1", **first, out=out, callback=once, progress=False)
+    qcompile.train("CartPole-v1", resume=state, callback=once, progress=False)
+    qcompile.train("CartPole-v1", resume=state, out=out, progress=False)
+    assert load_policy(out).metadata["steps"] == 32
+    other = {**first, "circuits": uploading(1), "checkpoint": tmp_path / "other"}
+    qcompile.train("CartPole-v1", **other, callback=once, progress=False)
+    with pytest.raises(OutputError, match="is there already"):
+        qcompile.train("CartPole-v1", resume=tmp_path / "other", out=out, progress=False)
