@@ -10,9 +10,8 @@ from typing import Protocol
 from qcompile.arrays import FloatArray, IntArray
 from qcompile.deploy.environments import (
     Environment,
-    check_fit,
     close_environments,
-    make_environments,
+    policy_environments,
     reward_threshold,
 )
 from qcompile.deploy.lockstep import Act, Episode, Frame, lockstep
@@ -67,17 +66,8 @@ def play(
         )
     if isinstance(episodes, int):
         numbers = range(episodes)
-    policy = player.policy
-    make = partial(
-        make_environments,
-        policy.environment,
-        bits=policy.reads_bits,
-        arguments=policy.environment_kwargs,
-    )
-    environments = make(1, film=on_frame is not None)
+    environments = policy_environments(player.policy, len(numbers), film=on_frame is not None)
     try:
-        check_fit(policy, environments[0])
-        environments += make(len(numbers) - 1)
         return _play(player, numbers, environments, recorder, on_episode, on_frame)
     finally:
         close_environments(environments)
