@@ -32,11 +32,11 @@ from qcompile.rl.checkpoint_file import (
     TensorState,
     read_checkpoint,
 )
+from qcompile.rl.environments import training_environments
 from qcompile.rl.models import critic_size, model_size
 from qcompile.rl.models.wiring import reads_bits
 from qcompile.rl.ppo import Trainer
 from qcompile.rl.settings import PACKAGES, Settings, plain, restored
-from qcompile.rl.worlds import training_environments
 from qcompile.terminal import first_line
 from qcompile.validation import explain
 from qcompile.version import versions
