@@ -94,7 +94,8 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
 @click.option(
     "--init",
     metavar="POLICY",
-    help="Start from this policy, a file or a name: its circuits and all of its numbers; svqc.",
+    help="Start from this policy, a file or a name: its circuits or its layers, and all of its "
+    "numbers; svqc, fcn, cnn.",
 )
 @click.option(
     "--evaluate-every",

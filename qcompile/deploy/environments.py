@@ -6,6 +6,7 @@ import contextlib
 import os
 import warnings
 from collections.abc import Iterable, Mapping
+from functools import partial
 from typing import Any
 
 import gymnasium
@@ -173,6 +174,28 @@ def features_and_actions(environment: Environment) -> tuple[int, int]:
             f"{name} observes {observed}.", "A policy needs a feature at least to decide by."
         )
     return int(observed.shape[0]), int(acted.n)
+
+
+def policy_environments(policy: AnyPolicy, count: int, *, film: bool = False) -> list[Environment]:
+    """`count` environments that a policy acts in; with `film` the first renders frames.
+
+    Raises:
+        EnvironmentMismatchError: as `make_environments`, or where the policy cannot act in it.
+    """
+    make = partial(
+        make_environments,
+        policy.environment,
+        bits=policy.reads_bits,
+        arguments=policy.environment_kwargs,
+    )
+    environments = make(1, film=film)
+    try:
+        check_fit(policy, environments[0])
+        environments += make(count - 1)
+    except BaseException:
+        close_environments(environments)
+        raise
+    return environments
 
 
 def check_fit(policy: AnyPolicy, environment: Environment) -> None:

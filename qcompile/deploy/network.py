@@ -6,15 +6,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from qcompile.arrays import FloatArray, IntArray
-from qcompile.deploy.deployment import Deployment
-from qcompile.deploy.player import GATES, Player
+from qcompile.deploy.player import GATES
 from qcompile.deploy.rows import Rows
 from qcompile.deploy.settings import RunSettings
 from qcompile.device import IDEAL, IDEAL_NAME
 from qcompile.errors import OptionError
-from qcompile.execution import Kind, Workload, load_backend
+from qcompile.execution import Kind, Workload
 from qcompile.mitigation import Misfit
-from qcompile.policy import AnyPolicy, Network, Policy
+from qcompile.policy import Network
 from qcompile.streams import Draws
 
 _SETTINGS: Mapping[str, Any] = {
@@ -83,22 +82,6 @@ class NetworkPlayer:
         """It has no circuits."""
         gates = dict.fromkeys(GATES, 0)
         return {"gates_per_circuit": gates, "circuits_per_step": 0, "rounds_per_step": 0}
-
-
-def player(
-    policy: AnyPolicy, backend: Any, settings: RunSettings | None = None, **changes: Any
-) -> Player:
-    """What plays a policy: circuits on a backend, or a network, which plays on `ideal` alone.
-
-    Raises:
-        OptionError: a backend, or a setting, that only circuits have.
-        QcompileError: as `Deployment`.
-    """
-    if isinstance(policy, Policy):
-        return Deployment(policy, backend, settings, **changes)
-    device = load_backend(backend).device
-    refuse_options(policy, [] if device.is_ideal else [f"backend {device.name}"])
-    return NetworkPlayer(policy, settings, **changes)
 
 
 def refuse_options(network: Network, names: Sequence[str]) -> None:

@@ -5,22 +5,42 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Protocol
+from typing import Any, Protocol
 
 from qcompile.arrays import FloatArray, IntArray
+from qcompile.deploy.deployment import Deployment
 from qcompile.deploy.environments import (
     Environment,
-    check_fit,
     close_environments,
-    make_environments,
+    policy_environments,
     reward_threshold,
 )
 from qcompile.deploy.lockstep import Act, Episode, Frame, lockstep
+from qcompile.deploy.network import NetworkPlayer, refuse_options
 from qcompile.deploy.player import Player
 from qcompile.deploy.result import Run
 from qcompile.deploy.rows import Rows
+from qcompile.deploy.settings import RunSettings
 from qcompile.errors import CountsError
+from qcompile.execution import load_backend
 from qcompile.limits import MAX_EPISODES
+from qcompile.policy import AnyPolicy, Policy
+
+
+def player(
+    policy: AnyPolicy, backend: Any, settings: RunSettings | None = None, **changes: Any
+) -> Player:
+    """What plays a policy: circuits on a backend, or a network, which plays on `ideal` alone.
+
+    Raises:
+        OptionError: a backend, or a setting, that only circuits have.
+        QcompileError: as `Deployment`.
+    """
+    if isinstance(policy, Policy):
+        return Deployment(policy, backend, settings, **changes)
+    device = load_backend(backend).device
+    refuse_options(policy, [] if device.is_ideal else [f"backend {device.name}"])
+    return NetworkPlayer(policy, settings, **changes)
 
 
 class Recorder(Protocol):
@@ -67,17 +87,8 @@ def play(
         )
     if isinstance(episodes, int):
         numbers = range(episodes)
-    policy = player.policy
-    make = partial(
-        make_environments,
-        policy.environment,
-        bits=policy.reads_bits,
-        arguments=policy.environment_kwargs,
-    )
-    environments = make(1, film=on_frame is not None)
+    environments = policy_environments(player.policy, len(numbers), film=on_frame is not None)
     try:
-        check_fit(policy, environments[0])
-        environments += make(len(numbers) - 1)
         return _play(player, numbers, environments, recorder, on_episode, on_frame)
     finally:
         close_environments(environments)

@@ -13,20 +13,19 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, ValidationError, field_validator
+from pydantic import AfterValidator, Field, ValidationError
 
 from qcompile.catalogue import nearest
 from qcompile.errors import CircuitError, PolicyError
 from qcompile.foreign import way_to_a_program, what_it_is
 from qcompile.ir import Circuit, Program
-from qcompile.limits import MAX_POLICY_GATES
 from qcompile.output import write_file
 from qcompile.policy.ansatz import NO_FACTOR, Ansatz
 from qcompile.policy.blocks import Natural
 from qcompile.policy.encoder import Encoder
 from qcompile.policy.files import SUFFIXES, load_circuits, policy_names
 from qcompile.policy.policy import Policy
-from qcompile.policy.schema import CircuitFile, EncoderFile2, Numbers, Part
+from qcompile.policy.schema import CircuitFile, EncoderFile2, Numbers, Part, few_gates
 from qcompile.reading import ContentsError, check_json, read_json
 from qcompile.validation import FirstFault, Line, explain
 
@@ -39,7 +38,9 @@ class AnsatzFile(Part):
     """Circuits to train; of what is left out, inputs and parameters are those the circuits use."""
 
     format: Literal["qcompile-ansatz-1"]
-    circuits: Annotated[list[CircuitFile], Field(min_length=1), FirstFault()]
+    circuits: Annotated[
+        list[CircuitFile], Field(min_length=1), FirstFault(), AfterValidator(few_gates)
+    ]
     inputs: _Names | None = None
     parameters: _Names | None = None
     reads: Annotated[list[Natural], FirstFault()] | None = None
@@ -49,13 +50,6 @@ class AnsatzFile(Part):
     theta: Numbers | None = None
     weights: Annotated[list[Numbers], FirstFault()] | None = None
     bias: Numbers | None = None
-
-    @field_validator("circuits")
-    @classmethod
-    def _few_gates(cls, circuits: Any) -> Any:
-        if sum(map(len, circuits)) > MAX_POLICY_GATES:
-            raise ValueError(f"more than {MAX_POLICY_GATES:,} gates")
-        return circuits
 
     def ansatz(self) -> Ansatz:
         """The circuits that this describes.

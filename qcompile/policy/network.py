@@ -144,12 +144,9 @@ class Network(Softmax):
     @cached_property
     def features(self) -> int:
         """The number of features of an observation."""
-        channels = 1
-        for layer in self.layers:
-            if isinstance(layer, Dense):
-                return int(layer.weights.shape[1]) // channels
-            channels = len(layer.bias)
-        return 0  # not reached: the last layer is dense
+        first = next(i for i, layer in enumerate(self.layers) if isinstance(layer, Dense))
+        channels = len(self.layers[first - 1].bias) if first else 1
+        return int(self.layers[first].weights.shape[1]) // channels
 
     @property
     def actions(self) -> int:

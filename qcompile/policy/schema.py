@@ -18,7 +18,6 @@ from pydantic import (
     Field,
     JsonValue,
     Tag,
-    field_validator,
 )
 
 from qcompile.errors import CircuitError, PolicyError
@@ -104,6 +103,13 @@ _Encoder = TypeVar("_Encoder", EncoderFile, EncoderFile2)
 _Circuit = TypeVar("_Circuit")
 
 
+def few_gates(circuits: list[Any]) -> list[Any]:
+    """`circuits`, unless a policy cannot have so many gates."""
+    if sum(map(len, circuits)) > MAX_POLICY_GATES:
+        raise ValueError(f"more than {MAX_POLICY_GATES:,} gates")
+    return circuits
+
+
 class _File(Part, Generic[_Format, _Encoder, _Circuit]):
     """What both formats have."""
 
@@ -111,19 +117,14 @@ class _File(Part, Generic[_Format, _Encoder, _Circuit]):
     name: Line
     environment: Line
     encoder: _Encoder
-    circuits: Annotated[list[_Circuit], Field(min_length=1), FirstFault()]
+    circuits: Annotated[
+        list[_Circuit], Field(min_length=1), FirstFault(), AfterValidator(few_gates)
+    ]
     theta: Numbers
     weights: Annotated[list[Numbers], FirstFault()]
     bias: Annotated[Numbers, Field(min_length=1)]
     reuse: Annotated[int, Field(ge=1, le=10_000)] = 1
     metadata: dict[str, JsonValue] = {}
-
-    @field_validator("circuits")
-    @classmethod
-    def _few_gates(cls, circuits: Any) -> Any:
-        if sum(map(len, circuits)) > MAX_POLICY_GATES:
-            raise ValueError(f"more than {MAX_POLICY_GATES:,} gates")
-        return circuits
 
     def _program(self, circuits: Sequence[Circuit]) -> Program:
         return Program.of(circuits, len(self.encoder.feature), len(self.theta))

@@ -6,23 +6,12 @@ import io
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import torch
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    ConfigDict,
-    Field,
-    JsonValue,
-    TypeAdapter,
-    ValidationError,
-)
+from pydantic import ValidationError
 
-from qcompile.deploy.environments import (
-    close_environments,
-    features_and_actions,
-)
+from qcompile.deploy.environments import close_environments, features_and_actions
 from qcompile.errors import (
     CircuitError,
     EnvironmentStepError,
@@ -30,118 +19,27 @@ from qcompile.errors import (
     QcompileError,
     TrainingError,
 )
-from qcompile.limits import MAX_CHECKPOINT_BYTES, MAX_HISTORY_VALUES
+from qcompile.limits import MAX_HISTORY_VALUES
 from qcompile.output import write_file
 from qcompile.policy import Ansatz
 from qcompile.policy.ansatz_file import ansatz_text, read_ansatz
-from qcompile.policy.arguments import check_arguments
-from qcompile.reading import ContentsError, load_json, read_file, read_torch
+from qcompile.reading import ContentsError, load_json
+from qcompile.rl.checkpoint_file import (
+    ARGUMENTS,
+    FORMAT,
+    PlainState,
+    Saved,
+    TensorState,
+    read_checkpoint,
+)
+from qcompile.rl.environments import training_environments
 from qcompile.rl.models import critic_size, model_size
 from qcompile.rl.models.wiring import reads_bits
 from qcompile.rl.ppo import Trainer
 from qcompile.rl.settings import PACKAGES, Settings, plain, restored
-from qcompile.rl.worlds import training_environments
 from qcompile.terminal import first_line
-from qcompile.validation import Finite, Line, explain
+from qcompile.validation import explain
 from qcompile.version import versions
-
-FORMAT = "qcompile-checkpoint-1"
-
-_TENSORS = ("actor", "critic", "optimiser", "generator", "pause", "average", "memory")
-
-
-_ARGUMENTS = TypeAdapter(Annotated[dict[str, JsonValue], AfterValidator(check_arguments)])
-"""A checkpoint's environment takes what that of a policy file may: nothing that loads code."""
-
-Whole = Annotated[int, Field(ge=0, le=2**53)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-
-
-class _Saved(BaseModel):
-    """What a checkpoint file holds: `settings`, `plain`, `arguments`, those of the environment, and
-    `ansatz`, circuits of one's own, are JSON; a file of version 0.1.0 has none of the latter."""
-
-    model_config = ConfigDict(strict=True)
-
-    format: str
-    environment: Line
-    arguments: str = "{}"
-    ansatz: str | None = None
-    settings: str
-    seed: Annotated[int, Field(ge=0)]
-    versions: dict[Line, Line]
-    tensors: _Tensors
-    plain: str
-
-
-class _Paused(BaseModel):
-    """The state of a `Pause`."""
-
-    model_config = ConfigDict(strict=True, arbitrary_types_allowed=True)
-
-    running: list[float]
-    row: Whole
-    longest: Whole
-    best: dict[str, torch.Tensor] | None
-
-
-class _Averaged(BaseModel):
-    """The state of an `Average`."""
-
-    model_config = ConfigDict(strict=True, arbitrary_types_allowed=True)
-
-    updates: Whole
-    model: dict[str, torch.Tensor]
-
-
-class _Tensors(BaseModel):
-    """The tensors of a trainer's state, by their names in torch's state dicts."""
-
-    model_config = ConfigDict(strict=True, arbitrary_types_allowed=True)
-
-    actor: dict[str, torch.Tensor]
-    critic: dict[str, torch.Tensor]
-    optimiser: dict[str, Any]
-    generator: torch.Tensor
-    pause: _Paused
-    average: _Averaged | None = None
-    memory: list[dict[str, torch.Tensor]] = []
-    """Files of versions before these have neither."""
-
-
-class _Collected(BaseModel):
-    """The state of a `Collector`."""
-
-    rng: dict[str, Any]
-    steps: Whole
-    episodes: list[tuple[Whole, Finite]]
-    walks: list[tuple[Whole, list[Whole]]]
-    observations: list[list[Finite]]
-
-
-class _Scaled(BaseModel):
-    """The state of a `ReturnScale`."""
-
-    running: list[Finite]
-    moments: tuple[NotNegative, Finite, NotNegative]
-
-
-class _Normalised(BaseModel):
-    """The state of a `Normaliser`."""
-
-    count: NotNegative
-    mean: list[Finite]
-    var: list[NotNegative]
-
-
-class _Plain(BaseModel):
-    """The plain values of a trainer's state."""
-
-    rng: dict[str, Any]
-    collector: _Collected
-    return_scale: _Scaled
-    noise: dict[str, Any] | None
-    normaliser: _Normalised | None = None
 
 
 def save_checkpoint(trainer: Trainer, path: Path, state: Mapping[str, Any] | None = None) -> None:
@@ -161,8 +59,8 @@ def save_checkpoint(trainer: Trainer, path: Path, state: Mapping[str, Any] | Non
             "settings": json.dumps(plain(trainer.settings)),
             "seed": trainer.seed,
             "versions": versions(*PACKAGES),
-            "tensors": {name: state[name] for name in _TENSORS},
-            "plain": json.dumps({k: v for k, v in state.items() if k not in _TENSORS}),
+            "tensors": {name: state[name] for name in TensorState.model_fields},
+            "plain": json.dumps({name: state[name] for name in PlainState.model_fields}),
         },
         contents,
     )
@@ -175,9 +73,9 @@ def identity(path: Path) -> tuple[str, Mapping[str, Any], Settings, int]:
     Raises:
         TrainingError: the file is not a checkpoint of this version.
     """
-    saved = _read(path)
+    saved = read_checkpoint(path)
     try:
-        arguments = _ARGUMENTS.validate_python(load_json(saved.arguments))
+        arguments = ARGUMENTS.validate_python(load_json(saved.arguments))
         return saved.environment, arguments, restored(load_json(saved.settings)), saved.seed
     except (ContentsError, ValidationError) as error:
         raise TrainingError(f"Checkpoint {path} is damaged.", *explain(error, 1)) from error
@@ -193,11 +91,11 @@ def load_checkpoint(path: Path) -> tuple[Trainer, list[str]]:
         TrainingError: the file is not a checkpoint of this version, or cannot be resumed.
         EnvironmentMismatchError: its environment is not known here.
     """
-    saved = _read(path)
+    saved = read_checkpoint(path)
     try:
         settings = restored(load_json(saved.settings))
-        state = _Plain.model_validate(load_json(saved.plain, MAX_HISTORY_VALUES))
-        arguments = _ARGUMENTS.validate_python(load_json(saved.arguments))
+        state = PlainState.model_validate(load_json(saved.plain, MAX_HISTORY_VALUES))
+        arguments = ARGUMENTS.validate_python(load_json(saved.arguments))
         ansatz = _ansatz(saved.ansatz)
         _check_sizes(settings, saved, state, arguments, ansatz)
         trainer = Trainer(
@@ -233,8 +131,8 @@ def _ansatz(text: str | None) -> Ansatz | None:
 
 def _check_sizes(
     settings: Settings,
-    saved: _Saved,
-    state: _Plain,
+    saved: Saved,
+    state: PlainState,
     arguments: Mapping[str, Any],
     ansatz: Ansatz | None,
 ) -> None:
@@ -272,32 +170,3 @@ def _check_model(name: str, tensors: Mapping[str, torch.Tensor], size: int) -> N
 
 def _shapes(tensors: Mapping[str, torch.Tensor]) -> dict[str, torch.Size]:
     return {name: tensor.shape for name, tensor in tensors.items()}
-
-
-def _read(path: Path) -> _Saved:
-    try:
-        saved = read_torch(read_file(path, MAX_CHECKPOINT_BYTES))
-    except FileNotFoundError as error:
-        raise TrainingError(
-            f"There is no checkpoint {path}.", "A training writes one with --checkpoint FILE."
-        ) from error
-    except (OSError, ContentsError) as error:
-        raise TrainingError(
-            f"{path} is not a checkpoint: it cannot be read as tensors and plain values.",
-            *explain(error),
-            "Name a file that `qcompile train --checkpoint` wrote, and wrote to its end.",
-        ) from error
-    format_ = saved.get("format") if isinstance(saved, dict) else type(saved).__name__
-    if format_ != FORMAT:
-        raise TrainingError(
-            f"{path} is not a checkpoint that this version reads; "
-            f"its format is {ascii(format_)[:60]}.",
-            f"Needed: {FORMAT!r}, as `qcompile train --checkpoint` writes it.",
-        )
-    missing = sorted(set(_Saved.model_fields) - {"arguments", "ansatz"} - set(saved))
-    if missing:
-        raise TrainingError(f"Checkpoint {path} is damaged.", f"Missing: {', '.join(missing)}.")
-    try:
-        return _Saved.model_validate(saved)
-    except ValidationError as error:
-        raise TrainingError(f"Checkpoint {path} is damaged.", *explain(error, 1)) from error

@@ -1,4 +1,4 @@
-"""Proximal policy optimisation, in the order of its mathematics: collect, estimate, update."""
+"""A training by proximal policy optimisation: collect, learn, follow, resume."""
 
 from __future__ import annotations
 
@@ -10,17 +10,14 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch.nn.functional import cross_entropy, mse_loss
 
 from qcompile.errors import TrainingError
 from qcompile.notebook import count
 from qcompile.policy import Ansatz, AnyPolicy
 from qcompile.rl.acting_noise import ActingNoise
-from qcompile.rl.advantage import ReturnScale, generalised_advantage
 from qcompile.rl.average import Average
-from qcompile.rl.draw import draw_actions, mean_entropy
-from qcompile.rl.flat import FlatParameters
-from qcompile.rl.memory import Memory
+from qcompile.rl.draw import draw_actions
+from qcompile.rl.learner import Learner
 from qcompile.rl.models import (
     SVQC,
     NetworkModel,
@@ -37,8 +34,6 @@ from qcompile.rl.rollout import Collector, FinishedEpisode, Rollout
 from qcompile.rl.settings import PACKAGES, Settings, plain
 from qcompile.rl.training_log import Update
 from qcompile.version import versions
-
-_LEAST_RATE = 0.02
 
 
 class Trainer:
@@ -75,14 +70,13 @@ class Trainer:
             twin = make_model(settings, features, actions, torch.Generator(), ansatz)
             self._average = Average(self.actor, twin, settings.average_share)
         self.normaliser = Normaliser(self.actor, features) if settings.normalise else None
-        self._learned = [FlatParameters(self.actor), FlatParameters(self._critic)]
-        groups = [{"params": [flat.parameter]} for flat in self._learned]
-        self._optimiser = torch.optim.Adam(groups, eps=1e-5, fused=True)
-        self._scale = ReturnScale(settings.environments, settings.gamma)
-        self._pause, self._memory = Pause(settings.pause_at), Memory(settings.rollouts)
+        self._pause = Pause(settings.pause_at)
         self._noise: ActingNoise | None = None
         if isinstance(self.actor, SVQC) and (settings.backend, settings.shots) != ("ideal", None):
             self._noise = ActingNoise(self.actor, settings, seeds[3])
+        self._learner = Learner(
+            self.actor, self._critic, settings, self._generator, self._seen, self._noise
+        )
         self.last_update: Update | None = None
 
     def __repr__(self) -> str:
@@ -202,110 +196,35 @@ class Trainer:
         return tensor if self.normaliser is None else self.normaliser(tensor)
 
     def _update(self, rollout: Rollout) -> None:
-        settings, left = self.settings, 1.0
+        left, settings = 1.0, self.settings
         if settings.anneal:
             left -= self._share(settings.anneal_steps, settings.anneal_episodes)
-        numbers = [flat.parameter.detach().clone() for flat in self._learned]
-        actor, critic = self._optimiser.param_groups
-        actor["lr"] = settings.actor_lr * max(left, _LEAST_RATE)
-        critic["lr"] = settings.critic_lr * max(left, _LEAST_RATE)
-        scale = self._scale.update(rollout.rewards, rollout.done) if settings.scale_rewards else 1.0
-        residual = [] if self._noise is None else [self._noise.taken()]
-        joined, residual = self._memory.joined(rollout, residual)
-        observations = self._seen(joined.observations).flatten(0, 1)
-        actions = torch.from_numpy(joined.actions).flatten()
-        with torch.no_grad():
-            outputs = self._outputs(observations, *residual)
-            before = cross_entropy(outputs, actions, reduction="none")
-        judged = self._advantages_and_targets(joined, scale)
-        columns = [observations, before, actions, *judged, *residual]
-        for _ in range(settings.epochs):
-            for batch in self._minibatches(columns):
-                observations, before, actions, advantage, target, *residual = batch
-                outputs = self._outputs(observations, *residual)
-                # The cross entropy with the action taken is minus its log-probability.
-                ratio = (before - cross_entropy(outputs, actions, reduction="none")).exp()
-                clipped = ratio.clamp(1 - settings.clip, 1 + settings.clip)
-                gain = torch.minimum(ratio * advantage, clipped * advantage).mean()
-                loss = -gain
-                if settings.entropy:
-                    loss = loss - settings.entropy * left * mean_entropy(outputs)
-                critic_loss = mse_loss(self._critic(observations)[:, 0], target)
-                self._descend(loss, critic_loss)
-        with torch.no_grad():
-            if not all(flat.parameter.isfinite().all() for flat in self._learned):
-                for flat, whole in zip(self._learned, numbers, strict=True):
-                    flat.parameter.copy_(whole)
-                raise TrainingError(
-                    f"Learning diverged after {len(self.history)} episodes: its numbers are not "
-                    "finite.",
-                    "Try smaller step sizes, or smaller rewards.",
-                )
-            losses = -gain.item(), critic_loss.item(), mean_entropy(outputs).item()
-            divergence = (ratio - 1 - ratio.log()).mean().item()
-            share = (ratio != clipped).float().mean().item()
-            self.last_update = Update(self.steps, len(self.history), *losses, divergence, share)
+        try:
+            figures = self._learner.learn(rollout, left)
+        except FloatingPointError as error:
+            raise TrainingError(
+                f"Learning diverged after {len(self.history)} episodes: {error}.",
+                "Try smaller step sizes, or smaller rewards.",
+            ) from error
+        self.last_update = Update(self.steps, len(self.history), *figures)
         if self._average is not None:
             self._average.add(self.actor)
         if self.normaliser is not None:
             self.normaliser.add(rollout.observations)
-
-    def _outputs(self, observations: torch.Tensor, *residual: torch.Tensor) -> torch.Tensor:
-        model = self.actor if self._noise is None else self._noise.outputs
-        outputs: torch.Tensor = model(observations, *residual)
-        return outputs
-
-    def _advantages_and_targets(
-        self, rollout: Rollout, scale: float
-    ) -> tuple[torch.Tensor, torch.Tensor]:
-        """Normalised advantages and value targets, both (steps * environments,)."""
-        settings, rewards = self.settings, rollout.rewards / scale
-        with torch.no_grad():
-            both = (rollout.observations, rollout.next_observations)
-            outputs = (self._critic(self._seen(o).flatten(0, 1)).double() for o in both)
-            values, next_values = (value.numpy().reshape(rewards.shape) for value in outputs)
-        ended = rollout.terminated if settings.bootstrap_truncated else rollout.done
-        advantages = generalised_advantage(
-            rewards, values, next_values, ended, rollout.done, settings.gamma, settings.gae_lambda
-        )
-        targets = torch.from_numpy(advantages + values).float().flatten()
-        flat = torch.from_numpy(advantages).float().flatten()
-        return (flat - flat.mean()) / (flat.std(correction=0) + 1e-8), targets
-
-    def _minibatches(self, columns: list[torch.Tensor]) -> list[tuple[torch.Tensor, ...]]:
-        """The columns in one piece, or shuffled and cut."""
-        size = self.settings.minibatch
-        if size is None:
-            return [tuple(columns)]
-        order = torch.randperm(len(columns[0]), generator=self._generator)
-        cut = [column.index_select(0, order).split(size) for column in columns]  # type: ignore[no-untyped-call]
-        return list(zip(*cut, strict=True))
-
-    def _descend(self, actor_loss: torch.Tensor, critic_loss: torch.Tensor) -> None:
-        """One step down both losses, which share no parameter."""
-        for flat in self._learned:
-            flat.zero_gradient()
-        (actor_loss + critic_loss).backward()  # type: ignore[no-untyped-call]
-        if self.settings.gradient_norm is not None:
-            for flat in self._learned:
-                flat.clip_gradient(self.settings.gradient_norm)
-        self._optimiser.step()
 
     def state(self) -> dict[str, Any]:
         """All that `restore` needs to resume bit for bit, tensors and plain values."""
         return {
             "actor": deepcopy(self.actor.state_dict()),
             "critic": deepcopy(self._critic.state_dict()),
-            "optimiser": deepcopy(self._optimiser.state_dict()),
             "generator": self._generator.get_state(),
             "rng": self._rng.bit_generator.state,
             "collector": self._collector.state(),
-            "return_scale": self._scale.state(),
             "pause": self._pause.state(),
-            "memory": self._memory.state(),
             "average": None if self._average is None else self._average.state(),
             "noise": None if self._noise is None else self._noise.state(),
             "normaliser": None if self.normaliser is None else self.normaliser.state(),
+            **self._learner.state(),
         }
 
     def restore(self, state: dict[str, Any]) -> None:
@@ -317,16 +236,8 @@ class Trainer:
         """
         self.actor.load_state_dict(state["actor"])
         self._critic.load_state_dict(state["critic"])
-        adam = self._optimiser.state_dict()  # the settings of its groups are not the file's
-        self._optimiser.load_state_dict(adam | {"state": state["optimiser"]["state"]})
-        for flat in self._learned:
-            moments = self._optimiser.state[flat.parameter]
-            for name in ("exp_avg", "exp_avg_sq") if moments else ():
-                if moments[name].shape != flat.parameter.shape:
-                    raise TrainingError("The state of the optimiser does not fit its models.")
         self._generator.set_state(state["generator"])
         self._rng.bit_generator.state = state["rng"]
-        self._scale.restore(state["return_scale"])
         self._pause.restore(state["pause"])
         if self._average is not None:
             self._average.restore(state["average"])
@@ -335,5 +246,4 @@ class Trainer:
         if self.normaliser is not None:
             self.normaliser.restore(state["normaliser"])
         self._collector.restore(state["collector"])
-        circuits = None if self._noise is None else self._noise.circuits
-        self._memory.restore(state["memory"], self._collector, circuits)
+        self._learner.restore(state, self._collector)

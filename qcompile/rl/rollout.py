@@ -16,7 +16,7 @@ from qcompile.deploy.environments import (
 )
 from qcompile.deploy.stepping import Stepper, check_finite
 from qcompile.errors import TrainingError
-from qcompile.rl.worlds import training_environments
+from qcompile.rl.environments import training_environments
 
 
 @dataclass(frozen=True)

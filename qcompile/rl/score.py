@@ -8,8 +8,7 @@ import torch
 from qcompile.arrays import FloatArray, IntArray
 from qcompile.deploy.environments import close_environments, make_environments
 from qcompile.deploy.lockstep import Act, Episode, lockstep
-from qcompile.deploy.network import player
-from qcompile.deploy.play import play
+from qcompile.deploy.play import play, player
 from qcompile.deploy.rows import Rows
 from qcompile.device import load_device
 from qcompile.rl.draw import draw_actions

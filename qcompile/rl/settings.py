@@ -226,7 +226,7 @@ def restored(values: Mapping[str, Any]) -> Settings:
     """The settings that `plain` gave.
 
     Raises:
-        TrainingError: they are no settings.
+        TrainingError: they are not settings.
     """
     try:
         return _ADAPTER.validate_python(dict(values)).check()

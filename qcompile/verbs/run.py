@@ -11,8 +11,8 @@ from typing import Any
 
 from qcompile.calibration import Calibration, age_words, load_calibration
 from qcompile.deploy.lockstep import Episode
-from qcompile.deploy.network import player, refuse_options
-from qcompile.deploy.play import play
+from qcompile.deploy.network import refuse_options
+from qcompile.deploy.play import play, player
 from qcompile.deploy.player import Player
 from qcompile.deploy.registration import import_modules
 from qcompile.deploy.settings import RunSettings

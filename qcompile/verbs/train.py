@@ -11,7 +11,7 @@ from qcompile.report import progress as bars
 from qcompile.sweep.arguments import Name, Words, ignore, several
 from qcompile.verbs.arguments import checked
 from qcompile.verbs.files import path_of
-from qcompile.verbs.train_one import Follow, train_one
+from qcompile.verbs.train_one import WatchRequest, train_one
 from qcompile.verbs.train_outputs import TrainingOutputs
 from qcompile.verbs.train_seeds import SeedsRequest, train_seeds
 from qcompile.verbs.train_settings import PRESET, TrainingRequest
@@ -131,7 +131,7 @@ def train(
         tensorboard=path_of(tensorboard),
         force=force,
     )
-    follow = Follow(
+    watch = WatchRequest(
         evaluate_every=evaluate_every,
         evaluate_episodes=EVALUATION_EPISODES if evaluate_episodes is None else evaluate_episodes,
         preset=None if state else preset or PRESET,
@@ -140,7 +140,7 @@ def train(
     )
     if seeds is not None:
         return train_seeds(
-            SeedsRequest(request, outputs, follow, seeds, evaluation), workers, progress, on_note
+            SeedsRequest(request, outputs, watch, seeds, evaluation), workers, progress, on_note
         )
     for name, value in (("evaluation", evaluation), ("workers", workers)):
         if value is not None:
@@ -150,4 +150,4 @@ def train(
     if trainer.progress >= 1.0:
         on_note(f"The training of {resume} was finished; only its outputs are made.")
     with bars.progress_bar(request.environment, 1.0, enabled=progress) as show:
-        return train_one(trainer, outputs, follow, show)
+        return train_one(trainer, outputs, watch, show)

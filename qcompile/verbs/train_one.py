@@ -19,10 +19,11 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Follow:
-    """How a training is followed: test episodes after every so many, and somebody's callback.
+class WatchRequest:
+    """The arguments of `train` that say how a training is watched.
 
-    `preset` and `imports` are what its result names.
+    `evaluate_episodes` are played after every `evaluate_every`. The result names `preset` and
+    `imports`.
     """
 
     evaluate_every: int | None
@@ -32,7 +33,9 @@ class Follow:
     callback: Callback | None = None
 
 
-def train_one(trainer: Trainer, outputs: TrainingOutputs, follow: Follow, show: Show) -> Training:
+def train_one(
+    trainer: Trainer, outputs: TrainingOutputs, asked: WatchRequest, show: Show
+) -> Training:
     """Train to the end, or to Ctrl-C, and write the files.
 
     Raises:
@@ -46,13 +49,13 @@ def train_one(trainer: Trainer, outputs: TrainingOutputs, follow: Follow, show: 
     failure: QcompileError | None = None
     with ExitStack() as stack:
         watch = Watch(
-            trainer, show, outputs.checkpoint, follow.evaluate_every, follow.evaluate_episodes
+            trainer, show, outputs.checkpoint, asked.evaluate_every, asked.evaluate_episodes
         )
         if outputs.tensorboard is not None:
             board = TensorBoard(outputs.tensorboard, trainer.steps)
             watch.callbacks.append(stack.enter_context(board))
-        if follow.callback is not None:
-            watch.callbacks.append(follow.callback)
+        if asked.callback is not None:
+            watch.callbacks.append(asked.callback)
         if outputs.log is not None:
             watch.log = stack.enter_context(EpisodeLog(outputs.log, trainer.history))
         try:
@@ -71,8 +74,8 @@ def train_one(trainer: Trainer, outputs: TrainingOutputs, follow: Follow, show: 
         policy=outputs.write(result.policy, watch),
         watch=watch,
         outputs=outputs,
-        imports=follow.imports,
-        preset=follow.preset,
+        imports=asked.imports,
+        preset=asked.preset,
         interrupted=result.interrupted,
         failure=failure,
     )

@@ -11,7 +11,7 @@ from qcompile.report import progress as bars
 from qcompile.sweep.arguments import Words
 from qcompile.sweep.engine import run_all
 from qcompile.terminal import first_line
-from qcompile.verbs.train_one import Follow, train_one
+from qcompile.verbs.train_one import WatchRequest, train_one
 from qcompile.verbs.train_outputs import TrainingOutputs
 from qcompile.verbs.train_settings import TrainingRequest
 from qcompile.verbs.trainings import Scored, Trainings, best_of
@@ -32,14 +32,14 @@ class SeedsRequest:
 
     request: TrainingRequest
     outputs: TrainingOutputs
-    follow: Follow
+    watch: WatchRequest
     seeds: int
     evaluation: int | None
 
     def __post_init__(self) -> None:
         if self.outputs.resume is not None:
             raise OptionError("resume goes without seeds: a checkpoint is of one training.")
-        if self.follow.callback is not None:
+        if self.watch.callback is not None:
             raise OptionError(
                 "callback goes without seeds, which are trained in processes of their own.",
                 "Call train for each seed.",
@@ -63,7 +63,7 @@ class SeedsRequest:
             outputs = self.outputs.of_seed(seed)
             replace(outputs, out=self.outputs.out).check(trainer)
             request = replace(self.request, seed=seed)
-            cells.append(_Seed(seed, request, outputs, self.follow))
+            cells.append(_Seed(seed, request, outputs, self.watch))
         return cells
 
 
@@ -72,7 +72,7 @@ class _Seed:
     seed: int
     request: TrainingRequest
     outputs: TrainingOutputs
-    follow: Follow
+    watch: WatchRequest
 
     @property
     def name(self) -> str:
@@ -143,7 +143,7 @@ def _train(cell: _Seed, evaluation: int) -> Scored | str:
     torch.set_num_threads(1)
     try:
         trainer = cell.request.trainer()
-        training = train_one(trainer, cell.outputs, cell.follow, lambda done, words: None)
+        training = train_one(trainer, cell.outputs, cell.watch, lambda done, words: None)
         if training.failure is not None:
             return str(training.failure)
         if training.interrupted:

@@ -145,7 +145,7 @@ class TrainingRequest:
 
         Raises:
             OptionError: something that is named would change settings.
-            TrainingError: it is no checkpoint, or of another environment, model or seed.
+            TrainingError: it is not a checkpoint, or of another environment, model or seed.
         """
         from qcompile.rl.checkpoint import load_checkpoint
 

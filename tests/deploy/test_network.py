@@ -10,8 +10,8 @@ import pytest
 import torch
 
 from qcompile.deploy.deployment import Deployment
-from qcompile.deploy.network import NetworkPlayer, player
-from qcompile.deploy.play import play
+from qcompile.deploy.network import NetworkPlayer
+from qcompile.deploy.play import play, player
 from qcompile.deploy.rows import Rows
 from qcompile.device import IDEAL, load_device
 from qcompile.errors import CountsError, EnvironmentMismatchError, OptionError

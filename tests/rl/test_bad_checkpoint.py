@@ -16,7 +16,8 @@ import torch
 
 from qcompile.errors import EnvironmentMismatchError, TrainingError
 from qcompile.policy import save_policy
-from qcompile.rl.checkpoint import FORMAT, load_checkpoint
+from qcompile.rl.checkpoint import load_checkpoint
+from qcompile.rl.checkpoint_file import FORMAT
 from qcompile.rl.ppo import Trainer
 from qcompile.rl.settings import Settings
 

@@ -49,13 +49,13 @@ def test_the_latest_rollouts_are_joined_the_oldest_first() -> None:
 def test_an_update_learns_from_all_of_them() -> None:
     """Steps of the columns that are cut into minibatches: 32, 64, 96, 96, 96."""
     trainer = Trainer("CartPole-v1", replace(SETTINGS, epochs=1), 0)
-    cut, lengths = trainer._minibatches, []
+    cut, lengths = trainer._learner._minibatches, []
 
     def counted(columns: list[torch.Tensor]) -> Any:
         lengths.append({len(column) for column in columns})
         return cut(columns)
 
-    trainer._minibatches = counted  # type: ignore[method-assign]
+    trainer._learner._minibatches = counted  # type: ignore[method-assign]
     trainer.train()
     assert lengths == [{32}, {64}, {96}, {96}, {96}]
 

@@ -21,10 +21,10 @@ from qcompile.errors import QcompileError, TrainingError
 from qcompile.policy.ansatz_file import ansatz_text
 from qcompile.policy.files import policy_values
 from qcompile.rl.checkpoint import load_checkpoint, save_checkpoint
+from qcompile.rl.environments import training_environments
 from qcompile.rl.models import SVQC, critic_size, make_critic, make_model, model_size
 from qcompile.rl.ppo import Trainer
 from qcompile.rl.settings import Settings
-from qcompile.rl.worlds import training_environments
 from qcompile.simulate import Simulator
 
 OWN = Settings(layout="own", steps=64, horizon=32, theta_spread_rad=3.0)

@@ -38,7 +38,7 @@ def test_an_update_is_the_paper_s_objective(
         with torch.no_grad():
             trainer.actor.head.bias += move
 
-    monkeypatch.setattr(trainer, "_descend", descend)
+    monkeypatch.setattr(trainer._learner, "_descend", descend)
     chosen = iter([0, 2, 1])
     rollout = trainer._collector.collect(lambda seen: np.array([next(chosen)]), None)
     actor, critic = (m.policy("p", "e", {}) for m in (trainer.actor, trainer._critic))
@@ -81,7 +81,7 @@ def test_an_update_says_how_it_went(monkeypatch: pytest.MonkeyPatch, outputs: Ou
         with torch.no_grad():
             trainer.actor.head.bias += move
 
-    monkeypatch.setattr(trainer, "_descend", descend)
+    monkeypatch.setattr(trainer._learner, "_descend", descend)
     chosen = iter([0, 2, 1])
     rollout = trainer._collector.collect(lambda seen: np.array([next(chosen)]), None)
     actor, critic = (m.policy("p", "e", {}) for m in (trainer.actor, trainer._critic))
@@ -123,7 +123,7 @@ def test_step_sizes_fall_to_two_percent_where_annealed() -> None:
     for anneal in (True, False):
         settings = Settings(episodes=10, anneal=anneal, actor_lr=0.003, critic_lr=0.05)
         trainer = Trainer("Match-v0", settings, 0)
-        groups, rates = trainer._optimiser.param_groups, np.zeros((0, 2))
+        groups, rates = trainer._learner._optimiser.param_groups, np.zeros((0, 2))
 
         def note(groups: Any = groups) -> None:
             nonlocal rates
@@ -141,7 +141,7 @@ def test_a_step_is_torch_s_own_adam_on_each_parameter(model: str) -> None:
     scales: dict[str, Any] = {"trainable_scale": True, "scales": (1.0, 2.0)} if encoded else {}
     settings = Settings(steps=64, gradient_norm=0.05).changed(model=model, **scales)
     trainer = Trainer("CartPole-v1", settings, 0)
-    for group, rate in zip(trainer._optimiser.param_groups, (0.01, 0.03), strict=True):
+    for group, rate in zip(trainer._learner._optimiser.param_groups, (0.01, 0.03), strict=True):
         group["lr"] = rate
     ours = (trainer.actor, trainer._critic)
     theirs = [make_model(settings, 4, n, torch.Generator()) for n in (2, 1)]
@@ -159,7 +159,7 @@ def test_a_step_is_torch_s_own_adam_on_each_parameter(model: str) -> None:
     for _ in range(5):
         seen = torch.randn(16, 4, generator=generator)
         losses = [[m(seen).square().mean() for m in pair] for pair in (ours, theirs)]
-        trainer._descend(*losses[0])
+        trainer._learner._descend(*losses[0])
         adam.zero_grad()
         sum(losses[1]).backward()  # type: ignore[union-attr]
         for module in theirs:
@@ -182,7 +182,7 @@ def test_a_time_limit_is_bootstrapped_where_asked(bootstrap: bool, outputs: Outp
     trainer = Trainer("Clock-v0", settings, 0)
     for _ in range(2):
         rollout = trainer._collector.collect(lambda seen: np.array([0]), None)
-    _, targets = trainer._advantages_and_targets(rollout, 1.0)
+    _, targets = trainer._learner._advantages_and_targets(rollout, 1.0)
     critic = trainer._critic.policy("p", "e", {})
     behind = outputs(critic, np.array([[2.0, 3.0]]))[0, 0] if bootstrap else 0.0
     third = 23 + 0.9 * behind

@@ -143,7 +143,7 @@ def test_files_are_trained_at_the_command_line(qcompile: Call) -> None:
         "OPENQASM 3.0;\ninput float[64] x0;\ninput float[64] x1;\ninput float[64] a;\n"
         "qubit[2] q;\nry(a*x0) q[0];\nrx(x1+a) q[1];\n"
     )
-    words = ("--episodes", 1, "--out", "p.json")
+    words = ("--episodes", 1, "--out", "p.json", "--force")
     settings = ("-s", "features=2,3", "-s", "encoder=tanh,clip", "-s", "scales=10,3")
     assert qcompile("train", "CartPole-v1", "--circuits", "own.qasm", *settings, *words).code == 0
     policy = load_policy("p.json")

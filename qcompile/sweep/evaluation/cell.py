@@ -11,8 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from qcompile.deploy.environments import threshold_of
 from qcompile.deploy.intervals import bootstrap_ci95
-from qcompile.deploy.network import player
-from qcompile.deploy.play import play
+from qcompile.deploy.play import play, player
 from qcompile.deploy.player import Player
 from qcompile.deploy.result import is_solved
 from qcompile.errors import CalibrationError, QcompileError

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from qcompile.calibration import Calibration, age_words, load_calibration
-from qcompile.deploy.environments import check_fit, make_environments
+from qcompile.deploy.environments import close_environments, policy_environments
 from qcompile.deploy.settings import MITIGATIONS
 from qcompile.device import Device
 from qcompile.errors import CalibrationError, DeviceError, StudyError
@@ -132,16 +132,7 @@ def evaluate(
         different, opened, *sides, calibrations=files, episodes=episodes, seed=seed, greedy=greedy
     )
     for policy in different:
-        (environment,) = make_environments(
-            policy.environment,
-            1,
-            bits=policy.reads_bits,
-            arguments=policy.environment_kwargs,
-        )
-        try:
-            check_fit(policy, environment)
-        finally:
-            environment.close()
+        close_environments(policy_environments(policy, 1))
     check_calibrations(cells)
     now = datetime.now(UTC)
     for file in files:

@@ -1,0 +1,155 @@
+"""The schema of checkpoint files, format qcompile-checkpoint-1."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import torch
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    JsonValue,
+    TypeAdapter,
+    ValidationError,
+)
+
+from qcompile.errors import TrainingError
+from qcompile.limits import MAX_CHECKPOINT_BYTES
+from qcompile.policy.arguments import check_arguments
+from qcompile.reading import ContentsError, read_file, read_torch
+from qcompile.validation import Finite, Line, explain
+
+FORMAT = "qcompile-checkpoint-1"
+
+ARGUMENTS = TypeAdapter(Annotated[dict[str, JsonValue], AfterValidator(check_arguments)])
+"""A checkpoint's environment takes what that of a policy file may: nothing that loads code."""
+
+_Whole = Annotated[int, Field(ge=0, le=2**53)]
+_NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+
+
+class _Paused(BaseModel):
+    """The state of a `Pause`."""
+
+    model_config = ConfigDict(strict=True, arbitrary_types_allowed=True)
+
+    running: list[float]
+    row: _Whole
+    longest: _Whole
+    best: dict[str, torch.Tensor] | None
+
+
+class _Averaged(BaseModel):
+    """The state of an `Average`."""
+
+    model_config = ConfigDict(strict=True, arbitrary_types_allowed=True)
+
+    updates: _Whole
+    model: dict[str, torch.Tensor]
+
+
+class TensorState(BaseModel):
+    """The tensors of a trainer's state; a file of version 0.1.0 has no average and no memory."""
+
+    model_config = ConfigDict(strict=True, arbitrary_types_allowed=True)
+
+    actor: dict[str, torch.Tensor]
+    critic: dict[str, torch.Tensor]
+    optimiser: dict[str, Any]
+    generator: torch.Tensor
+    pause: _Paused
+    average: _Averaged | None = None
+    memory: list[dict[str, torch.Tensor]] = []
+
+
+class _Collected(BaseModel):
+    """The state of a `Collector`."""
+
+    rng: dict[str, Any]
+    steps: _Whole
+    episodes: list[tuple[_Whole, Finite]]
+    walks: list[tuple[_Whole, list[_Whole]]]
+    observations: list[list[Finite]]
+
+
+class _Scaled(BaseModel):
+    """The state of a `ReturnScale`."""
+
+    running: list[Finite]
+    moments: tuple[_NotNegative, Finite, _NotNegative]
+
+
+class _Normalised(BaseModel):
+    """The state of a `Normaliser`."""
+
+    count: _NotNegative
+    mean: list[Finite]
+    var: list[_NotNegative]
+
+
+class PlainState(BaseModel):
+    """The plain values of a trainer's state."""
+
+    rng: dict[str, Any]
+    collector: _Collected
+    return_scale: _Scaled
+    noise: dict[str, Any] | None
+    normaliser: _Normalised | None = None
+
+
+class Saved(BaseModel):
+    """What a checkpoint file holds.
+
+    `arguments` of the environment, `ansatz` (circuits of one's own), `settings` and `plain`, a
+    `PlainState`, are JSON. A file of version 0.1.0 has neither of the first two.
+    """
+
+    model_config = ConfigDict(strict=True)
+
+    format: str
+    environment: Line
+    arguments: str = "{}"
+    ansatz: str | None = None
+    settings: str
+    seed: Annotated[int, Field(ge=0)]
+    versions: dict[Line, Line]
+    tensors: TensorState
+    plain: str
+
+
+def read_checkpoint(path: Path) -> Saved:
+    """What the file at `path` holds, its JSON still unread.
+
+    Raises:
+        TrainingError: the file is not a checkpoint of this version.
+    """
+    try:
+        saved = read_torch(read_file(path, MAX_CHECKPOINT_BYTES))
+    except FileNotFoundError as error:
+        raise TrainingError(
+            f"There is no checkpoint {path}.", "A training writes one with --checkpoint FILE."
+        ) from error
+    except (OSError, ContentsError) as error:
+        raise TrainingError(
+            f"{path} is not a checkpoint: it cannot be read as tensors and plain values.",
+            *explain(error),
+            "Name a file that `qcompile train --checkpoint` wrote, and wrote to its end.",
+        ) from error
+    format_ = saved.get("format") if isinstance(saved, dict) else type(saved).__name__
+    if format_ != FORMAT:
+        raise TrainingError(
+            f"{path} is not a checkpoint that this version reads; "
+            f"its format is {ascii(format_)[:60]}.",
+            f"Needed: {FORMAT!r}, as `qcompile train --checkpoint` writes it.",
+        )
+    needed = {name for name, field in Saved.model_fields.items() if field.is_required()}
+    missing = sorted(needed - set(saved))
+    if missing:
+        raise TrainingError(f"Checkpoint {path} is damaged.", f"Missing: {', '.join(missing)}.")
+    try:
+        return Saved.model_validate(saved)
+    except ValidationError as error:
+        raise TrainingError(f"Checkpoint {path} is damaged.", *explain(error, 1)) from error
