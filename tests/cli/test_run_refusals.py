@@ -147,7 +147,7 @@ def test_an_environment_that_names_a_module_is_refused(
         answer.err
         == """\
 Error: Environment 'trojan:CartPole-v1' names a module to import.
-  A policy file may not load code; register the environment and give its plain name.
+  A file may not load code; register the environment and give its plain name.
 """
     )
     assert not Path("ran").exists()

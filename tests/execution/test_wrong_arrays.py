@@ -78,7 +78,7 @@ def test_a_number_is_no_file_of_openqasm(source: Any) -> None:
 
 
 def test_a_policy_is_saved_to_a_path() -> None:
-    with pytest.raises(PolicyError, match="takes a Policy and a path"):
+    with pytest.raises(PolicyError, match="takes a Policy or a Network, and a path"):
         qcompile.save_policy(POLICY, None)  # type: ignore[arg-type]
-    with pytest.raises(PolicyError, match="takes a Policy and a path"):
+    with pytest.raises(PolicyError, match="takes a Policy or a Network, and a path"):
         qcompile.save_policy("cartpole", "a.json")  # type: ignore[arg-type]

@@ -109,11 +109,10 @@ def settings_for(
         raise TrainingError(f"Unknown preset {preset!r}.", f"Known: {', '.join(PRESETS)}.")
     models = PRESETS[preset]
     if model not in models:
-        others = [name for name, of in PRESETS.items() if model in of]
-        advice = f"It has: {', '.join(models)}."
-        if others:
-            advice += f" Model {model!r} has: {', '.join(others)}."
-        raise TrainingError(f"Preset {preset!r} has no settings for model {model!r}.", advice)
+        raise TrainingError(
+            f"Preset {preset!r} has no settings for model {model!r}.",
+            f"It has: {', '.join(models)}.",
+        )
     name = environment.rsplit("-v", 1)[0]
     family = models[model]
     settings = family.get(f"{name} {layout}") or family.get(name) or family[""]
