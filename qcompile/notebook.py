@@ -16,6 +16,17 @@ def count(number: int, noun: str) -> str:
     return f"{number:,} {noun}" if number == 1 else f"{number:,} {noun}s"
 
 
+def reward_digits(*rewards: float) -> int:
+    """The decimals of rewards that stand together: two where all are below 10, else one."""
+    return 2 if max(map(abs, rewards)) < 10 else 1
+
+
+def reward_words(mean: float, deviation: float | None = None, sign: str = "") -> str:
+    """Mean ± standard deviation of rewards; with the sign "+" the mean has one."""
+    digits = reward_digits(mean)
+    return f"{mean:{sign}.{digits}f}" + ("" if deviation is None else f" ± {deviation:.{digits}f}")
+
+
 def shortened(text: str, most: int = 100) -> str:
     """The beginning of a text that is longer than `most` letters."""
     return text if len(text) <= most else f"{text[:most].rsplit(' ', 1)[0]} ..."

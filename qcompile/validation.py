@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping, Sequence
 from reprlib import Repr
 from typing import Annotated, TypeVar
@@ -45,6 +46,9 @@ class _JsonRepr(Repr):
         return "true" if value else "false"
 
 
+_TAG = re.compile("<[a-z]+>")
+"""How a member of a union is tagged: no word of the file."""
+
 _SHORT = _JsonRepr()
 _SHORT.maxlevel = 3
 _SHORT.maxstring = _SHORT.maxlong = _SHORT.maxother = 60
@@ -74,7 +78,8 @@ def explain(error: Exception, most: int = 4, words: Mapping[str, str] | None = N
     faults = error.errors(include_url=False, include_context=False)
     lines: list[str] = []
     for fault in faults[:most]:
-        place = ".".join(map(str, fault["loc"])) or "the file"
+        parts = [str(part) for part in fault["loc"]]
+        place = ".".join(part for part in parts if not _TAG.fullmatch(part)) or "the file"
         place = _cut(place if place.isprintable() else ascii(place))  # keys are the file's own
         said = (words or {}).get(fault["type"], fault["msg"])
         said = said.removeprefix("Value error, ")  # these words are our own

@@ -10,6 +10,8 @@ import nbformat
 import pytest
 from nbclient import NotebookClient
 
+from qcompile.notebook import reward_words
+
 NOTEBOOK = Path(__file__).parents[1] / "examples/first_hour.ipynb"
 
 
@@ -54,3 +56,17 @@ def test_no_cell_floods_the_page(outputs: tuple[Path, list[list[Any]]]) -> None:
         )
         assert len(text.splitlines()) <= 40
         assert not re.search("warn|░", text, re.IGNORECASE)  # nor leaves a progress bar
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ((0.955, 0.0123), "0.95 ± 0.01"),
+        ((-9.996,), "-10.00"),
+        ((-10.04, 3.25), "-10.0 ± 3.2"),
+        ((500.0, 0.0), "500.0 ± 0.0"),
+        ((0.5, None, "+"), "+0.50"),
+    ],
+)
+def test_small_rewards_have_two_decimals(arguments: tuple[Any, ...], words: str) -> None:
+    assert reward_words(*arguments) == words

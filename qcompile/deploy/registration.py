@@ -125,6 +125,11 @@ def environment_id(environment: str | EnvSpec | Callable[..., Any]) -> str:
         OptionError: it is none of these, or another environment has its id.
     """
     if isinstance(environment, str):
+        if environment.endswith(".py"):
+            raise EnvironmentMismatchError(
+                f"{environment} is a file, found where the id of an environment is needed.",
+                f"Say --import {environment}, and the id that it registers.",
+            )
         module, colon, name = environment.rpartition(":")
         if colon:
             raise EnvironmentMismatchError(

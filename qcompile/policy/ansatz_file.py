@@ -163,6 +163,11 @@ def load_ansatz(source: Any) -> Ansatz:
 def _loaded(path: Path) -> Ansatz:
     if path.suffix == ".json" and (ansatz := _from_json(path)):
         return ansatz
+    if path.suffix == ".py":
+        raise PolicyError(
+            f"{path} is a Python file, found where circuits are needed.",
+            "Have it write them to a file: qcompile.Ansatz.from_qiskit(circuit).save('mine.json').",
+        )
     known = [] if os.path.lexists(path) else policy_names()
     if path.suffix in SUFFIXES or fspath(path) in known:
         return Ansatz.of_policy(load_circuits(path))

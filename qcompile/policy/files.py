@@ -127,6 +127,8 @@ def _by_schema(schema: type[_Schema], source: str | dict[str, Any]) -> _Schema:
 def _hints(error: ValidationError, values: Any) -> list[str]:
     """What to do about unknown keys, and about a file that says the wrong format."""
     format_ = values.get("format") if isinstance(values, dict) else None
+    if str(format_).startswith("qcompile-ansatz"):
+        return ["These are circuits to train: qcompile train ENVIRONMENT --circuits FILE."]
     is_first = format_ == FORMAT_1
     if is_first:
         try:

@@ -13,6 +13,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from qcompile.mitigation.misfit import misfit_words
+from qcompile.notebook import reward_digits, reward_words
 from qcompile.report.console import PlainConsole, console
 
 _KINDS = {
@@ -116,10 +117,10 @@ def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
     if rewards:
         interval = interval_words(summary)
         interval = f" (95 % interval {interval})" if interval else ""
+        mean, _, deviation = reward_words(summary["mean_reward"], summary["std_reward"]).split()
         yield (
             "mean reward",
-            f"[bold]{summary['mean_reward']:.1f}[/] ± {summary['std_reward']:.1f} over "
-            f"{plural(len(rewards), 'episode')}{interval}",
+            f"[bold]{mean}[/] ± {deviation} over {plural(len(rewards), 'episode')}{interval}",
         )
         yield "each episode", f"{_bars(rewards)}  {min(rewards):.0f} to {max(rewards):.0f}"
         if interval and min(rewards) == max(rewards):
@@ -216,9 +217,9 @@ def _grid_row(values: Mapping[str, Any], levels: bool) -> list[object]:
         str(values["shots"]),
         values["mitigation"],
         *[values["level"]] * levels,
-        f"{values['mean_reward']:.1f} ± {values['std_reward']:.1f}",
+        reward_words(values["mean_reward"], values["std_reward"]),
         interval_words(values) or "-",
-        "-" if values["reference"] or difference is None else f"{difference:+.1f}",
+        "-" if values["reference"] or difference is None else reward_words(difference, sign="+"),
         {True: "yes", False: "no", None: "-"}[values["solved"]],
     ]
 
@@ -228,7 +229,8 @@ def interval_words(summary: Mapping[str, Any]) -> str:
     if summary["ci95"] is None or len(summary["episodes"]) < _LEAST_FOR_INTERVAL:
         return ""
     low, high = summary["ci95"]
-    return f"{low:.1f} to {high:.1f}"
+    digits = reward_digits(low, high)
+    return f"{low:.{digits}f} to {high:.{digits}f}"
 
 
 def _shots(shots: int | str) -> str:

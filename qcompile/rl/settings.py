@@ -28,8 +28,8 @@ Scale = Magnitude | Annotated[tuple[Magnitude, ...], Field(min_length=1)]
 
 Encoding = Literal["arctan", "tanh", "identity", "clip", "bits"]
 Encodings = Annotated[
-    Annotated[Encoding, Tag("one")] | Annotated[tuple[Encoding, ...], Tag("each")],
-    Discriminator(lambda value: "one" if isinstance(value, str) else "each"),
+    Annotated[Encoding, Tag("<one>")] | Annotated[tuple[Encoding, ...], Tag("<each>")],
+    Discriminator(lambda value: "<one>" if isinstance(value, str) else "<each>"),
 ]
 
 _ENCODED = ("svqc", "mvqc", "surrogate")

@@ -22,6 +22,7 @@ from qcompile.execution import Backend, Executor, load_backend
 from qcompile.live.plan import copies_that_fit, forecast
 from qcompile.live.play import RunTask
 from qcompile.mitigation.misfit import misfit_words
+from qcompile.notebook import reward_words
 from qcompile.policy import AnyPolicy, Network, Policy, load_circuits, load_policy
 from qcompile.policy.arguments import with_arguments
 from qcompile.policy.files import policy_values
@@ -72,7 +73,7 @@ class RunResult(Result):
     @property
     def table(self) -> tuple[list[str], list[list[str]]]:
         values = self.to_dict()
-        mean = "-" if self.mean_reward is None else f"{self.mean_reward:.1f}"
+        mean = "-" if self.mean_reward is None else reward_words(self.mean_reward)
         mitigation = "predistort" if values["predistort"] else values["mitigation"]
         row = [values["policy"], values["backend"], values["kind"], str(values["shots"])]
         row += [mitigation, str(len(self.episodes)), mean, interval_words(values) or "-"]
@@ -176,7 +177,7 @@ def run(
 
         def count(episode: Episode) -> None:
             rewards.append(episode.reward)
-            show(len(rewards), f"mean reward {sum(rewards) / len(rewards):.1f}")
+            show(len(rewards), f"mean reward {reward_words(sum(rewards) / len(rewards))}")
 
         result = play(
             playing, episodes, on_episode=count, on_frame=None if film is None else film.add

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from qcompile.errors import QcompileError
+from qcompile.notebook import reward_words
 from qcompile.report.curves import Curve, draw_curves
 from qcompile.report.figure import Figure
 from qcompile.verbs.results import Result
@@ -119,7 +120,7 @@ class Training(Result):
         averages = [values["last_20_mean_reward"], values["best_20_mean_reward"]]
         columns = ["environment", "model", "seed", "episodes", "steps", "parameters"]
         row = [str(values[column]) for column in columns]
-        row += ["-" if average is None else f"{average:.1f}" for average in averages]
+        row += ["-" if average is None else reward_words(average) for average in averages]
         row.append(self.ended)
         return [*columns, "last 20", "best 20", "training"], [row]
 
@@ -138,9 +139,13 @@ class Training(Result):
         if not values["episodes"]:
             words.append("no episode finished")
         averages = {name: values[f"{name}_20_mean_reward"] for name in ("last", "best")}
-        words += [f"{name} 20: {mean:.1f}" for name, mean in averages.items() if mean is not None]
+        words += [
+            f"{name} 20: {reward_words(mean)}"
+            for name, mean in averages.items()
+            if mean is not None
+        ]
         if values["evaluations"]:
-            words.append(f"evaluation: {values['evaluations'][-1]['mean_reward']:.1f}")
+            words.append(f"evaluation: {reward_words(values['evaluations'][-1]['mean_reward'])}")
         line = f"{', '.join(words)}; {values['parameters']} parameters"
         if values["out"] is None:
             return line

@@ -11,6 +11,7 @@ import numpy as np
 
 from qcompile.arrays import FloatArray
 from qcompile.errors import QcompileError
+from qcompile.notebook import reward_words
 from qcompile.report.curves import draw_curves
 from qcompile.report.figure import Figure
 from qcompile.verbs.results import Result
@@ -102,7 +103,9 @@ class Trainings(Training):
                 str(one["seed"]),
                 str(one["episodes"]),
                 str(one["steps"]),
-                "-" if one["last_20_mean_reward"] is None else f"{one['last_20_mean_reward']:.1f}",
+                "-"
+                if one["last_20_mean_reward"] is None
+                else reward_words(one["last_20_mean_reward"]),
                 _words(one),
             ]
             for one in self.to_dict()["trainings"]
@@ -158,5 +161,4 @@ def _moments(rewards: FloatArray) -> dict[str, float]:
 
 def _words(moments: Mapping[str, Any]) -> str:
     """Mean ± standard deviation, which one alone does not have."""
-    spread = moments["std_reward"]
-    return f"{moments['mean_reward']:.1f}" + ("" if spread is None else f" ± {spread:.1f}")
+    return reward_words(moments["mean_reward"], moments["std_reward"])

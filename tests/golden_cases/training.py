@@ -155,8 +155,12 @@ TRAIN = "train CartPole-v1 --preset paper --episodes 2"
 RESUME = "train CartPole-v1 --out p.pt --resume"
 NAMES = tuple(checkpoints())
 OWN = (
-    *(f"--circuits {name}" for name in (*circuits(), "cartpol", "missing.qasm", "lunarlander")),
+    *(
+        f"--circuits {name}"
+        for name in (*circuits(), "cartpol", "missing.qasm", "my.py", "lunarlander")
+    ),
     *("--init acrobot", "--init lunarlander", "--init cartpol", "--init five.qasm"),
+    "--init reads.json",
     *("--circuits cartpole --init cartpole", "--circuits cartpole --layout serial"),
     *("--init cartpole --layout serial", "--init cartpole --reuse 2"),
     *("--circuits cartpole --model fcn", "--circuits five.qasm --set features=0,1"),
@@ -166,7 +170,15 @@ OWN = (
     *("--set encoder=bits", "--set encoder=bits,tanh", "--model fcn --set encoder=tanh"),
 )
 
-ENVIRONMENTS = ("Nope-v1", "''", "CartPole-v99", "Pendulum-v1", "CarRacing-v3", "a:CartPole-v1")
+ENVIRONMENTS = (
+    "Nope-v1",
+    "''",
+    "CartPole-v99",
+    "Pendulum-v1",
+    "CarRacing-v3",
+    "a:CartPole-v1",
+    "my.py",
+)
 ASSIGNMENTS = (
     *("clp=1", "nothing=1", "clip", "model=fcn", "layout=serial", "hidden=[1"),
     *("clip=-1", "clip=none", "clip=much", "epochs=1.5", "gamma=2", "scales=1,-2", "scales=[]"),

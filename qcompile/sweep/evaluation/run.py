@@ -16,6 +16,7 @@ from qcompile.deploy.settings import MITIGATIONS
 from qcompile.device import Device
 from qcompile.errors import CalibrationError, DeviceError, StudyError
 from qcompile.execution import Backend, Executor, load_backend
+from qcompile.notebook import reward_words
 from qcompile.output import check_writable
 from qcompile.policy import AnyPolicy, Network, load_policy
 from qcompile.policy.arguments import with_arguments
@@ -265,7 +266,7 @@ def _calibration_file(calibration: Name | Calibration) -> CalibrationFile:
 
 def _description(result: CellResult) -> str:
     values = result.summary
-    return f"{values['policy']} on {values['backend']}: {values['mean_reward']:.1f}"
+    return f"{values['policy']} on {values['backend']}: {reward_words(values['mean_reward'])}"
 
 
 def _failure_lines(failure: CellFailure) -> list[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from textwrap import fill
 
+from qcompile.notebook import reward_words
 from qcompile.rl.order import AVERAGED
 from qcompile.sweep.pages import assignments, markdown_table, markdown_text, version_words
 from qcompile.sweep.study.rows import Rows
@@ -151,7 +152,7 @@ def _cells(summary: RowSummary) -> dict[str, str]:
         _seeds(summary),
         spread(summary.best),
         spread(summary.final),
-        f"{spread(evaluation)}, lowest {evaluation.min():.1f}",
+        f"{spread(evaluation)}, lowest {reward_words(evaluation.min())}",
         verdict(summary),
     )
     return dict(zip(_COLUMNS, cells, strict=True))
