@@ -197,7 +197,7 @@ def test_the_files_of_every_seed_are_looked_at(monkeypatch: pytest.MonkeyPatch) 
 def corridor() -> type[gymnasium.Env[Any, Any]]:
     """A class that is in no module, as those of a notebook: workers must be sent it."""
 
-    class Corridor(gymnasium.Env[Any, Any]):
+    class Passage(gymnasium.Env[Any, Any]):
         observation_space = gymnasium.spaces.Box(-1, 1, (1,), np.float32)
         action_space = gymnasium.spaces.Discrete(2)
 
@@ -213,7 +213,7 @@ def corridor() -> type[gymnasium.Env[Any, Any]]:
             self.left -= 1
             return np.zeros(1, np.float32), 1.0, self.left == 0, False, {}
 
-    return Corridor
+    return Passage
 
 
 def test_an_environment_of_one_s_own_reaches_the_workers() -> None:
@@ -227,4 +227,4 @@ def test_an_environment_of_one_s_own_reaches_the_workers() -> None:
         assert (document["mean_reward"], document["std_reward"]) == (5.0, 0.0)
         assert document["best"]["seed"] == 0  # of equal ones the lowest
     finally:
-        del gymnasium.registry["Corridor-v0"]
+        del gymnasium.registry["Passage-v0"]

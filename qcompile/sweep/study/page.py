@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from textwrap import fill
 
-from qcompile.notebook import reward_words
+from qcompile.notebook import reward_digits
 from qcompile.rl.order import AVERAGED
 from qcompile.sweep.pages import assignments, markdown_table, markdown_text, version_words
 from qcompile.sweep.study.rows import Rows
@@ -143,6 +143,7 @@ def _label(summary: RowSummary) -> str:
 def _cells(summary: RowSummary) -> dict[str, str]:
     """The line of a row, by column."""
     row, evaluation = summary.row, summary.evaluation
+    lowest = f"{evaluation.min():.{reward_digits(evaluation.mean())}f}"
     cells = (
         markdown_text(row.title),
         f"`{row.preset}`",
@@ -152,7 +153,7 @@ def _cells(summary: RowSummary) -> dict[str, str]:
         _seeds(summary),
         spread(summary.best),
         spread(summary.final),
-        f"{spread(evaluation)}, lowest {reward_words(evaluation.min())}",
+        f"{spread(evaluation)}, lowest {lowest}",
         verdict(summary),
     )
     return dict(zip(_COLUMNS, cells, strict=True))

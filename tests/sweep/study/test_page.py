@@ -219,7 +219,7 @@ def test_a_first_look_says_what_it_cannot_say(summary: Make) -> None:
         "0 of 1",
         "under 20 episodes",
         "under 20 episodes",
-        "1.5, one seed, lowest 1.5",
+        "1.50, one seed, lowest 1.50",
         "not tested: 1 of 5 seeds",
     ]
     assert short.values()["best_average"] == short.values()["last_average"] == [None]
@@ -289,7 +289,7 @@ def test_the_page_has_a_line_for_each_row(several: list[RowSummary]) -> None:
         "2 of 2: 35, 30 to 40",
         "20.0 ± 0.0",
         "20.0 ± 0.0",
-        "3.5 ± 2.0, lowest 1.5",
+        "3.50 ± 2.00, lowest 1.50",
         "holds: 1.17 times the episodes",
     ]
     assert cartpole[3][4:6] == ["40", "1 of 2: 30 to 30"]
