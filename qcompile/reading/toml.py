@@ -21,5 +21,7 @@ def read_toml(path: str | Path, most: int = MAX_FILE_BYTES) -> dict[str, Any]:
         return tomllib.loads(decode(read_file(path, most)))
     except tomllib.TOMLDecodeError as error:
         raise ContentsError(f"It is not TOML: {error}.") from error
+    except ValueError as error:  # a number of thousands of digits, or a time that is none
+        raise ContentsError("Its TOML has a number or a time that cannot be one.") from error
     except RecursionError as error:
         raise ContentsError("Its TOML nests too deeply.") from error

@@ -1,0 +1,31 @@
+"""TOML that cannot be read is told, whatever is wrong with it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from qcompile.reading import ContentsError, read_toml
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("a = ", "It is not TOML"),
+        (f"a = {'9' * 5000}", "a number or a time"),
+        ("a = 25:61:00", "It is not TOML|a number or a time"),
+        (f"a = {'[' * 5000}", "nests too deeply"),
+    ],
+    ids=["cut", "digits", "time", "deep"],
+)
+def test_it_is_refused_in_words(tmp_path: Path, text: str, words: str) -> None:
+    file = tmp_path / "a.toml"
+    file.write_text(text)
+    with pytest.raises(ContentsError, match=words):
+        read_toml(file)
+
+
+def test_its_values_are_plain(tmp_path: Path) -> None:
+    (tmp_path / "a.toml").write_text("a = [1, 2.5]\n[b]\nc = 'd'\n")
+    assert read_toml(tmp_path / "a.toml") == {"a": [1, 2.5], "b": {"c": "d"}}
