@@ -239,14 +239,21 @@ def _learn(known: _Known) -> None:
     """Raise EnvironmentMismatchError where an environment cannot be had here."""
     for folder in known.path:
         _append_path(folder)
-    import_modules(known.modules)
+    failure = None
+    for module in known.modules:
+        try:
+            import_modules([module])
+        except EnvironmentMismatchError as error:  # it may be one that these cells do not need
+            failure = error
     for name, pickled in known.specs:
         try:
             gymnasium.registry[name] = pickle.loads(pickled)
         except Exception as error:  # whatever importing its code raises
             if name in known.names:
-                raise EnvironmentMismatchError(
+                raise failure or EnvironmentMismatchError(
                     f"Environment {name!r} is not known to a worker process.",
                     first_line(f"{type(error).__name__}: {error}"),
                     "Register it in a module, which workers import: --import MODULE.",
                 ) from error
+    if failure is not None and not {*known.names} <= {*gymnasium.registry}:
+        raise failure

@@ -267,3 +267,13 @@ def test_a_worker_that_lacks_the_module_says_so(monkeypatch: pytest.MonkeyPatch)
     file.unlink()
     with pytest.raises(EnvironmentMismatchError, match="There is no module 'worlds_k'"):
         task("Door-v0")
+
+
+def test_a_worker_does_without_a_module_that_its_cells_do_not_need(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    file = written("worlds_k.py", "Door")
+    import_modules(["worlds_k"])
+    task = in_another_process(knowing_environments(steps, ["CartPole-v1"]), monkeypatch)
+    file.unlink()
+    assert task("CartPole-v1") == 1.0
