@@ -57,7 +57,7 @@ class Row:
         return (*self.seeds, *range(following, following + count))[:count]
 
     def shortened(self, episodes: int | None) -> Row:
-        """The row with at most so many episodes a training, for a first look."""
+        """The row with trainings of `episodes` at most, for a first look."""
         if episodes is None:
             return self
         fewest = min(episodes, self.settings.episodes or episodes)
