@@ -174,6 +174,11 @@ class Settings:
                 "Both average_share and pause_at say which model is kept.",
                 "Set average_share=0 or pause_at=none.",
             )
+        if self.rollouts > 1 and self.pause_at is not None and self.horizon is not None:
+            raise TrainingError(
+                "Rollouts with a horizon are learned from in one row, and pause_at leaves gaps.",
+                "Set rollouts=1, pause_at=none or horizon=none.",
+            )
         for name, models in _OF_MODELS.items():
             if self.model not in models and getattr(self, name) != _DEFAULTS[name]:
                 raise TrainingError(

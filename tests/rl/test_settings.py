@@ -235,3 +235,11 @@ def test_settings_of_earlier_files_fall_within_their_own_budget() -> None:
     del values["anneal_steps"], values["anneal_episodes"]
     assert restored(values) == settings_for("tuned", "CartPole-v1")
     assert restored(values | {"episodes": 60}).anneal_episodes == 60
+
+
+def test_rollouts_that_a_pause_would_tear_apart_are_refused() -> None:
+    whole = settings_for("paper", "LunarLander-v3").changed(rollouts=3)
+    assert whole.pause_at is not None
+    assert whole.changed(pause_at=None, horizon=32).rollouts == 3
+    with pytest.raises(TrainingError, match="pause_at leaves gaps"):
+        whole.changed(horizon=32)
