@@ -1,4 +1,4 @@
-"""Play episodes side by side: every step serves all that still live."""
+"""Play episodes side by side: every decision serves all that still live."""
 
 from __future__ import annotations
 
@@ -31,6 +31,7 @@ def lockstep(
     environments: list[Environment],
     first_seed: int,
     *,
+    hold: int = 1,
     episodes: Sequence[int] | None = None,
     max_steps: int | None = None,
     on_rewards: Callable[[list[float]], None] = lambda rewards: None,
@@ -41,37 +42,36 @@ def lockstep(
 
     Episode i resets with `first_seed` + i. `act` maps the observations (B, features) of the living
     episodes, and which decision of which episode each row is, to actions (B,). `on_rewards` gets
-    what the episodes earned by a step; `on_frame` the frames of the first one, (height, width, 3),
-    and how many of them make a second. After `max_steps` an episode ends, whatever the environment
-    says.
+    what the episodes earned by a decision, which is held for `hold` steps of the environment;
+    `on_frame` the frames of the first one, (height, width, 3), and how many of them make a second.
+    After `max_steps` of its steps an episode ends, whatever the environment says.
 
     Raises:
         EnvironmentStepError: an environment fails, or gives what no policy can use.
     """
-    living = [Stepper(environment) for environment in environments]
-    filmed = living[0] if on_frame is not None else None
-    fps = frames_per_second(environments[0])
+    living = [Stepper(environment, hold, max_steps) for environment in environments]
+    if on_frame is not None:
+        fps, filmed = frames_per_second(environments[0]), environments[0]
+        living[0].on_step = lambda: on_frame(filmed.render(), fps)  # type: ignore[arg-type]
     numbers = np.arange(len(living)) if episodes is None else np.array(episodes)
     first = [
         stepper.reset(first_seed + i) for i, stepper in zip(numbers.tolist(), living, strict=True)
     ]
     observations = np.stack(first).astype(np.float64)
-    length = 0
+    decision = 0
     while living:
-        rows = Rows(numbers, np.full(len(living), length))
+        rows = Rows(numbers, np.full(len(living), decision))
         actions = act(observations, rows).tolist()
-        length += 1
+        decision += 1
         following = np.empty_like(observations)
         over: list[int] = []
         rewards: list[float] = []
         for i, (stepper, action) in enumerate(zip(living, actions, strict=True)):
             following[i], reward, terminated, truncated = stepper.step(action)
             rewards.append(reward)
-            if stepper is filmed and on_frame is not None:
-                on_frame(stepper.environment.render(), fps)  # type: ignore[arg-type]
-            if terminated or truncated or length == max_steps:
+            if terminated or truncated or stepper.length == max_steps:
                 over.append(i)
-                on_episode(Episode(stepper.seed, stepper.reward, length))
+                on_episode(Episode(stepper.seed, stepper.reward, stepper.length))
         check_finite(living, following)
         if over:
             living = [stepper for i, stepper in enumerate(living) if i not in over]

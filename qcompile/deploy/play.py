@@ -119,6 +119,7 @@ def _play(
             act if recorder is None else partial(recorder.act, act),
             environments,
             player.settings.seed,
+            hold=player.policy.hold,
             episodes=episodes,
             max_steps=player.settings.max_steps,
             on_rewards=_drop if recorder is None else recorder.rewards,

@@ -7,7 +7,7 @@ policy can use ends the episode with an error in words.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -29,20 +29,28 @@ class Stepper:
 
     Actions count from 0, whatever number the environment gives its first one. Observations are
     vectors of the declared number of features, in `dtype`: float32 where that holds every number of
-    the declared type, float64 elsewhere. `seed` is that of the last reset, `length` the steps since
-    and `reward` what they earned.
+    the declared type, float64 elsewhere. An action is held for `hold` steps, but not beyond the end
+    of an episode nor beyond `max_steps` of its steps. `seed` is that of the last reset, `length`
+    the environment's steps since and `reward` what they earned. `on_step` is called after each.
     """
 
     __slots__ = (
-        *("_first_action", "_shape", "_step"),
-        *("dtype", "environment", "length", "reward", "seed"),
+        *("_first_action", "_held", "_max_steps", "_shape", "_step"),
+        *("dtype", "environment", "length", "on_step", "reward", "seed"),
     )
 
-    def __init__(self, environment: Environment):
+    def __init__(
+        self,
+        environment: Environment,
+        hold: int = 1,
+        max_steps: int | None = None,
+        on_step: Callable[[], None] | None = None,
+    ):
         observed, acted = environment.observation_space, environment.action_space
         assert isinstance(acted, Discrete)
         assert observed.dtype is not None
         self.environment, self._step = environment, environment.step
+        self._held, self._max_steps, self.on_step = range(hold), max_steps, on_step
         self._first_action, self._shape = int(acted.start), observed.shape
         holds_all = np.can_cast(observed.dtype, np.float32)
         self.dtype: np.dtype[Any] = np.dtype(np.float32 if holds_all else np.float64)
@@ -68,39 +76,47 @@ class Stepper:
         return observation
 
     def step(self, action: int) -> tuple[NDArray[Any], float, bool, bool]:
-        """Take an action, 0 the first: observation (features,), reward, terminated, truncated.
+        """Hold an action, 0 the first: observation (features,), reward, terminated, truncated.
 
-        The reward is finite; whether the observation is, `check_finite` tells for many at once.
+        The reward is the finite sum over the steps of the hold; whether the observation after the
+        last of them is finite, `check_finite` tells for many at once.
 
         Raises:
-            EnvironmentStepError: the step fails, or gives anything else.
+            EnvironmentStepError: a step fails, or gives anything else.
         """
-        self.length += 1
-        try:
-            answer = self._step(self._first_action + action)
-        except Exception as error:  # a user's environment may raise anything
-            raise self._failed(error) from error
-        if type(answer) is not tuple or len(answer) != 5:
-            raise self._wrong_step(answer)
-        observation, reward, terminated, truncated, _ = answer
-        if (
-            type(observation) is not np.ndarray
-            or observation.shape != self._shape
-            or observation.dtype != self.dtype
-        ):
-            observation = self._vector(observation)
-        if type(reward) is not float:  # numpy's own double is a float too, and the usual one
-            reward = float(reward) if isinstance(reward, float) else self._number(reward)
-        self.reward += reward
-        if not abs(self.reward) <= _LARGEST_REWARD:
-            raise self.error(
-                f"the reward is {reward}.",
-                "Rewards and their sum over an episode must be finite, "
-                f"and at most {_LARGEST_REWARD:g}.",
-            )
-        if type(terminated) is not bool or type(truncated) is not bool:
-            terminated, truncated = self._flag(terminated), self._flag(truncated)
-        return observation, reward, terminated, truncated
+        earned = 0.0
+        for _ in self._held:
+            self.length += 1
+            try:
+                answer = self._step(self._first_action + action)
+            except Exception as error:  # a user's environment may raise anything
+                raise self._failed(error) from error
+            if type(answer) is not tuple or len(answer) != 5:
+                raise self._wrong_step(answer)
+            observation, reward, terminated, truncated, _ = answer
+            if (
+                type(observation) is not np.ndarray
+                or observation.shape != self._shape
+                or observation.dtype != self.dtype
+            ):
+                observation = self._vector(observation)
+            if type(reward) is not float:  # numpy's own double is a float too, and the usual one
+                reward = float(reward) if isinstance(reward, float) else self._number(reward)
+            earned += reward
+            self.reward += reward
+            if not abs(self.reward) <= _LARGEST_REWARD:
+                raise self.error(
+                    f"the reward is {reward}.",
+                    "Rewards and their sum over an episode must be finite, "
+                    f"and at most {_LARGEST_REWARD:g}.",
+                )
+            if type(terminated) is not bool or type(truncated) is not bool:
+                terminated, truncated = self._flag(terminated), self._flag(truncated)
+            if self.on_step is not None:
+                self.on_step()
+            if terminated or truncated or self.length == self._max_steps:
+                break
+        return observation, earned, terminated, truncated
 
     def error(self, what: str, *hints: str) -> EnvironmentStepError:
         """An error that names the environment, the episode and the step."""

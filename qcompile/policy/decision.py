@@ -8,6 +8,9 @@ from qcompile.arrays import FloatArray, IntArray, real_array
 from qcompile.errors import PolicyError
 from qcompile.foreign import what_it_is
 
+MOST_HELD = 1_000_000
+"""Steps of the environment that a decision can be held for."""
+
 
 def softmax(logits: FloatArray) -> FloatArray:
     """Logits (B, actions) to probabilities (B, actions)."""
@@ -82,3 +85,16 @@ def checked_observations(
     if not fits or (array.shape[1] > features and not wider):
         raise PolicyError(f"Observations have shape {array.shape}.", needed)
     return array
+
+
+def check_hold(hold: int) -> None:
+    """Nothing, if a decision can be held for `hold` steps of the environment.
+
+    Raises:
+        PolicyError: it is not a whole number from 1 to MOST_HELD.
+    """
+    if isinstance(hold, bool) or not isinstance(hold, int) or not 1 <= hold <= MOST_HELD:
+        raise PolicyError(
+            f"hold is {hold!r}.",
+            f"A decision is held for a whole number of environment steps, from 1 to {MOST_HELD:,}.",
+        )

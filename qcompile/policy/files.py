@@ -181,6 +181,8 @@ def policy_values(policy: AnyPolicy) -> dict[str, Any]:
     symbols = {symbol: f"x{i}" for i, symbol in enumerate(program.inputs)}
     symbols |= {symbol: f"theta{i}" for i, symbol in enumerate(program.parameters)}
     more: dict[str, Any] = {}
+    if policy.hold != 1:
+        more["hold"] = policy.hold
     if policy.environment_kwargs:
         more["environment_kwargs"] = dict(policy.environment_kwargs)
     return {

@@ -13,7 +13,7 @@ import numpy as np
 from qcompile.arrays import FloatArray
 from qcompile.errors import PolicyError
 from qcompile.notebook import count, html_table
-from qcompile.policy.decision import Softmax, checked_observations
+from qcompile.policy.decision import Softmax, check_hold, checked_observations
 from qcompile.policy.encoder import check_arrays
 
 WIDTH = 3
@@ -93,13 +93,15 @@ class Network(Softmax):
 
     Convolutions come before dense layers, and the last layer is dense. `mean` and `std` (features,)
     normalise the observations first: (observation - mean) / std; left out they are 0 and 1. The
-    environment is made with the arguments `environment_kwargs`.
+    environment is made with the arguments `environment_kwargs`, and `hold` is the number of its
+    steps that a decision is held for.
 
     Everything is computed in double precision. In training torch computes in float32 with the same
     numbers, so that logits differ from those there by rounding, and so do action probabilities.
 
     Raises:
-        PolicyError: the shapes do not fit each other, or a number is not finite.
+        PolicyError: the shapes do not fit each other, a number is not finite, or `hold` is not a
+            number of steps.
     """
 
     name: str
@@ -109,6 +111,7 @@ class Network(Softmax):
     std: FloatArray | None = None
     metadata: Mapping[str, Any] = field(default_factory=dict)
     environment_kwargs: Mapping[str, Any] = field(default_factory=dict)
+    hold: int = 1
 
     def __post_init__(self) -> None:
         if not self.layers or not isinstance(self.layers[-1], Dense):
@@ -121,6 +124,7 @@ class Network(Softmax):
             check_arrays({key: (array, (self.features,))})
         if self.std is not None and not (self.std > 0).all():
             raise PolicyError("std holds a number that is not positive.")
+        check_hold(self.hold)
 
     def _check_after(self, index: int, before: Layer, layer: Layer) -> None:
         if isinstance(layer, Convolution) and isinstance(before, Dense):

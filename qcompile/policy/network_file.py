@@ -12,6 +12,7 @@ from qcompile.arrays import FloatArray
 from qcompile.errors import PolicyError
 from qcompile.policy.arguments import check_arguments
 from qcompile.policy.blocks import Number
+from qcompile.policy.decision import MOST_HELD
 from qcompile.policy.network import WIDTH, Convolution, Dense, Layer, Network
 from qcompile.validation import FirstFault, Line
 
@@ -73,6 +74,7 @@ class NetworkFile(_Part):
     mean: _Numbers | None = None
     std: _Numbers | None = None
     metadata: dict[str, JsonValue] = {}
+    hold: Annotated[int, Field(ge=1, le=MOST_HELD)] = 1
     environment_kwargs: Annotated[dict[str, JsonValue], AfterValidator(check_arguments)] = {}
 
     def policy(self) -> Network:
@@ -95,6 +97,7 @@ class NetworkFile(_Part):
             None if self.std is None else np.array(self.std, dtype=float),
             self.metadata,
             self.environment_kwargs,
+            self.hold,
         )
 
 
@@ -119,6 +122,8 @@ def network_values(network: Network) -> dict[str, Any]:
         if array is not None:
             values[key] = array.tolist()
     values["metadata"] = dict(network.metadata)
+    if network.hold != 1:
+        values["hold"] = network.hold
     if network.environment_kwargs:
         values["environment_kwargs"] = dict(network.environment_kwargs)
     return values

@@ -13,7 +13,7 @@ from qcompile.arrays import FloatArray
 from qcompile.errors import PolicyError
 from qcompile.ir import Program
 from qcompile.notebook import count, html_table
-from qcompile.policy.decision import Softmax, checked_observations
+from qcompile.policy.decision import Softmax, check_hold, checked_observations
 from qcompile.policy.encoder import Encoder, check_arrays
 
 NO_THETA = np.zeros(0)
@@ -27,11 +27,11 @@ class Policy(Softmax):
     theta (parameters,); weights (k, reuse * n), the columns ordered copy by copy; bias (k,). The
     action probabilities are softmax(weights y + bias), y the `<Z>` of the circuits, `reuse` times.
     `metadata` says where the policy comes from. Its environment is made with the arguments
-    `environment_kwargs`, and `hold` is the number of its steps that a decision is kept for.
+    `environment_kwargs`, and `hold` is the number of its steps that a decision is held for.
 
     Raises:
-        PolicyError: the shapes do not fit each other, a number is not finite, or `hold` is not 1:
-            this version plays no other.
+        PolicyError: the shapes do not fit each other, a number is not finite, or `hold` is not a
+            number of steps.
     """
 
     name: str
@@ -58,8 +58,7 @@ class Policy(Softmax):
         )
         if not circuits or not actions:
             raise PolicyError(f"The policy has {circuits} circuits and {actions} actions.")
-        if self.hold != 1:
-            raise PolicyError(*cannot_hold(self.hold))
+        check_hold(self.hold)
 
     @property
     def actions(self) -> int:
@@ -130,11 +129,3 @@ class Policy(Softmax):
     def logits(self, z: FloatArray, /) -> FloatArray:
         """`<Z>` (B, circuits) to the logarithms of the action probabilities, plus a constant."""
         return np.asarray(z @ self._folded_weights.T + self.bias)
-
-
-def cannot_hold(hold: int) -> tuple[str, str]:
-    """The lines of a refusal to hold decisions."""
-    return (
-        f"hold {hold}: a decision that is kept for {hold} steps of the environment.",
-        "This version decides in every step (hold 1).",
-    )

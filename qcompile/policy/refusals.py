@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 from qcompile.errors import PolicyError
 from qcompile.policy.blocks import BlockFile, Observables, single_bits
-from qcompile.policy.policy import cannot_hold
 from qcompile.validation import listed
 
 
@@ -44,11 +43,6 @@ def other_decision(decision: str) -> list[str]:
     if decision == "softmax":
         return []
     return [f"decision {decision}: this version draws actions from the softmax of the outputs."]
-
-
-def long_hold(hold: int) -> list[str]:
-    """A line about decisions that are kept."""
-    return [] if hold == 1 else [" ".join(cannot_hold(hold))]
 
 
 def refuse(lines: Sequence[str]) -> None:

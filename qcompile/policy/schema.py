@@ -31,9 +31,10 @@ from qcompile.policy.blocks import (
     Word,
     check_observables,
 )
+from qcompile.policy.decision import MOST_HELD
 from qcompile.policy.encoder import Encoder, check_arrays
 from qcompile.policy.policy import Policy
-from qcompile.policy.refusals import long_hold, other_decision, products, refuse, wide_blocks
+from qcompile.policy.refusals import other_decision, products, refuse, wide_blocks
 from qcompile.validation import FirstFault, Line
 
 FORMAT_1: Literal["qcompile-policy-1"] = "qcompile-policy-1"
@@ -184,7 +185,7 @@ class PolicyFile2(_File[Literal["qcompile-policy-2"], EncoderFile2, _Circuit2]):
         | None
     ) = None
     decision: Literal["softmax", "values", "gaussian", "born"] = "softmax"
-    hold: Annotated[int, Field(ge=1, le=1_000_000)] = 1
+    hold: Annotated[int, Field(ge=1, le=MOST_HELD)] = 1
     environment_kwargs: Annotated[dict[str, JsonValue], AfterValidator(check_arguments)] = {}
 
     def policy(self) -> Policy:
@@ -211,10 +212,9 @@ class PolicyFile2(_File[Literal["qcompile-policy-2"], EncoderFile2, _Circuit2]):
                 *wide_blocks(blocks),
                 *products(observables, bits),
                 *other_decision(self.decision),
-                *long_hold(self.hold),
             ]
         )
-        return self._policy(program, environment_kwargs=self.environment_kwargs)
+        return self._policy(program, hold=self.hold, environment_kwargs=self.environment_kwargs)
 
     def _circuits(self) -> list[Circuit]:
         """The circuits, an empty one in the place of a wide block."""

@@ -169,13 +169,6 @@ REFUSED: list[tuple[dict[str, Any], list[str]]] = [
         ["decision born: this version draws actions from the softmax of the outputs."],
     ),
     (
-        {"hold": 4},
-        [
-            "hold 4: a decision that is kept for 4 steps of the environment. This version decides "
-            "in every step (hold 1)."
-        ],
-    ),
-    (
         WIDE | {"observables": [[0, 1], [2]], "weights": [[0.0] * 4] * 2, "decision": "gaussian"},
         [
             "circuits.0: blocks of up to 2 qubits, with cz. This version runs circuits of one "
