@@ -25,7 +25,7 @@ class Portion:
 
 
 def portions(rows: Sequence[int], shots: int) -> list[list[Portion]]:
-    """The jobs of PUBs with so many `rows` of parameter values, `shots` of each row.
+    """The jobs of PUBs with so many `rows` of parameter values, `shots` of each row; 0 where they are exact.
 
     One job, as long as it has at most MAX_EXECUTIONS_PER_JOB executions; else each job is filled
     with rows before the next begins.
@@ -37,7 +37,7 @@ def portions(rows: Sequence[int], shots: int) -> list[list[Portion]]:
         while start < count:
             if not room:
                 jobs.append([])
-                room = MAX_EXECUTIONS_PER_JOB // shots
+                room = MAX_EXECUTIONS_PER_JOB // max(shots, 1)
             taken = min(room, count - start)
             jobs[-1].append(Portion(pub, range(start, start + taken)))
             start, room = start + taken, room - taken

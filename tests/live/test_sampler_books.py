@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from base64 import b64decode
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -100,6 +101,19 @@ def test_resume_finds_a_job_that_the_program_does_not_know_of(runs: Runs) -> Non
     with GuardedSampler("fake_lima") as sampler:
         assert bits(sampler.run(PUBS, shots=SHOTS).result()) == expected
     assert len(runs.service.ledger().jobs) == 2  # this one and IBM's own sampler's
+
+
+def test_the_example_of_the_documentation_works(
+    service: StandIn, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "hardware.md").read_text()
+    [block] = [part for part in re.findall(r"```python\n(.*?)```", page, re.S) if "Guarded" in part]
+    exec(block.replace("ibm_fez", "fake_lima"), {})
+    counts, costs = capsys.readouterr().out.split("} {")
+    assert counts.startswith("{'0")
+    assert "'qpu_seconds': 3.05" in costs
+    [job] = service.ledger().jobs
+    assert (job.circuits, job.shots) == (3, 1000)
 
 
 def test_a_sampler_has_no_file(runs: Runs) -> None:
