@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal, Self, get_args
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from qcompile.calibration import Calibration
+from qcompile.deploy.depth import MOST_AHEAD
 from qcompile.device import Device
 from qcompile.errors import CalibrationError, CircuitError, CountsError, OptionError
 from qcompile.execution import check_shots
@@ -45,6 +46,8 @@ class RunSettings(BaseModel):
     """Episode i resets with seed + i; shots and actions are drawn from streams of the seed."""
     copies: int | None = None
     """Episodes that share an execution, side by side on the device; None: one."""
+    speculate: Annotated[int, Field(ge=1, le=MOST_AHEAD)] | Literal["auto"] = 1
+    """Decisions of each episode that a job measures, along predicted steps; "auto": what pays."""
     max_steps: int | None = None
     """Stop each episode after so many steps; None: play it to its end."""
 
