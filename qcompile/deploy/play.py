@@ -51,12 +51,26 @@ class Recorder(Protocol):
         ...
 
     def rewards(self, rewards: list[float]) -> None:
-        """What the episodes of the last step earned by its actions."""
+        """What the episodes of the last step earned by its actions: those that counted."""
         ...
 
+    def depth(self, depth: int) -> int:
+        """How many decisions of each episode the next step measures; `depth` is what pays."""
+        return depth
 
-def _drop(rewards: list[float]) -> None:
-    """Nobody records them."""
+    def predict(self, predict: Act, observations: FloatArray, rows: Rows) -> IntArray:
+        """The actions (B,) along which the next step is measured, which `predict` may be asked."""
+        return predict(observations, rows)
+
+
+class _Unrecorded(Recorder):
+    """Records nothing."""
+
+    def act(self, act: Act, observations: FloatArray, rows: Rows) -> IntArray:
+        return act(observations, rows)
+
+    def rewards(self, rewards: list[float]) -> None:
+        """They are those of the episodes."""
 
 
 def play(
