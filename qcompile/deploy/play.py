@@ -8,6 +8,7 @@ from functools import partial
 from typing import Any, Protocol
 
 from qcompile.arrays import FloatArray, IntArray
+from qcompile.deploy.completion import completed_rewards
 from qcompile.deploy.deployment import Deployment
 from qcompile.deploy.environments import (
     Environment,
@@ -21,6 +22,7 @@ from qcompile.deploy.player import Player
 from qcompile.deploy.result import Run
 from qcompile.deploy.rows import Rows
 from qcompile.deploy.settings import RunSettings
+from qcompile.deploy.stepping import Stepper
 from qcompile.errors import CountsError
 from qcompile.execution import load_backend
 from qcompile.limits import MAX_EPISODES
@@ -77,6 +79,7 @@ def play(
     player: Player,
     episodes: int | Sequence[int],
     *,
+    complete: bool = False,
     recorder: Recorder | None = None,
     on_episode: Callable[[Episode], None] = lambda episode: None,
     on_frame: Callable[[Frame, float], None] | None = None,
@@ -86,7 +89,8 @@ def play(
     Episode i resets with the player's seed + i and draws from streams of its own. All living
     episodes step together: of circuits one batch, one job. Ctrl-C ends the run and keeps what is
     finished; `recorder` sees every step. `on_frame` gets the frames of the first episode, (height,
-    width, 3), and how many of them make a second.
+    width, 3), and how many of them make a second. With `complete` the episodes that `max_steps` cut
+    are afterwards played on to their ends on the noise model, for nothing.
 
     Raises:
         CountsError: the number of episodes lies outside [1, MAX_EPISODES].
@@ -103,7 +107,7 @@ def play(
         numbers = range(episodes)
     environments = policy_environments(player.policy, len(numbers), film=on_frame is not None)
     try:
-        return _play(player, numbers, environments, recorder, on_episode, on_frame)
+        return _play(player, numbers, environments, recorder, on_episode, on_frame, complete)
     finally:
         close_environments(environments)
 
@@ -115,8 +119,10 @@ def _play(
     recorder: Recorder | None,
     on_episode: Callable[[Episode], None],
     on_frame: Callable[[Frame, float], None] | None,
+    complete: bool,
 ) -> Run:
     result = Run(player, reward_threshold(environments[0]))
+    steppers: list[Stepper] = []
 
     def act(observations: FloatArray, rows: Rows) -> IntArray:
         actions = player.act(observations, rows)
@@ -136,6 +142,7 @@ def _play(
             hold=player.policy.hold,
             episodes=episodes,
             max_steps=player.settings.max_steps,
+            on_begin=steppers.extend,
             on_rewards=_drop if recorder is None else recorder.rewards,
             on_episode=note,
             on_frame=on_frame,
@@ -144,4 +151,8 @@ def _play(
         result.interrupted = True
     result.wall_seconds = time.perf_counter() - started
     result.episodes.sort(key=lambda episode: episode.seed)
+    result.env_steps = sum(stepper.length for stepper in steppers)
+    result.cut_episodes = sum(stepper.is_cut for stepper in steppers)
+    if complete and not result.interrupted:
+        result.completed = completed_rewards(player, steppers)
     return result

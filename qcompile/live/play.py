@@ -57,7 +57,7 @@ class RunTask(Task, RunSettings):
         deployment = self.deploy(IBMExecutor(self.device, context.jobs))
         actions = len(deployment.policy.bias)
         recorder = JournalRecorder(context.jobs.journal, actions, self.copy_of, context.say)
-        run = play(deployment, self.episodes, recorder=recorder)
+        run = play(deployment, self.episodes, complete=True, recorder=recorder)
         if run.interrupted:
             raise KeyboardInterrupt
         return run.summary()
