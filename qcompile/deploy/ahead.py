@@ -45,10 +45,10 @@ class Foresight:
     """What episodes are run ahead with.
 
     `predict` maps observations and rows to actions, as `Act` does, and costs nothing; `scouts` are
-    environments like those of the episodes, one for each. `depth` says, for the numbers of the
-    living episodes, how many decisions of each the next job measures; `note` is told after every
-    job how many of its rows counted, and how many of these were predicted right. `say` gets a line
-    where an environment does not repeat itself.
+    environments like those of the episodes, one for each, or none where they cannot be made.
+    `depth` says, for the numbers of the living episodes, how many decisions of each the next job
+    measures; `note` is told after every job how many of its rows counted, and how many of these
+    were predicted right. `say` gets a line where an environment does not repeat itself.
     """
 
     predict: Act
@@ -60,13 +60,14 @@ class Foresight:
 
 def ahead(
     act: Act,
-    foresight: Foresight,
     environments: list[Environment],
     first_seed: int,
     *,
+    foresight: Foresight,
     hold: int = 1,
     episodes: Sequence[int] | None = None,
     max_steps: int | None = None,
+    on_begin: Callable[[Sequence[Stepper]], None] = lambda steppers: None,
     on_rewards: Callable[[list[float]], None] = lambda rewards: None,
     on_episode: Callable[[Episode], None] = lambda episode: None,
     on_frame: Callable[[Frame, float], None] | None = None,
@@ -83,15 +84,18 @@ def ahead(
     """
     numbers = range(len(environments)) if episodes is None else episodes
     living = [
-        _Pair(number, *(Stepper(one, hold, max_steps) for one in both), max_steps)
-        for number, *both in zip(numbers, environments, foresight.scouts, strict=True)
+        _Pair(number, *(Stepper(one, hold, max_steps) for one in both))
+        for number, *both in zip(
+            numbers, environments, foresight.scouts or environments, strict=True
+        )
     ]
     if on_frame is not None:
         fps, filmed = frames_per_second(environments[0]), environments[0]
         living[0].played.on_step = lambda: on_frame(filmed.render(), fps)  # type: ignore[arg-type]
     for pair in living:
         pair.begin(first_seed + pair.number)
-    repeats = True
+    on_begin([pair.played for pair in living])
+    repeats = bool(foresight.scouts)
     while living:
         depth = foresight.depth(np.array([pair.number for pair in living])) if repeats else 1
         if depth > 1 and not all(pair.catch_up() for pair in living):
@@ -162,13 +166,12 @@ class _Pair:
     """
 
     __slots__ = (
-        *("_max_steps", "_walked", "actions", "answers", "foreseen", "is_over", "number"),
+        *("_walked", "actions", "answers", "foreseen", "is_over", "number"),
         *("observation", "played", "repeats", "rewards", "rows", "scout"),
     )
 
-    def __init__(self, number: int, played: Stepper, scout: Stepper, max_steps: int | None):
+    def __init__(self, number: int, played: Stepper, scout: Stepper):
         self.number, self.played, self.scout = number, played, scout
-        self._max_steps = max_steps
         self._walked: int | None = None
         """So many of the actions has the scout taken, and no others; None where it took others."""
         self.actions: list[int] = []
@@ -210,7 +213,7 @@ class _Pair:
             self._walked = None
             return None
         self.foreseen.append(_answer(observation, reward, terminated, truncated))
-        is_over = terminated or truncated or self.scout.length == self._max_steps
+        is_over = terminated or truncated or self.scout.length == self.scout.max_steps
         return None if is_over else observation
 
     def accept(self, actions: Sequence[int], agreed: Sequence[bool]) -> int:
@@ -227,7 +230,7 @@ class _Pair:
             self.actions.append(actions[row])
             self.answers.append(_answer(observation, reward, terminated, truncated))
             self.rewards.append(reward)
-            self.is_over = terminated or truncated or self.played.length == self._max_steps
+            self.is_over = terminated or truncated or self.played.length == self.played.max_steps
             if k < len(self.foreseen):
                 is_foreseen = agreed[row]
                 self.repeats = not is_foreseen or self.answers[-1] == self.foreseen[k]
