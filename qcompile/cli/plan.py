@@ -89,6 +89,7 @@ def command(
     The episodes are played on the backend's noise model first: they may last longer or shorter on
     the machine.
     """
+    from qcompile.policy.decision import held_words
     from qcompile.report.tables import plural, print_table
     from qcompile.verbs.plan import plan
 
@@ -113,10 +114,14 @@ def command(
     if as_json:
         echo_json(values)
         return
+    steps = f"{values['env_steps']} steps"
+    if values["hold"] > 1:
+        decisions = plural(values["decisions"], "decision")
+        steps = f"{decisions}, each {held_words(values['hold'])}"
     print_table(
         *planned.table,
         f"{values['policy']} on {values['backend']}: {plural(episodes, 'episode')}, {shots} shots, "
-        f"{values['env_steps']} steps",
+        f"{steps}",
         right=range(1, 6),
         tight=True,
     )

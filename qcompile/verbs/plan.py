@@ -120,6 +120,8 @@ def plan(
             "shots": shots,
             "episodes": episodes,
             "copies": task.copies,
+            "hold": loaded.hold,
+            "decisions": forecasted.decisions,
             "env_steps": forecasted.env_steps,
             "usd_per_second": usd_per_second,
             "free_seconds": FREE_SECONDS,
