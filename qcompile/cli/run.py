@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
@@ -11,6 +11,7 @@ from qcompile.cli.live_options import live_options
 from qcompile.cli.options import (
     Shots,
     backend_option,
+    calibration_shots_option,
     echo_json,
     echo_note,
     env_option,
@@ -18,6 +19,7 @@ from qcompile.cli.options import (
     json_option,
     level_option,
     max_steps_option,
+    split_option,
 )
 from qcompile.limits import MAX_EPISODES
 
@@ -53,6 +55,7 @@ if TYPE_CHECKING:
     type=click.Path(dir_okay=False, path_type=Path),
     help="Mitigate with this file of `qcompile calibrate` instead of measuring first.",
 )
+@calibration_shots_option
 @click.option(
     "--predistort",
     is_flag=True,
@@ -62,8 +65,9 @@ if TYPE_CHECKING:
     "--copies",
     type=click.IntRange(1, MAX_EPISODES),
     help="Episodes that share an execution, side by side on the device.  [default: 1; with --live "
-    "as many as fit]",
+    "or --split as many as fit]",
 )
+@split_option
 @max_steps_option
 @click.option("--greedy", is_flag=True, help="Take the most probable action; default: sample.")
 @import_option
@@ -85,7 +89,9 @@ def command(
     mitigation: str | None,
     calibration_file: Path | None,
     predistort: bool,
+    calibration_shots: int | Literal["auto"],
     copies: int | None,
+    split: bool,
     max_steps: int | None,
     greedy: bool,
     imports: tuple[str, ...],
@@ -113,7 +119,9 @@ def command(
         mitigation=mitigation,
         calibration=calibration_file,
         predistort=predistort,
+        calibration_shots=calibration_shots,
         copies=copies,
+        split=split,
         max_steps=max_steps,
         greedy=greedy,
         imports=imports,
