@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from qcompile.arrays import CountArray, FloatArray, IntArray
+from qcompile.arrays import CircuitShots, CountArray, FloatArray, IntArray
 from qcompile.execution.prepared import Prepared
 from qcompile.ir import Circuit
 from qcompile.passes import Executable
@@ -85,15 +85,21 @@ def _append(built: Any, circuit: Circuit, qubit: int, parameters: dict[str, Any]
 
 
 def count_ones(
-    rounds: Sequence[PackedRound], bits: Sequence[NDArray[np.uint8]], circuits: IntArray
+    rounds: Sequence[PackedRound],
+    bits: Sequence[NDArray[np.uint8]],
+    circuits: IntArray,
+    shots: CircuitShots,
 ) -> CountArray:
     """The ones of `circuits`, (B, circuits), of the packed bits of rounds that hold just them.
 
-    Bits are (B, shots, bytes) for each round; `circuits` is sorted.
+    Bits are (B, shots, bytes) for each round; `circuits` is sorted. Of each circuit of the
+    executable the first `shots` count.
     """
     ones = np.zeros((len(bits[0]), len(circuits)), dtype=np.int64)
     for packed, of_round in zip(rounds, bits, strict=True):
         width = len(packed.circuits)
         unpacked = np.unpackbits(of_round, axis=-1)[..., : -width - 1 : -1]  # bit 0 comes last
+        if isinstance(shots, np.ndarray):
+            unpacked &= np.arange(unpacked.shape[1])[:, None] < shots[packed.circuits]
         ones[:, np.searchsorted(circuits, packed.circuits)] = unpacked.sum(axis=1, dtype=np.int64)
     return ones

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from qcompile.arrays import CountArray, FloatArray
+from qcompile.arrays import CircuitShots, CountArray, FloatArray
 from qcompile.device import Device
 from qcompile.errors import LiveError
-from qcompile.execution import Binomial, Executor, Kind, Prepared, check_shots, portions
+from qcompile.execution import Binomial, Executor, Kind, Prepared, portions
 from qcompile.execution.executor import check_device
 from qcompile.execution.packed import PackedExecutable
+from qcompile.execution.prepared import most_shots
 from qcompile.live.jobs import Jobs
 from qcompile.live.request import Request
 from qcompile.passes import Executable
@@ -48,16 +49,16 @@ class _Sent(PackedExecutable):
         )
 
     def ones(
-        self, x: FloatArray, theta: FloatArray, shots: int, rng: Binomial | None = None
+        self, x: FloatArray, theta: FloatArray, shots: CircuitShots, rng: Binomial | None = None
     ) -> CountArray:
-        check_shots(shots)
+        most = most_shots(shots)
         angles = self.executable.bind(x, theta)
         ones = np.zeros((len(angles), len(self.executable.native)), dtype=np.int64)
         if not ones.size:
             return ones
-        for portion in portions(len(angles), self.executable.round_count, shots):
+        for portion in portions(len(angles), self.executable.round_count, most):
             rows = slice(portion.rows.start, portion.rows.stop)
-            request = Request(self, angles[rows], portion.rounds, shots)
+            request = Request(self, angles[rows], portion.rounds, most, shots)
             ones[rows, request.circuits] = self._counts(request)
         return ones
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from qcompile.arrays import CountArray, FloatArray, IntArray
+from qcompile.arrays import CircuitShots, CountArray, FloatArray, IntArray
 from qcompile.execution.packed import REGISTER, PackedExecutable, PackedRound, count_ones
 from qcompile.passes import Executable
 
@@ -25,6 +25,8 @@ class Request:
     angles: FloatArray
     rounds: range
     shots: int
+    counted: CircuitShots
+    """How many of the shots count of each circuit of the executable."""
 
     @property
     def executable(self) -> Executable:
@@ -89,4 +91,4 @@ class Request:
             if of_round.size != np.prod(wanted):
                 raise ValueError(f"bits of shape {of_round.shape} instead of {wanted}")
             bits.append(of_round.reshape(wanted))
-        return count_ones(rounds, bits, self.circuits)
+        return count_ones(rounds, bits, self.circuits, self.counted)
