@@ -48,6 +48,8 @@ class RunSettings(BaseModel):
     """Episodes that share an execution, side by side on the device; None: one."""
     speculate: Annotated[int, Field(ge=1, le=MOST_AHEAD)] | Literal["auto"] = 1
     """Decisions of each episode that a job measures, along predicted steps; "auto": what pays."""
+    split: bool = False
+    calibration_shots: int | Literal["auto"] = 8192
     max_steps: int | None = None
     """Stop each episode after so many steps; None: play it to its end."""
 

@@ -8,6 +8,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
+
+from qcompile.arrays import IntArray
 from qcompile.limits import MAX_EXECUTIONS_PER_JOB, SECONDS_PER_EXECUTION, SECONDS_PER_JOB
 
 
@@ -42,6 +45,13 @@ def portions(rows: int, rounds: int, shots: int) -> Iterator[Portion]:
     for row in range(rows):
         for start in range(0, rounds, together):
             yield Portion(range(row, row + 1), range(start, min(start + together, rounds)))
+
+
+def job_counts(rows: IntArray, rounds: int, shots: int) -> IntArray:
+    """How many jobs `portions` makes of batches of so many rows, for an array of any shape."""
+    if together := MAX_EXECUTIONS_PER_JOB // (rounds * shots):
+        return np.maximum(-(-rows // together), 1)
+    return np.maximum(rows * -(-rounds // (MAX_EXECUTIONS_PER_JOB // shots)), 1)
 
 
 @dataclass(frozen=True)
