@@ -137,6 +137,7 @@ def command(
     the machine. With --within the cheapest settings are found that keep the reward, among those of
     several policies too, and the command that plays them.
     """
+    from qcompile.policy.decision import held_words
     from qcompile.report.tables import plural, print_table
     from qcompile.verbs.plan import plan
 
@@ -167,10 +168,14 @@ def command(
     if as_json:
         echo_json(values)
     elif within is None:
+        steps = f"{values['env_steps']} steps"
+        if values["hold"] > 1:
+            decisions = plural(values["decisions"], "decision")
+            steps = f"{decisions}, each {held_words(values['hold'])}"
         print_table(
             *planned.table,
             f"{values['policy']} on {values['backend']}: {plural(episodes, 'episode')}, "
-            f"{values['shots']} shots, {values['env_steps']} steps",
+            f"{values['shots']} shots, {steps}",
             right=range(1, 6),
             tight=True,
         )

@@ -17,7 +17,7 @@ MOST_AHEAD = 64
 """Decisions of an episode that a job measures at most."""
 _PRIOR_AGREED, _PRIOR_COMPARED = 9.0, 10.0
 """Before anything is compared nine of ten predictions are taken to be right."""
-_DEPTHS = np.arange(1, MOST_AHEAD + 1)
+_DEPTHS = np.arange(1.0, MOST_AHEAD + 1)
 
 
 class Depth:
@@ -78,4 +78,4 @@ def deepest_that_pays(agreement: float, load: Workload) -> int:
     the progress of each, not the sum over them.
     """
     gain = accepted(agreement, _DEPTHS) / seconds(load, _DEPTHS)
-    return int(_DEPTHS[gain.argmax()])
+    return 1 + int(gain.argmax())

@@ -59,7 +59,7 @@ def strategies(task: RunTask, forecasted: Run) -> list[Strategy]:
 
     All but the paper's and the twin's include the calibration of the task's mitigation.
     """
-    policy, steps, shots = task.policy.policy(), forecasted.env_steps, task.shots or 0
+    policy, steps, shots = task.policy.policy(), forecasted.decisions, task.shots or 0
     executable = compile(policy.trained_program, task.device, task.level, policy.importance)
     alone = task.model_copy(update={"copies": 1}).deploy(task.device)
     of_circuit = Workload.of_batch(1, 1, shots)

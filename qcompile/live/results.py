@@ -49,8 +49,13 @@ class RunFigures(_Figures):
     circuits_per_step: Count
     rounds_per_step: Count
     max_steps: Count | None
+    cut_episodes: Count | None = None
+    mean_reward_completed: Finite | None = None
+    ci95_completed: tuple[Finite, Finite] | None = None
     jobs: Count
     executions: Count
+    hold: Annotated[int, Field(ge=1)] = 1
+    decisions: Count | None = None
     env_steps: Count
     wall_seconds: Finite
 
@@ -58,6 +63,8 @@ class RunFigures(_Figures):
     def _check(self) -> RunFigures:
         if self.episodes and None in (self.mean_reward, self.std_reward):
             raise ValueError("episodes without a mean")
+        if self.hold > 1 and self.decisions is None:
+            raise ValueError("held decisions without their number")
         return self
 
 

@@ -10,7 +10,7 @@ from qcompile.arrays import BoolArray, FloatArray, IntArray
 from qcompile.deploy.deployment import Deployment
 from qcompile.deploy.environments import close_environments, policy_environments
 from qcompile.deploy.lockstep import Act, Episode, lockstep
-from qcompile.deploy.play import play
+from qcompile.deploy.play import Recorder, play
 from qcompile.deploy.rows import Rows
 from qcompile.deploy.settings import RunSettings
 from qcompile.device import Device
@@ -39,16 +39,16 @@ class Simulated:
     calibration: Workload
 
 
-class _Agreement:
+class _Agreement(Recorder):
     """Notes of every decision whether the predicted action is the measured one."""
 
-    def __init__(self, predictor: Deployment):
-        self._predictor = predictor
+    def __init__(self, predict: Act):
+        self._predict = predict
         self._noted: list[tuple[Rows, BoolArray]] = []
 
     def act(self, act: Act, observations: FloatArray, rows: Rows) -> IntArray:
         actions = act(observations, rows)
-        self._noted.append((rows, actions == self._predictor.act(observations, rows)))
+        self._noted.append((rows, actions == self._predict(observations, rows)))
         return actions
 
     def rewards(self, rewards: list[float]) -> None:
@@ -73,9 +73,8 @@ def simulate(
     Raises:
         QcompileError: as `Deployment` and `play`.
     """
-    whole = RunSettings.of(settings, max_steps=None)
-    deployment = Deployment(policy, backend, whole)
-    noted = _Agreement(Deployment(policy, backend, whole, shots=None))
+    deployment = Deployment(policy, backend, settings, speculate=1, max_steps=None)
+    noted = _Agreement(deployment.predict)
     run = play(deployment, episodes, recorder=noted)
     if run.interrupted:
         raise KeyboardInterrupt

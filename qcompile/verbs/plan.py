@@ -195,6 +195,8 @@ def plan(
         "shots": task.shots,
         "episodes": episodes,
         "copies": task.copies,
+        "hold": chosen.hold,
+        "decisions": forecasted.decisions,
         "env_steps": forecasted.env_steps,
         "usd_per_second": usd_per_second,
         "free_seconds": FREE_SECONDS,

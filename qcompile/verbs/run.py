@@ -179,9 +179,8 @@ def run(
             rewards.append(episode.reward)
             show(len(rewards), f"mean reward {reward_words(sum(rewards) / len(rewards))}")
 
-        result = play(
-            playing, episodes, on_episode=count, on_frame=None if film is None else film.add
-        )
+        on_frame = None if film is None else film.add
+        result = play(playing, episodes, complete=True, on_episode=count, on_frame=on_frame)
     if film is not None:
         words = f"film of the first episode in {video}"
         on_note(words if film.frames else "no step was played: there is no film")
