@@ -13,7 +13,7 @@ from qcompile.execution import Workload
 from qcompile.execution.cost import job_counts
 from qcompile.planning.chains import Chains
 
-RESAMPLES = 200
+RESAMPLES = 100
 """Runs that are resampled for an interval of seconds."""
 _PERCENT = 10.0, 90.0
 

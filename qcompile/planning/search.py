@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -20,9 +21,9 @@ from qcompile.policy import Policy
 KEEP = 0.97
 LADDER = tuple(2**k for k in range(3, 14))
 """Numbers of shots that are tried: 8, 16, ..., 8192."""
-_FIRST = 1024
-_LEAST, _MOST = 200, 400
-"""Episodes that settings are judged by: at least, and at most twice those that are wanted."""
+_FIRST = 256
+_LEAST, _MOST = 200, 1000
+"""Episodes that settings are judged by: at least, and at most to confirm them."""
 
 Show = Callable[[float, str], None]
 
@@ -43,8 +44,17 @@ class Wanted:
 
     @property
     def judged(self) -> int:
-        """How many episodes are simulated."""
-        return max(_LEAST, self.episodes, min(2 * self.episodes, _MOST))
+        """How many episodes settings are looked at with."""
+        return max(_LEAST, self.episodes)
+
+    @property
+    def confirmed(self) -> int:
+        """How many episodes the recommended settings are judged by.
+
+        The longest of n new episodes is longer than all of m others in n / (m + n) of all cases:
+        m = 9 n leave one in ten above the interval, as they should.
+        """
+        return max(self.judged, min(9 * self.episodes, _MOST))
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,29 +105,41 @@ def search(
     """Play the policies with fewer and fewer shots, and choose the cheapest that keep the reward.
 
     A policy keeps it where the mean over whole episodes has at least `keep` of what the best of the
-    policies earns over random actions without noise. Points are judged from 1024 shots downwards
-    until one fails, or upwards until one passes. An episode is cut only where nothing fits without.
+    policies earns over random actions without noise. Points are judged from 256 shots downwards
+    until one fails, or upwards until one passes; what is to be recommended is judged again by more
+    episodes. An episode is cut only where nothing fits without.
 
     Raises:
         OptionError: the policies are of different environments, or no better than random.
     """
     _check(policies)
-    seed, judged = wanted.settings.seed, wanted.judged
     show(0, "random actions")
-    random = random_rewards(policies[0], seed)
-    ideal = [ideal_rewards(policy, seed, judged) for policy in policies]
-    baseline = Baseline(random, max(ideal, key=lambda rewards: float(rewards.mean())))
+    judge = Judge(policies, wanted)
     points: list[Point] = []
     for number, policy in enumerate(policies):
-        shown = _Shown(show, number / len(policies), 1 / len(policies))
-        points += _Ladder(policy, backend, wanted, baseline, shown).points()
-    keeping = [point for point in points if point.share >= wanted.keep]
-    chosen = _cheapest(keeping, wanted.within)
-    if chosen is None and "max_steps" not in wanted.given:
-        cut = [short for point in keeping if (short := point.shortened()) is not None]
-        chosen = _cheapest(cut, wanted.within)
-        points += [] if chosen is None else [chosen]
+        shown = _Shown(show, 0.8 * number / len(policies), 0.8 / len(policies))
+        points += Ladder(policy, backend, wanted, judge, shown).points()
+
+    while (chosen := _candidate(points, wanted)) is not None:
+        if len(chosen.simulated.rewards) >= wanted.confirmed:
+            break
+        words = f"{chosen.policy.name}, {chosen.settings.shots} shots"
+        show(0.9, f"{words}, {wanted.confirmed} episodes")
+        again = judge.again(replace(chosen, cut=wanted.given.get("max_steps")), backend)
+        points = [again if p.simulated is chosen.simulated else p for p in points]
+    if chosen is not None and chosen not in points:
+        points.append(chosen)
     return Found(wanted, points, chosen)
+
+
+def _candidate(points: Sequence[Point], wanted: Wanted) -> Point | None:
+    """The cheapest point that keeps the reward and fits, cut only where none does without."""
+    keeping = [point for point in points if point.share >= wanted.keep]
+    found = _cheapest(keeping, wanted.within)
+    if found is None and "max_steps" not in wanted.given:
+        cut = [short for point in keeping if (short := point.shortened()) is not None]
+        found = _cheapest(cut, wanted.within)
+    return found
 
 
 def _check(policies: Sequence[Policy]) -> None:
@@ -162,35 +184,59 @@ class _Shown:
         self.show(self.start + self.share * done, words)
 
 
+class Judge:
+    """What the rewards of some policies are held to: random actions, and the best one's ideal."""
+
+    def __init__(self, policies: Sequence[Policy], wanted: Wanted):
+        self._wanted, seed = wanted, wanted.settings.seed
+        self._random = random_rewards(policies[0], seed)
+        ideal = [ideal_rewards(policy, seed, wanted.judged) for policy in policies]
+        best = int(np.argmax([rewards.mean() for rewards in ideal]))
+        self._best = policies[best]
+        self.baseline = Baseline(self._random, ideal[best])
+
+    @cached_property
+    def _confirming(self) -> Baseline:
+        wanted = self._wanted
+        ideal = ideal_rewards(self._best, wanted.settings.seed, wanted.confirmed)
+        return Baseline(self._random, ideal)
+
+    def again(self, point: Point, backend: Backend | Executor) -> Point:
+        """The point, judged by as many episodes as a recommended one is."""
+        settings, episodes = point.simulated.settings, self._wanted.confirmed
+        simulated = simulate(point.policy, backend, settings, episodes)
+        return replace(point, simulated=simulated, baseline=self._confirming)
+
+
 @dataclass(frozen=True, eq=False)
-class _Ladder:
+class Ladder:
     """One policy with more and fewer shots."""
 
     policy: Policy
     backend: Backend | Executor
     wanted: Wanted
-    baseline: Baseline
-    show: Callable[[float, str], None]
+    judge: Judge
+    show: Show
 
     def points(self) -> list[Point]:
         """A point for each number of shots: the best way to measure them."""
         if "shots" in self.wanted.given:
-            return [self._best(self.wanted.given["shots"])]
+            return [self.point(self.wanted.given["shots"])]
         start = LADDER.index(_FIRST)
-        points = [self._best(_FIRST)]
+        points = [self.point(_FIRST)]
         keeps = points[0].share >= self.wanted.keep
         for shots in LADDER[start - 1 :: -1] if keeps else LADDER[start + 1 :]:
-            points.append(self._best(shots))
+            points.append(self.point(shots))
             if (points[-1].share >= self.wanted.keep) != keeps:
                 break
         return points
 
-    def _best(self, shots: int) -> Point:
+    def point(self, shots: int) -> Point:
         """The cheapest place and depth for so many shots, simulated as they are."""
         self.show(1 - np.log2(shots) / 14, f"{self.policy.name}, {shots} shots")
         ways = self._ways(shots)
         simulated = self._simulated(shots, *ways[0])
-        first = self._depth(Point(self.policy, simulated, self.baseline, self._episodes, 1))
+        first = self._depth(Point(self.policy, simulated, self.judge.baseline, self._episodes, 1))
         best = first
         for copies, split in ways[1:]:  # priced by the same episodes, and simulated if it is best
             settings = RunSettings.of(simulated.settings, copies=copies, split=split)
