@@ -8,13 +8,16 @@ import numpy as np
 
 from qcompile.arrays import FloatArray
 from qcompile.execution import Workload
-from qcompile.limits import MAX_EXECUTIONS_PER_JOB, SECONDS_PER_EXECUTION, SECONDS_PER_JOB
+from qcompile.limits import (
+    MAX_EXECUTIONS_PER_JOB,
+    MOST_AHEAD,
+    SECONDS_PER_EXECUTION,
+    SECONDS_PER_JOB,
+)
 
 Speculate = int | Literal["auto"]
 """Decisions of each episode that a job measures: so many, or as many as pay."""
 
-MOST_AHEAD = 64
-"""Decisions of an episode that a job measures at most."""
 _PRIOR_AGREED, _PRIOR_COMPARED = 9.0, 10.0
 """Before anything is compared nine of ten predictions are taken to be right."""
 _DEPTHS = np.arange(1.0, MOST_AHEAD + 1)

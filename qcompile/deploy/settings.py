@@ -7,10 +7,11 @@ from typing import Annotated, Any, Literal, Self, get_args
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from qcompile.calibration import Calibration
-from qcompile.deploy.depth import MOST_AHEAD, Speculate
+from qcompile.deploy.depth import Speculate
 from qcompile.device import Device
 from qcompile.errors import CalibrationError, CircuitError, CountsError, OptionError
 from qcompile.execution import check_shots
+from qcompile.limits import MOST_AHEAD
 from qcompile.mitigation import check_response_level
 from qcompile.validation import explain
 

@@ -58,7 +58,9 @@ class RunTask(Task, RunSettings):
         deployment = self.deploy(IBMExecutor(self.device, context.jobs))
         actions = len(deployment.policy.bias)
         recorder = JournalRecorder(context.jobs.journal, actions, self.copy_of, context.say)
-        run = play(deployment, self.episodes, complete=True, recorder=recorder)
+        run = play(
+            deployment, self.episodes, complete=True, recorder=recorder, on_note=context.note
+        )
         if run.interrupted:
             raise KeyboardInterrupt
         return run.summary()

@@ -79,20 +79,16 @@ class Found:
             frontier.append(chosen)
         return sorted(frontier, key=lambda point: point.seconds)
 
-    @property
-    def keeping(self) -> list[Point]:
-        """The points that keep enough of the reward, the cheapest first."""
-        keeping = [point for point in self.points if point.share >= self.wanted.keep]
-        return sorted(keeping, key=lambda point: point.most_seconds)
-
     def nearest(self) -> dict[str, Any]:
         """What would fit: fewer episodes, more seconds, a smaller share; None: nothing."""
-        within, keeping = self.wanted.within, self.keeping
-        fitting = [point for point in self.points if point.most_seconds <= within]
+        within, points = self.wanted.within, _with_cuts(self.points, self.wanted)
+        keeping = [point for point in points if point.share >= self.wanted.keep]
+        cheapest = min(keeping, key=lambda point: point.most_seconds, default=None)
+        fitting = [point.share for point in points if point.most_seconds <= within]
         return {
-            "episodes": _episodes_that_fit(keeping[0], within) if keeping else None,
-            "within": float(np.ceil(keeping[0].most_seconds)) if keeping else None,
-            "keep": max((_floor(point.share) for point in fitting), default=None),
+            "episodes": cheapest and _episodes_that_fit(cheapest, within),
+            "within": cheapest and float(np.ceil(cheapest.most_seconds)),
+            "keep": _floor(max(fitting)) if fitting else None,
         }
 
 
@@ -136,10 +132,15 @@ def _candidate(points: Sequence[Point], wanted: Wanted) -> Point | None:
     """The cheapest point that keeps the reward and fits, cut only where none does without."""
     keeping = [point for point in points if point.share >= wanted.keep]
     found = _cheapest(keeping, wanted.within)
-    if found is None and "max_steps" not in wanted.given:
-        cut = [short for point in keeping if (short := point.shortened()) is not None]
-        found = _cheapest(cut, wanted.within)
-    return found
+    return found or _cheapest(_with_cuts(keeping, wanted), wanted.within)
+
+
+def _with_cuts(points: Sequence[Point], wanted: Wanted) -> list[Point]:
+    """The points, and where no cut is given each with one that touches few of its episodes."""
+    if "max_steps" in wanted.given:
+        return [*points]
+    cut = [short for point in points if (short := point.shortened()) is not None]
+    return [*points, *cut]
 
 
 def _check(policies: Sequence[Policy]) -> None:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from qcompile.deploy.depth import MOST_AHEAD, Depth, accepted, deepest_that_pays, seconds
+from qcompile.deploy.depth import Depth, accepted, deepest_that_pays, seconds
 from qcompile.execution import Workload
+from qcompile.limits import MOST_AHEAD
 
 
 def test_a_fixed_depth_stays() -> None:
