@@ -58,6 +58,8 @@ class RunSettings(BaseModel):
     speculate: Speculate = 1
     """Decisions of each episode that a job measures, along predicted steps; "auto": as many as pay.
     Where nothing is measured, with exact expectations, one."""
+    split: bool = False
+    calibration_shots: int | Literal["auto"] = 8192
     max_steps: int | None = None
     """Stop each episode after so many steps; None: play it to its end."""
 

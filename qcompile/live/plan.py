@@ -9,7 +9,7 @@ import numpy as np
 
 from qcompile.deploy.play import play
 from qcompile.deploy.result import Run
-from qcompile.execution import Workload
+from qcompile.execution import Backend, Executor, Workload
 from qcompile.limits import FREE_SECONDS, USD_PER_SECOND
 from qcompile.live.play import RunTask
 from qcompile.mitigation import CALIBRATION_SHOTS, calibration_workload
@@ -51,12 +51,12 @@ def copies_that_fit(task: RunTask) -> int:
     return task.fitted(fit).copies or min(task.episodes, fit)
 
 
-def forecast(task: RunTask) -> Run:
-    """The task played on the noise model of its device, from the same resets.
+def forecast(task: RunTask, backend: Backend | Executor | None = None) -> Run:
+    """The task played on the backend, by default its device's noise model, from the same resets.
 
     Its `total_load` is what `run --live` sends if the episodes last as long on the machine.
     """
-    return play(task.deploy(task.device), task.episodes)
+    return play(task.deploy(backend or task.device), task.episodes)
 
 
 def strategies(task: RunTask, forecasted: Run) -> list[Strategy]:

@@ -16,7 +16,7 @@ from qcompile.deploy.rows import Rows
 from qcompile.deploy.settings import RunSettings
 from qcompile.device import Device
 from qcompile.errors import LiveError, ReplayError
-from qcompile.execution import Executor
+from qcompile.execution import Backend, Executor
 from qcompile.live.journal import Journal, TaskKind
 from qcompile.live.records import Chains, Step
 from qcompile.live.task import Context, DeviceTask
@@ -64,8 +64,8 @@ class RunTask(DeviceTask, RunSettings):
             raise KeyboardInterrupt
         return run.summary()
 
-    def deploy(self, backend: Device | Executor) -> Deployment:
-        """The task's policy on an executor of the task's device, or on its noise model."""
+    def deploy(self, backend: Device | Backend | Executor) -> Deployment:
+        """The task's policy on an executor of the task's device, or on a model of it."""
         return Deployment(self.policy.policy(), backend, self.settings)
 
 
