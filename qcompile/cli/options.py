@@ -98,29 +98,6 @@ class Depth(click.ParamType["int | str"]):
         return int(value)
 
 
-class CalibrationShots(click.ParamType["int | str"]):
-    """A number of shots, or "auto"."""
-
-    name = "n|auto"
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> int | str:
-        if value == "auto":
-            return "auto"
-        try:
-            shots = int(value)
-        except ValueError:
-            self.fail(f"{value!r} is neither a number nor 'auto'.", param, ctx)
-        if not 1 <= shots <= MAX_SHOTS:
-            self.fail(
-                f"{shots} shots cannot be run; the number lies in [1, {MAX_SHOTS}], or say 'auto'.",
-                param,
-                ctx,
-            )
-        return shots
-
-
 class Share(click.FloatRange):
     """A number above 0 and at most 1, or below 1 where `open_end`."""
 

@@ -58,8 +58,6 @@ class RunSettings(BaseModel):
     speculate: Speculate = 1
     """Decisions of each episode that a job measures, along predicted steps; "auto": as many as pay.
     Where nothing is measured, with exact expectations, one."""
-    split: bool = False
-    calibration_shots: int | Literal["auto"] = 8192
     max_steps: int | None = None
     """Stop each episode after so many steps; None: play it to its end."""
 
@@ -98,8 +96,11 @@ class RunSettings(BaseModel):
 
     @property
     def place_shots(self) -> CountArray:
-        """The shots of a row in each place, (places,): the first ones have one more."""
-        fewer, more = divmod(self.shots or 0, self.places)
+        """The shots of a row in each place, (places,): the first ones have one more.
+
+        Exact expectations count alike in all places.
+        """
+        fewer, more = divmod(self.shots or self.places, self.places)
         return fewer + (np.arange(self.places) < more)
 
     def circuit_shots(self, circuits: int) -> CircuitShots:
@@ -145,7 +146,7 @@ class RunSettings(BaseModel):
         """
         if not self.split or self.copies is not None:
             return self
-        copies = min(fit, self.shots or 0)
+        copies = fit if self.shots is None else min(fit, self.shots)
         if copies < 2:
             raise OptionError(
                 "There is nothing to split: the circuits fit on the device "
@@ -193,17 +194,12 @@ class RunSettings(BaseModel):
             )
 
     def _check_split(self) -> None:
-        if self.shots is None:
-            raise OptionError(
-                "split spreads the shots of a row, and exact expectations have none.",
-                "Give a number of shots.",
-            )
         if self.copies == 1:
             raise OptionError(
                 "split spreads the shots of a row over several copies, found one.",
                 "Give more copies, or none: as many as fit.",
             )
-        if self.copies is not None and self.copies > self.shots:
+        if self.copies is not None and self.shots is not None and self.copies > self.shots:
             raise OptionError(
                 f"{self.shots} shots cannot be split over {self.copies} copies.",
                 "Each of them needs a shot.",
