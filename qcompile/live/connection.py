@@ -14,7 +14,7 @@ from qcompile.device import Device
 from qcompile.errors import LiveError, MissingExtraError, QcompileError
 from qcompile.live import words
 from qcompile.live.answers import UnreadableAnswerError
-from qcompile.live.words import in_words, never_left, seconds_setting, transient
+from qcompile.live.words import Apart, in_words, never_left, seconds_setting, transient
 from qcompile.snapshot import device_from_backend
 
 T = TypeVar("T")
@@ -212,10 +212,12 @@ class Connection:
 
         class Adapter(HTTPAdapter):
             def send(self, request: Any, *args: Any, **options: Any) -> Any:
-                submits = request.method == "POST" and request.path_url.endswith("/jobs")
+                path, _, _ = request.path_url.partition("?")
+                submits = request.method == "POST" and path.endswith("/jobs")
                 connection.submissions += submits
                 try:
-                    return super().send(request, *args, **options)
+                    with Apart():
+                        return super().send(request, *args, **options)
                 except OSError as error:
                     connection.submissions -= submits and never_left(error)
                     raise
@@ -242,7 +244,7 @@ class Connection:
             reraise=True,
         )
         try:
-            with warnings.catch_warnings():
+            with Apart(), warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # the client's words go to people who program it
                 return retrying(call)
         except QcompileError:
