@@ -9,6 +9,7 @@ import click
 
 from qcompile.cli.live_options import live_options
 from qcompile.cli.options import (
+    Depth,
     Shots,
     backend_option,
     calibration_shots_option,
@@ -68,6 +69,14 @@ if TYPE_CHECKING:
     "or --split as many as fit]",
 )
 @split_option
+@click.option(
+    "--speculate",
+    type=Depth(),
+    default=1,
+    show_default=True,
+    help="Measure up to D decisions of each episode in a job, along predicted steps; those whose "
+    "predictions were right count. auto: as many as pay.",
+)
 @max_steps_option
 @click.option("--greedy", is_flag=True, help="Take the most probable action; default: sample.")
 @import_option
@@ -92,6 +101,7 @@ def command(
     calibration_shots: int | Literal["auto"],
     copies: int | None,
     split: bool,
+    speculate: int | Literal["auto"],
     max_steps: int | None,
     greedy: bool,
     imports: tuple[str, ...],
@@ -122,6 +132,7 @@ def command(
         calibration_shots=calibration_shots,
         copies=copies,
         split=split,
+        speculate=speculate,
         max_steps=max_steps,
         greedy=greedy,
         imports=imports,

@@ -24,6 +24,7 @@ _SETTINGS: Mapping[str, Any] = {
     "predistort": False,
     "copies": 1,
     "split": False,
+    "speculate": 1,
 }
 """The settings of circuits, as they are for a network."""
 
@@ -71,6 +72,10 @@ class NetworkPlayer:
         if self.settings.greedy:
             return self.policy.greedy(observations)
         return self.policy.decide(observations, self._draws.actions(rows.episode, rows.decision))
+
+    def predict(self, observations: FloatArray, rows: Rows) -> IntArray:
+        """Its actions are known."""
+        return self.act(observations, rows)
 
     def executions(self, rows: Rows) -> int:
         """It has no program."""

@@ -9,9 +9,11 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from qcompile.arrays import CircuitShots, CountArray, FloatArray
 from qcompile.calibration import Calibration
+from qcompile.deploy.depth import Speculate
 from qcompile.device import Device
 from qcompile.errors import CalibrationError, CircuitError, CountsError, OptionError
 from qcompile.execution import check_shots
+from qcompile.limits import MOST_AHEAD
 from qcompile.mitigation import CALIBRATION_SHOTS, check_response_level
 from qcompile.validation import explain
 
@@ -53,6 +55,9 @@ class RunSettings(BaseModel):
     None: one, or with `split` as many as fit."""
     split: bool = False
     """Spread the shots of a row over the copies: its executions are fewer, and errors average."""
+    speculate: Speculate = 1
+    """Decisions of each episode that a job measures, along predicted steps; "auto": as many as pay.
+    Where nothing is measured, with exact expectations, one."""
     max_steps: int | None = None
     """Stop each episode after so many steps; None: play it to its end."""
 
@@ -91,8 +96,11 @@ class RunSettings(BaseModel):
 
     @property
     def place_shots(self) -> CountArray:
-        """The shots of a row in each place, (places,): the first ones have one more."""
-        fewer, more = divmod(self.shots or 0, self.places)
+        """The shots of a row in each place, (places,): the first ones have one more.
+
+        Exact expectations count alike in all places.
+        """
+        fewer, more = divmod(self.shots or self.places, self.places)
         return fewer + (np.arange(self.places) < more)
 
     @property
@@ -124,7 +132,13 @@ class RunSettings(BaseModel):
             measured = "readout" if known is None else known.mitigation
             mitigation = "none" if self.predistort or device.is_ideal else measured
         copies = 1 if self.copies is None and not self.split else self.copies
-        settings = self.model_copy(update={"mitigation": mitigation, "copies": copies})
+        settings = self.model_copy(
+            update={
+                "mitigation": mitigation,
+                "copies": copies,
+                "speculate": 1 if self.shots is None else self.speculate,
+            }
+        )
         settings._check()
         return settings
 
@@ -138,7 +152,7 @@ class RunSettings(BaseModel):
         """
         if not self.split or self.copies is not None:
             return self
-        copies = min(fit, self.shots or 0)
+        copies = fit if self.shots is None else min(fit, self.shots)
         if copies < 2:
             raise OptionError(
                 "There is nothing to split: the circuits fit on the device "
@@ -171,6 +185,11 @@ class RunSettings(BaseModel):
             raise CircuitError(
                 f"{self.copies} copies of a program cannot be placed.", "One is the least."
             )
+        if self.speculate != "auto" and not 1 <= self.speculate <= MOST_AHEAD:
+            raise OptionError(
+                f"speculate cannot be {self.speculate}.",
+                f'It is a number of decisions from 1 to {MOST_AHEAD}, or "auto".',
+            )
         if self.split:
             self._check_split()
         if self.calibration_shots != "auto":
@@ -181,17 +200,12 @@ class RunSettings(BaseModel):
             )
 
     def _check_split(self) -> None:
-        if self.shots is None:
-            raise OptionError(
-                "split spreads the shots of a row, and exact expectations have none.",
-                "Give a number of shots.",
-            )
         if self.copies == 1:
             raise OptionError(
                 "split spreads the shots of a row over several copies, found one.",
                 "Give more copies, or none: as many as fit.",
             )
-        if self.copies is not None and self.copies > self.shots:
+        if self.copies is not None and self.shots is not None and self.copies > self.shots:
             raise OptionError(
                 f"{self.shots} shots cannot be split over {self.copies} copies.",
                 "Each of them needs a shot.",

@@ -8,6 +8,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
+from qcompile.arrays import IntArray
 from qcompile.limits import MAX_EXECUTIONS_PER_JOB, SECONDS_PER_EXECUTION, SECONDS_PER_JOB
 
 
@@ -37,11 +40,18 @@ def portions(rows: Sequence[int], shots: int) -> list[list[Portion]]:
         while start < count:
             if not room:
                 jobs.append([])
-                room = MAX_EXECUTIONS_PER_JOB // shots
+                room = MAX_EXECUTIONS_PER_JOB // max(shots, 1)  # exact: none
             taken = min(room, count - start)
             jobs[-1].append(Portion(pub, range(start, start + taken)))
             start, room = start + taken, room - taken
     return jobs
+
+
+def job_counts(rows: IntArray, rounds: int, shots: int) -> IntArray:
+    """How many jobs `portions` makes of batches of so many rows, for an array of any shape."""
+    if together := MAX_EXECUTIONS_PER_JOB // (rounds * shots):
+        return np.maximum(-(-rows // together), 1)
+    return np.maximum(rows * -(-rounds // (MAX_EXECUTIONS_PER_JOB // shots)), 1)
 
 
 @dataclass(frozen=True)

@@ -100,20 +100,19 @@ def count_ones(
     ones = np.zeros((len(bits[0]), len(circuits)), dtype=np.int64)
     for packed, of_round in zip(rounds, bits, strict=True):
         width = len(packed.circuits)
-        of_circuits = shots[packed.circuits] if isinstance(shots, np.ndarray) else None
-        counts = ones_of_bits(of_round, width, of_circuits)
-        ones[:, np.searchsorted(circuits, packed.circuits)] = counts
+        counted = shots[packed.circuits] if isinstance(shots, np.ndarray) else None
+        ones[:, np.searchsorted(circuits, packed.circuits)] = ones_of_bits(of_round, width, counted)
     return ones
 
 
 def ones_of_bits(
-    packed: NDArray[np.uint8], width: int, shots: CountArray | None = None
+    packed: NDArray[np.uint8], width: int, counted: CountArray | None = None
 ) -> CountArray:
     """In how many shots each bit is 1, (..., width), of packed bits (..., shots, bytes).
 
-    Of each bit the first `shots` count, (width,); None: all.
+    Of each bit the first `counted` (width,) shots count, without it all.
     """
     bits = np.unpackbits(packed, axis=-1)[..., : -width - 1 : -1]  # bit 0 comes last
-    if shots is not None:
-        bits &= np.arange(bits.shape[-2])[:, None] < shots
+    if counted is not None:
+        bits &= np.arange(bits.shape[-2])[:, None] < counted
     return np.asarray(bits.sum(axis=-2, dtype=np.int64))

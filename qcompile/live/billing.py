@@ -11,7 +11,7 @@ from qcompile.live.journal import Journal
 from qcompile.live.records import Charge
 from qcompile.live.remote import RemoteJobs
 
-CHARGE_PAUSES_S = (0.1, 0.3, 1.0, 3.0)
+_CHARGE_PAUSES_S = (0.1, 0.3, 1.0, 3.0)
 _MOST_UNCHARGED = 20
 
 
@@ -31,7 +31,7 @@ class Billing:
         """
         if len(self._charges.uncharged()) >= _MOST_UNCHARGED:
             self._wait(0.0)
-        for pause_s in CHARGE_PAUSES_S:
+        for pause_s in _CHARGE_PAUSES_S:
             try:
                 return self._budget.cap_s(executions)
             except BudgetError:
@@ -42,14 +42,14 @@ class Billing:
 
     def settle(self) -> None:
         """Ask for every charge that is not known; what IBM does not say within seconds stays so."""
-        for pause_s in CHARGE_PAUSES_S:
+        for pause_s in _CHARGE_PAUSES_S:
             if not self._charges.uncharged():
                 return
             self._wait(pause_s)
 
     def charge_s(self, job_id: str) -> float | None:
         """What an ended job was charged, waited for some seconds; None if IBM has not said it."""
-        for pause_s in (0.0, *CHARGE_PAUSES_S):
+        for pause_s in (0.0, *_CHARGE_PAUSES_S):
             charge = self._charges.of_job(job_id)
             if charge is None or charge.charged_s is not None:
                 break

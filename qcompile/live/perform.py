@@ -72,13 +72,15 @@ def complete(
     pay_again: bool = False,
     out: Path | None = None,
     show: Callable[[float, str], None] = lambda done, words: None,
+    note: Callable[[str], None] = lambda words: None,
 ) -> dict[str, Any]:
     """Do what is left of the run; what it found, with its id and what was charged.
 
-    `show` gets how many jobs are done, and words. A finished run gives its result again, and asks
-    IBM once more what it has of the run and charges for it; where all of that was known, it does
-    not wait for an answer. Of a sampler those jobs are fetched that were sent. `pay_again` sends a
-    job again that was charged and gave no counts. `out` is another file for a calibration than the
+    `show` gets how many jobs are done, and words, `note` what a person should read. A finished run
+    gives its result again, and asks IBM once more what it has of the run and charges for it; where
+    all of that was known, it does not wait for an answer. Of a sampler those jobs are fetched that
+    were sent. `pay_again` sends a job again that was charged and gave no counts. `out` is another
+    file for a calibration than the
     one it has; without it none is written where the run began on another machine.
 
     Raises:
@@ -117,7 +119,7 @@ def complete(
         )
         if journal.result is None:
             try:
-                found = task.perform(Context(jobs, say_step))
+                found = task.perform(Context(jobs, say_step, note))
                 if task.ends:
                     journal.finish(found)
             except KeyboardInterrupt:

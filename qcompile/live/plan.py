@@ -9,7 +9,7 @@ import numpy as np
 
 from qcompile.deploy.play import play
 from qcompile.deploy.result import Run
-from qcompile.execution import Workload
+from qcompile.execution import Backend, Executor, Workload
 from qcompile.limits import FREE_SECONDS, USD_PER_SECOND
 from qcompile.live.play import RunTask
 from qcompile.mitigation import CALIBRATION_SHOTS, calibration_workload
@@ -51,12 +51,12 @@ def copies_that_fit(task: RunTask) -> int:
     return task.fitted(fit).copies or min(task.episodes, fit)
 
 
-def forecast(task: RunTask) -> Run:
-    """The task played on the noise model of its device, from the same resets.
+def forecast(task: RunTask, backend: Backend | Executor | None = None) -> Run:
+    """The task played on the backend, by default its device's noise model, from the same resets.
 
     Its `total_load` is what `run --live` sends if the episodes last as long on the machine.
     """
-    return play(task.deploy(task.device), task.episodes)
+    return play(task.deploy(backend or task.device), task.episodes)
 
 
 def strategies(task: RunTask, forecasted: Run) -> list[Strategy]:
@@ -64,7 +64,7 @@ def strategies(task: RunTask, forecasted: Run) -> list[Strategy]:
 
     All but the paper's and the twin's include the calibration of the task's mitigation.
     """
-    policy, steps, shots = task.policy.policy(), forecasted.env_steps, task.shots or 0
+    policy, steps, shots = task.policy.policy(), forecasted.decisions, task.shots or 0
     executable = compile(policy.trained_program, task.device, task.level, policy.importance)
     alone = task.model_copy(update={"copies": 1, "split": False}).deploy(task.device)
     of_circuit = Workload.of_batch(1, 1, shots)

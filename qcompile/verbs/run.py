@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from qcompile.calibration import Calibration, age_words, load_calibration
+from qcompile.deploy.depth import Speculate
 from qcompile.deploy.lockstep import Episode
 from qcompile.deploy.network import refuse_options
 from qcompile.deploy.play import play, player
@@ -57,7 +58,7 @@ class RunResult(Result):
 
     @property
     def mean_reward(self) -> float | None:
-        """None where no episode was finished."""
+        """None where no episode was finished, or not all that were measured ahead."""
         mean: float | None = self.to_dict()["mean_reward"]
         return mean
 
@@ -94,6 +95,8 @@ class RunResult(Result):
         """
         if self.to_dict()["interrupted"]:
             bias = "These are the shortest ones: their mean does not estimate the policy's score."
+            if self.to_dict()["speculate"] != 1:
+                bias = "These ended first, as their measurements were predicted: they give no mean."
             raise QcompileError(
                 f"Interrupted: {len(self.episodes)} of {self._asked} episodes were finished.",
                 *([bias] if self.episodes else []),
@@ -116,6 +119,7 @@ def run(
     calibration_shots: int | Literal["auto"] = CALIBRATION_SHOTS,
     copies: int | None = None,
     split: bool = False,
+    speculate: Speculate = 1,
     max_steps: int | None = None,
     greedy: bool = False,
     imports: Name | Sequence[Name] = (),
@@ -132,10 +136,12 @@ def run(
     its calibration, or through `sampler`, a SamplerV2. The settings are those of `RunSettings`:
     shots None or "exact" are exact expectations; mitigation None is `readout` on a noisy backend,
     calibrated first with `calibration_shots` unless `calibration` is given, and `none` on `ideal`.
-    `split` spreads the shots of a row over `copies` of the circuits. A network plays on
-    `ideal` alone, exactly, and takes none of the settings of circuits. The same seed gives the same
-    result; episode i resets its environment with seed + i. `imports` are modules, names or files,
-    that register environments; `env` are arguments of the environment, over those of the policy.
+    `split` spreads the shots of a row over `copies` of the circuits; `speculate` is the number of
+    decisions of each episode that a job measures, along predicted steps, or "auto". A network plays
+    on `ideal` alone, exactly, and takes none of the settings of circuits. The same seed gives the
+    same result; episode i resets its environment with seed + i. `imports` are modules, names or
+    files, that register environments; `env` are arguments of the environment, over those of the
+    policy.
     `video` films the first episode, .mp4 or .gif.
 
     With `live` it is played on IBM's machine of that name, which costs money: see `Live`. `on_note`
@@ -158,6 +164,7 @@ def run(
         calibration_shots=calibration_shots,
         copies=copies,
         split=split,
+        speculate=speculate,
         max_steps=max_steps,
         greedy=greedy,
     )
@@ -185,8 +192,14 @@ def run(
             rewards.append(episode.reward)
             show(len(rewards), f"mean reward {reward_words(sum(rewards) / len(rewards))}")
 
+        on_frame = None if film is None else film.add
         result = play(
-            playing, episodes, on_episode=count, on_frame=None if film is None else film.add
+            playing,
+            episodes,
+            complete=True,
+            on_episode=count,
+            on_frame=on_frame,
+            on_note=on_note,
         )
     if film is not None:
         words = f"film of the first episode in {video}"
