@@ -99,6 +99,8 @@ def test_the_mean_is_that_of_the_exact_places() -> None:
     assert (np.abs(z.mean(axis=0) - expected) < 5 * np.sqrt(variance / rows)).all()
     # A fourth moment of 3 gives the variance of a variance; binomial ones have less.
     assert (np.abs(z.var(axis=0) / variance - 1) < 5 * np.sqrt(2 / rows)).all()
+    exact = measurement(PROGRAM, fez, shots=None, copies=6)(x, THETA)
+    np.testing.assert_allclose(exact[0], ((seen - (p01 - p10)) / contrast).mean(axis=0), atol=1e-12)
 
 
 def _lost(of: Qubit) -> float:
@@ -152,7 +154,6 @@ def test_a_row_takes_all_places_that_have_a_shot(shots: int, copies: int) -> Non
 @pytest.mark.parametrize(
     ("changes", "error", "words"),
     [
-        ({"shots": None}, OptionError, "exact expectations have none"),
         ({"copies": 1}, OptionError, "over several copies, found one"),
         ({"copies": 9, "shots": 8}, OptionError, "8 shots cannot be split over 9 copies"),
         ({"shots": 1}, OptionError, "fit on the device once, and a row has 1 shots"),
