@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 import click
 
 from qcompile.cli.assignments import EnvironmentArgument, as_mapping
-from qcompile.limits import MAX_SHOTS
+from qcompile.limits import MAX_SHOTS, MOST_AHEAD
 
 if TYPE_CHECKING:
     from qcompile.mitigation.measure import Part
@@ -58,6 +58,21 @@ class Shots(click.ParamType[int | str | None]):
                 ctx,
             )
         return shots
+
+
+class Depth(click.ParamType["int | str"]):
+    """A number of decisions that a job measures of an episode, or "auto"."""
+
+    name = "d|auto"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> int | str:
+        if value == "auto":
+            return "auto"
+        if not str(value).isdecimal() or not 1 <= int(value) <= MOST_AHEAD:
+            self.fail(f"{value} is neither a number from 1 to {MOST_AHEAD} nor 'auto'.", param, ctx)
+        return int(value)
 
 
 class Share(click.FloatRange):

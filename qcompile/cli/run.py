@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
 from qcompile.cli.live_options import live_options
 from qcompile.cli.options import (
+    Depth,
     Shots,
     backend_option,
     echo_json,
@@ -64,6 +65,14 @@ if TYPE_CHECKING:
     help="Episodes that share an execution, side by side on the device.  [default: 1; with --live "
     "as many as fit]",
 )
+@click.option(
+    "--speculate",
+    type=Depth(),
+    default=1,
+    show_default=True,
+    help="Measure up to D decisions of each episode in a job, along predicted steps; those whose "
+    "predictions were right count. auto: as many as pay.",
+)
 @max_steps_option
 @click.option("--greedy", is_flag=True, help="Take the most probable action; default: sample.")
 @import_option
@@ -86,6 +95,7 @@ def command(
     calibration_file: Path | None,
     predistort: bool,
     copies: int | None,
+    speculate: int | Literal["auto"],
     max_steps: int | None,
     greedy: bool,
     imports: tuple[str, ...],
@@ -114,6 +124,7 @@ def command(
         calibration=calibration_file,
         predistort=predistort,
         copies=copies,
+        speculate=speculate,
         max_steps=max_steps,
         greedy=greedy,
         imports=imports,

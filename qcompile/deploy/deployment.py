@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,15 @@ from qcompile.deploy.player import GATES
 from qcompile.deploy.rows import Rows, executions
 from qcompile.deploy.settings import RunSettings
 from qcompile.device import Device
-from qcompile.execution import Backend, Executor, Kind, Workload, open_executor
+from qcompile.execution import (
+    Backend,
+    Executor,
+    Kind,
+    OfflineExecutor,
+    TwinExecutor,
+    Workload,
+    open_executor,
+)
 from qcompile.policy import Policy
 from qcompile.policy.policy import NO_THETA
 from qcompile.streams import Draws
@@ -92,6 +101,27 @@ class Deployment:
         if self.settings.greedy:
             return self.policy.greedy(z)
         return self.policy.decide(z, self._draws.actions(rows.episode, rows.decision))
+
+    def predict(self, observations: FloatArray, rows: Rows) -> IntArray:
+        """The actions (B,) that `act` will most likely give for these rows; nothing is measured.
+
+        They are decided by the same uniform numbers, and by `<Z>` without shot noise: of the
+        executor where it has that, else of the twin of the settings' calibration, if that holds
+        response curves and the level is that of a twin, or of the noise model of the device.
+        """
+        return self._predictor.act(observations, rows)
+
+    @cached_property
+    def _predictor(self) -> Deployment:
+        """The deployment without shot noise, in the same places where its device is the same."""
+        settings, known = RunSettings.of(self.settings, shots=None), self.settings.calibration
+        if self._measure.has_expectations:
+            return Deployment(self.policy, self.executor, settings)
+        if known is not None and known.response is not None and settings.level == 2:
+            return Deployment(self.policy, TwinExecutor(known), settings)
+        # The noise model is not what a calibration of the machine undoes: it has one of its own.
+        model = OfflineExecutor(self.device)
+        return Deployment(self.policy, model, settings, calibration=None, calibration_file=None)
 
     def executions(self, rows: Rows) -> int:
         """How many executions of its program a step of these rows takes: those of its copies."""

@@ -9,7 +9,7 @@ from qcompile.calibration import Calibration
 from qcompile.deploy.rows import Rows, packed
 from qcompile.deploy.settings import RunSettings
 from qcompile.errors import CalibrationError
-from qcompile.execution import Executor, Workload, exact
+from qcompile.execution import ExactPrepared, Executor, Workload, exact
 from qcompile.ir import Program
 from qcompile.mitigation import (
     CALIBRATION_SHOTS,
@@ -66,6 +66,11 @@ class Measurement:
         if executor.calibration is not None:
             self._note_misfits(executor.calibration, "response")
         self._prepared = executor.prepare(self.executable)
+
+    @property
+    def has_expectations(self) -> bool:
+        """Whether its executor has expectations without shot noise."""
+        return isinstance(self._prepared, ExactPrepared)
 
     def _note_misfits(self, calibration: Calibration, part: Part) -> None:
         """Note the misfits of a part on the qubits of the executable, each once."""

@@ -23,6 +23,7 @@ _SETTINGS: Mapping[str, Any] = {
     "calibration": None,
     "predistort": False,
     "copies": 1,
+    "speculate": 1,
 }
 """The settings of circuits, as they are for a network."""
 
@@ -69,6 +70,10 @@ class NetworkPlayer:
         if self.settings.greedy:
             return self.policy.greedy(observations)
         return self.policy.decide(observations, self._draws.actions(rows.episode, rows.decision))
+
+    def predict(self, observations: FloatArray, rows: Rows) -> IntArray:
+        """Its actions are known."""
+        return self.act(observations, rows)
 
     def executions(self, rows: Rows) -> int:
         """It has no program."""

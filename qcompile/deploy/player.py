@@ -54,6 +54,10 @@ class Player(Protocol):
         """
         ...
 
+    def predict(self, observations: FloatArray, rows: Rows) -> IntArray:
+        """The actions (B,) that `act` will most likely give for these rows; nothing is measured."""
+        ...
+
     def executions(self, rows: Rows) -> int:
         """How many executions of its program a step of these rows takes."""
         ...

@@ -7,9 +7,11 @@ from typing import Annotated, Any, Literal, Self, get_args
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from qcompile.calibration import Calibration
+from qcompile.deploy.depth import Speculate
 from qcompile.device import Device
 from qcompile.errors import CalibrationError, CircuitError, CountsError, OptionError
 from qcompile.execution import check_shots
+from qcompile.limits import MOST_AHEAD
 from qcompile.mitigation import check_response_level
 from qcompile.validation import explain
 
@@ -45,6 +47,9 @@ class RunSettings(BaseModel):
     """Episode i resets with seed + i; shots and actions are drawn from streams of the seed."""
     copies: int | None = None
     """Episodes that share an execution, side by side on the device; None: one."""
+    speculate: Speculate = 1
+    """Decisions of each episode that a job measures, along predicted steps; "auto": as many as pay.
+    Where nothing is measured, with exact expectations, one."""
     max_steps: int | None = None
     """Stop each episode after so many steps; None: play it to its end."""
 
@@ -86,7 +91,11 @@ class RunSettings(BaseModel):
             measured = "readout" if known is None else known.mitigation
             mitigation = "none" if self.predistort or device.is_ideal else measured
         settings = self.model_copy(
-            update={"mitigation": mitigation, "copies": 1 if self.copies is None else self.copies}
+            update={
+                "mitigation": mitigation,
+                "copies": 1 if self.copies is None else self.copies,
+                "speculate": 1 if self.shots is None else self.speculate,
+            }
         )
         settings._check()
         return settings
@@ -114,6 +123,11 @@ class RunSettings(BaseModel):
         if self.copies is not None and self.copies < 1:
             raise CircuitError(
                 f"{self.copies} copies of a program cannot be placed.", "One is the least."
+            )
+        if self.speculate != "auto" and not 1 <= self.speculate <= MOST_AHEAD:
+            raise OptionError(
+                f"speculate cannot be {self.speculate}.",
+                f'It is a number of decisions from 1 to {MOST_AHEAD}, or "auto".',
             )
         if self.max_steps is not None and self.max_steps < 1:
             raise CountsError(

@@ -71,13 +71,14 @@ def complete(
     pay_again: bool = False,
     out: Path | None = None,
     show: Callable[[float, str], None] = lambda done, words: None,
+    note: Callable[[str], None] = lambda words: None,
 ) -> dict[str, Any]:
     """Do what is left of the run; what it found, with its id and what was charged.
 
-    `show` gets how many jobs are done, and words. A finished run gives its result again, and asks
-    IBM once more what it has of the run and charges for it; where all of that was known, it does
-    not wait for an answer. `pay_again` sends a
-    job again that was charged and gave no counts. `out` is another file for a calibration than the
+    `show` gets how many jobs are done, and words, `note` what a person should read. A finished run
+    gives its result again, and asks IBM once more what it has of the run and charges for it; where
+    all of that was known, it does not wait for an answer. `pay_again` sends a job again that was
+    charged and gave no counts. `out` is another file for a calibration than the
     one it has; without it none is written where the run began on another machine.
 
     Raises:
@@ -116,7 +117,7 @@ def complete(
         )
         if journal.result is None:
             try:
-                journal.finish(task.perform(Context(jobs, say_step)))
+                journal.finish(task.perform(Context(jobs, say_step, note)))
             except KeyboardInterrupt:
                 raise _explained(LiveError("Interrupted."), journal) from None
             except QcompileError as error:

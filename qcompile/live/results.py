@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
@@ -55,6 +55,8 @@ class RunFigures(_Figures):
     jobs: Count
     executions: Count
     hold: Annotated[int, Field(ge=1)] = 1
+    speculate: Annotated[int, Field(ge=1)] | Literal["auto"] = 1
+    measured_rows: Count | None = None
     decisions: Count | None = None
     env_steps: Count
     wall_seconds: Finite
@@ -65,6 +67,8 @@ class RunFigures(_Figures):
             raise ValueError("episodes without a mean")
         if self.hold > 1 and self.decisions is None:
             raise ValueError("held decisions without their number")
+        if self.speculate != 1 and None in (self.decisions, self.measured_rows):
+            raise ValueError("decisions measured ahead without their number")
         return self
 
 

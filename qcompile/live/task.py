@@ -17,10 +17,11 @@ from qcompile.live.journal import TaskKind
 
 @dataclass(frozen=True)
 class Context:
-    """The jobs of a run, and `say`, which gets words on how far it is."""
+    """The jobs of a run; `say` gets words on how far it is, `note` what a person should read."""
 
     jobs: Jobs
     say: Callable[[str], None]
+    note: Callable[[str], None] = lambda words: None
 
 
 class Task(BaseModel):

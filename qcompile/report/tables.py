@@ -118,11 +118,12 @@ def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
     if rewards:
         interval = interval_words(summary)
         interval = f" (95 % interval {interval})" if interval else ""
-        mean, _, deviation = reward_words(summary["mean_reward"], summary["std_reward"]).split()
-        yield (
-            "mean reward",
-            f"[bold]{mean}[/] ± {deviation} over {plural(len(rewards), 'episode')}{interval}",
-        )
+        if summary["mean_reward"] is not None:
+            mean, _, deviation = reward_words(summary["mean_reward"], summary["std_reward"]).split()
+            yield (
+                "mean reward",
+                f"[bold]{mean}[/] ± {deviation} over {plural(len(rewards), 'episode')}{interval}",
+            )
         yield "each episode", f"{_bars(rewards)}  {min(rewards):.0f} to {max(rewards):.0f}"
         if interval and min(rewards) == max(rewards):
             share = f"{unseen_share(len(rewards)):.0%}"
@@ -138,6 +139,12 @@ def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
         yield "doubtful", words
     if summary["copies"] > 1:
         yield "side by side", plural(summary["copies"], "episode")
+    if summary.get("speculate", 1) != 1:
+        yield (
+            "speculate",
+            f"{summary['speculate']}: {summary['measured_rows']:,} decisions measured, "
+            f"{summary['decisions']:,} of them count; {plural(summary['jobs'], 'job')}",
+        )
     yield from _cut_lines(summary)
     yield "actions", f"{'greedy' if summary['greedy'] else 'sampled'}, seed {summary['seed']}"
     hold, steps = summary.get("hold", 1), f"{summary['env_steps']} steps"

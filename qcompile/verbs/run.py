@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from qcompile.calibration import Calibration, age_words, load_calibration
+from qcompile.deploy.depth import Speculate
 from qcompile.deploy.lockstep import Episode
 from qcompile.deploy.network import refuse_options
 from qcompile.deploy.play import play, player
@@ -56,7 +57,7 @@ class RunResult(Result):
 
     @property
     def mean_reward(self) -> float | None:
-        """None where no episode was finished."""
+        """None where no episode was finished, or not all that were measured ahead."""
         mean: float | None = self.to_dict()["mean_reward"]
         return mean
 
@@ -93,6 +94,8 @@ class RunResult(Result):
         """
         if self.to_dict()["interrupted"]:
             bias = "These are the shortest ones: their mean does not estimate the policy's score."
+            if self.to_dict()["speculate"] != 1:
+                bias = "These ended first, as their measurements were predicted: they give no mean."
             raise QcompileError(
                 f"Interrupted: {len(self.episodes)} of {self._asked} episodes were finished.",
                 *([bias] if self.episodes else []),
@@ -113,6 +116,7 @@ def run(
     calibration: Name | Calibration | None = None,
     predistort: bool = False,
     copies: int | None = None,
+    speculate: Speculate = 1,
     max_steps: int | None = None,
     greedy: bool = False,
     imports: Name | Sequence[Name] = (),
@@ -129,9 +133,11 @@ def run(
     its calibration, or through `sampler`, a SamplerV2. The settings are those of `RunSettings`:
     shots None or "exact" are exact expectations; mitigation None is `readout` on a noisy backend,
     calibrated first unless `calibration` is given, and `none` on `ideal`. A network plays on
-    `ideal` alone, exactly, and takes none of the settings of circuits. The same seed gives the same
-    result; episode i resets its environment with seed + i. `imports` are modules, names or files,
-    that register environments; `env` are arguments of the environment, over those of the policy.
+    `ideal` alone, exactly, and takes none of the settings of circuits. `speculate` is the number of
+    decisions of each episode that a job measures, along predicted steps, or "auto". The same seed
+    gives the same result; episode i resets its environment with seed + i. `imports` are modules,
+    names or files, that register environments; `env` are arguments of the environment, over those
+    of the policy.
     `video` films the first episode, .mp4 or .gif.
 
     With `live` it is played on IBM's machine of that name, which costs money: see `Live`. `on_note`
@@ -152,6 +158,7 @@ def run(
         mitigation=mitigation,
         predistort=predistort,
         copies=copies,
+        speculate=speculate,
         max_steps=max_steps,
         greedy=greedy,
     )
@@ -180,7 +187,14 @@ def run(
             show(len(rewards), f"mean reward {reward_words(sum(rewards) / len(rewards))}")
 
         on_frame = None if film is None else film.add
-        result = play(playing, episodes, complete=True, on_episode=count, on_frame=on_frame)
+        result = play(
+            playing,
+            episodes,
+            complete=True,
+            on_episode=count,
+            on_frame=on_frame,
+            on_note=on_note,
+        )
     if film is not None:
         words = f"film of the first episode in {video}"
         on_note(words if film.frames else "no step was played: there is no film")

@@ -76,6 +76,8 @@ class _Summary(_Part):
     executions: Whole
     qpu_seconds_estimate: Amount | None
     hold: Annotated[int, Field(ge=1)] = 1
+    speculate: Literal[1] = 1
+    measured_rows: Whole | None = None
     decisions: Whole | None = None
     env_steps: Whole
     wall_seconds: Amount
