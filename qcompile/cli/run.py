@@ -12,6 +12,7 @@ from qcompile.cli.options import (
     Depth,
     Shots,
     backend_option,
+    calibration_shots_option,
     echo_json,
     echo_note,
     env_option,
@@ -19,6 +20,7 @@ from qcompile.cli.options import (
     json_option,
     level_option,
     max_steps_option,
+    split_option,
 )
 from qcompile.limits import MAX_EPISODES
 
@@ -54,6 +56,7 @@ if TYPE_CHECKING:
     type=click.Path(dir_okay=False, path_type=Path),
     help="Mitigate with this file of `qcompile calibrate` instead of measuring first.",
 )
+@calibration_shots_option
 @click.option(
     "--predistort",
     is_flag=True,
@@ -63,8 +66,9 @@ if TYPE_CHECKING:
     "--copies",
     type=click.IntRange(1, MAX_EPISODES),
     help="Episodes that share an execution, side by side on the device.  [default: 1; with --live "
-    "as many as fit]",
+    "or --split as many as fit]",
 )
+@split_option
 @click.option(
     "--speculate",
     type=Depth(),
@@ -94,7 +98,9 @@ def command(
     mitigation: str | None,
     calibration_file: Path | None,
     predistort: bool,
+    calibration_shots: int | Literal["auto"],
     copies: int | None,
+    split: bool,
     speculate: int | Literal["auto"],
     max_steps: int | None,
     greedy: bool,
@@ -123,7 +129,9 @@ def command(
         mitigation=mitigation,
         calibration=calibration_file,
         predistort=predistort,
+        calibration_shots=calibration_shots,
         copies=copies,
+        split=split,
         speculate=speculate,
         max_steps=max_steps,
         greedy=greedy,
