@@ -18,6 +18,9 @@ USD_PER_SECOND = 1.60
 MAX_QPU_SECONDS = 1e6
 """The largest limit of a live run; eleven days."""
 
+MOST_AHEAD = 64
+"""Decisions of an episode that a job measures at most."""
+
 MAX_EPISODES = 10_000
 """Episodes of one run; each keeps an environment alive."""
 

@@ -134,7 +134,14 @@ def follow(
     task = task_of(journal)
     on_note(f"run {journal.id}")
     with bars.progress_bar(task.name, task.planned_jobs) as show:
-        result = complete(journal, max_wait_s=max_wait_s, pay_again=pay_again, out=out, show=show)
+        result = complete(
+            journal,
+            max_wait_s=max_wait_s,
+            pay_again=pay_again,
+            out=out,
+            show=show,
+            note=on_note,
+        )
     for line in doubts_in_words(journal):
         on_note(line)
     return result
