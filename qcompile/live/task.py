@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
 from qcompile.device import Device
 from qcompile.errors import LiveError
@@ -40,6 +40,7 @@ class Task(BaseModel):
     account: str | None = None
     instance: str | None = None
     batch: bool = False
+    jobs_per_minute: Annotated[int, Field(ge=1)] | None = None
     planned_jobs: int = 1
 
     @property
