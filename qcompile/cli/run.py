@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
 from qcompile.cli.live_options import live_options
 from qcompile.cli.options import (
+    Depth,
     Shots,
     backend_option,
+    calibration_shots_option,
     echo_json,
     echo_note,
     env_option,
@@ -18,6 +20,7 @@ from qcompile.cli.options import (
     json_option,
     level_option,
     max_steps_option,
+    split_option,
 )
 from qcompile.limits import MAX_EPISODES
 
@@ -53,6 +56,7 @@ if TYPE_CHECKING:
     type=click.Path(dir_okay=False, path_type=Path),
     help="Mitigate with this file of `qcompile calibrate` instead of measuring first.",
 )
+@calibration_shots_option
 @click.option(
     "--predistort",
     is_flag=True,
@@ -62,7 +66,16 @@ if TYPE_CHECKING:
     "--copies",
     type=click.IntRange(1, MAX_EPISODES),
     help="Episodes that share an execution, side by side on the device.  [default: 1; with --live "
-    "as many as fit]",
+    "or --split as many as fit]",
+)
+@split_option
+@click.option(
+    "--speculate",
+    type=Depth(),
+    default=1,
+    show_default=True,
+    help="Measure up to D decisions of each episode in a job, along predicted steps; those whose "
+    "predictions were right count. auto: as many as pay.",
 )
 @max_steps_option
 @click.option("--greedy", is_flag=True, help="Take the most probable action; default: sample.")
@@ -85,7 +98,10 @@ def command(
     mitigation: str | None,
     calibration_file: Path | None,
     predistort: bool,
+    calibration_shots: int | Literal["auto"],
     copies: int | None,
+    split: bool,
+    speculate: int | Literal["auto"],
     max_steps: int | None,
     greedy: bool,
     imports: tuple[str, ...],
@@ -113,7 +129,10 @@ def command(
         mitigation=mitigation,
         calibration=calibration_file,
         predistort=predistort,
+        calibration_shots=calibration_shots,
         copies=copies,
+        split=split,
+        speculate=speculate,
         max_steps=max_steps,
         greedy=greedy,
         imports=imports,

@@ -14,6 +14,7 @@ from rich.table import Table
 
 from qcompile.mitigation.misfit import misfit_words
 from qcompile.notebook import reward_digits, reward_words
+from qcompile.policy.decision import held_words
 from qcompile.report.console import PlainConsole, console
 
 _KINDS = {
@@ -117,11 +118,12 @@ def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
     if rewards:
         interval = interval_words(summary)
         interval = f" (95 % interval {interval})" if interval else ""
-        mean, _, deviation = reward_words(summary["mean_reward"], summary["std_reward"]).split()
-        yield (
-            "mean reward",
-            f"[bold]{mean}[/] ± {deviation} over {plural(len(rewards), 'episode')}{interval}",
-        )
+        if summary["mean_reward"] is not None:
+            mean, _, deviation = reward_words(summary["mean_reward"], summary["std_reward"]).split()
+            yield (
+                "mean reward",
+                f"[bold]{mean}[/] ± {deviation} over {plural(len(rewards), 'episode')}{interval}",
+            )
         yield "each episode", f"{_bars(rewards)}  {min(rewards):.0f} to {max(rewards):.0f}"
         if interval and min(rewards) == max(rewards):
             share = f"{unseen_share(len(rewards)):.0%}"
@@ -137,14 +139,22 @@ def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
         yield "doubtful", words
     if summary["copies"] > 1:
         yield "side by side", plural(summary["copies"], "episode")
-    if summary["max_steps"] is not None:
+    if summary.get("speculate", 1) != 1:
         yield (
-            "cut",
-            f"after {plural(summary['max_steps'], 'step')}: rewards are of parts of episodes",
+            "speculate",
+            f"{summary['speculate']}: {summary['measured_rows']:,} decisions measured, "
+            f"{summary['decisions']:,} of them count; {plural(summary['jobs'], 'job')}",
         )
+    yield from _cut_lines(summary)
     yield "actions", f"{'greedy' if summary['greedy'] else 'sampled'}, seed {summary['seed']}"
-    yield "each step", _step_words(summary)
-    yield "played", f"{summary['env_steps']} steps in {summary['wall_seconds']:.1f} s"
+    hold, steps = summary.get("hold", 1), f"{summary['env_steps']} steps"
+    if hold > 1:
+        yield "each decision", f"{_step_words(summary)}; {held_words(hold)}"
+        decisions = plural(summary["decisions"], "decision")
+        steps = f"{decisions}, {plural(summary['env_steps'], 'environment step')}"
+    else:
+        yield "each step", _step_words(summary)
+    yield "played", f"{steps} in {summary['wall_seconds']:.1f} s"
     if "run" in summary:
         yield (
             "paid",
@@ -158,6 +168,34 @@ def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
             "on hardware",
             f"{summary['executions']:,} executions, about {hours:,.1f} QPU hours",
         )
+
+
+def _cut_lines(summary: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
+    """What `max_steps` did, and what would have been without it."""
+    if summary["max_steps"] is None:
+        return
+    after = f"after {plural(summary['max_steps'], 'step')}"
+    cut = summary.get("cut_episodes")
+    if cut is None:  # results of earlier versions
+        yield "cut", f"{after}: rewards are of parts of episodes"
+        return
+    if not cut:
+        yield "cut", f"{after}: no episode"
+        return
+    yield "cut", f"{after}: {plural(cut, 'episode')}, rewarded for the part that was played"
+    if (mean := summary.get("mean_reward_completed")) is None:
+        yield "completed", "not known: an episode does not end, or fails"
+        return
+    interval = interval_words(summary, "ci95_completed")
+    interval = f" (95 % interval {interval})" if interval else ""
+    on = " on the noise model" * (summary["kind"] == "hardware")
+    yield "completed", f"mean reward {reward_words(mean)}{interval}, cut episodes continued{on}"
+
+
+def print_hold(hold: int) -> None:
+    """Print how long each decision is held, where that is more than a step."""
+    if hold > 1:
+        _console().print(f"each decision is {held_words(hold)}")
 
 
 def _circuit_settings(summary: Mapping[str, Any]) -> str:
@@ -187,6 +225,8 @@ def print_grid(objects: Sequence[Mapping[str, Any]]) -> None:
         if not levels and results[0]["circuits_per_step"]:
             title += f", level {results[0]['level']}"
         title += ", greedy" * results[0]["greedy"]
+        if (hold := results[0].get("hold", 1)) > 1:
+            title += f", each decision {held_words(hold)}"
         rows = [_grid_row(values, levels) for values in results]
         print_table(_grid_columns(levels), rows, title, tight=True)
         for values in results:
@@ -224,11 +264,11 @@ def _grid_row(values: Mapping[str, Any], levels: bool) -> list[object]:
     ]
 
 
-def interval_words(summary: Mapping[str, Any]) -> str:
+def interval_words(summary: Mapping[str, Any], key: str = "ci95") -> str:
     """The 95 % interval of the mean reward; empty where too few episodes say how they scatter."""
-    if summary["ci95"] is None or len(summary["episodes"]) < _LEAST_FOR_INTERVAL:
+    if summary.get(key) is None or len(summary["episodes"]) < _LEAST_FOR_INTERVAL:
         return ""
-    low, high = summary["ci95"]
+    low, high = summary[key]
     digits = reward_digits(low, high)
     return f"{low:.{digits}f} to {high:.{digits}f}"
 

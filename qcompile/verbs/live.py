@@ -155,6 +155,7 @@ def follow(
             jobs_per_minute=jobs_per_minute,
             out=out,
             show=show,
+            note=on_note,
         )
     for line in doubts_in_words(journal):
         on_note(line)

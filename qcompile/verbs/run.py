@@ -7,9 +7,10 @@ from contextlib import nullcontext
 from datetime import UTC, datetime
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from qcompile.calibration import Calibration, age_words, load_calibration
+from qcompile.deploy.depth import Speculate
 from qcompile.deploy.lockstep import Episode
 from qcompile.deploy.network import refuse_options
 from qcompile.deploy.play import play, player
@@ -21,6 +22,7 @@ from qcompile.errors import OptionError, QcompileError
 from qcompile.execution import Backend, Executor, load_backend
 from qcompile.live.plan import copies_that_fit, forecast
 from qcompile.live.play import RunTask
+from qcompile.mitigation import CALIBRATION_SHOTS
 from qcompile.mitigation.misfit import misfit_words
 from qcompile.notebook import reward_words
 from qcompile.policy import AnyPolicy, Network, Policy, load_circuits, load_policy
@@ -56,7 +58,7 @@ class RunResult(Result):
 
     @property
     def mean_reward(self) -> float | None:
-        """None where no episode was finished."""
+        """None where no episode was finished, or not all that were measured ahead."""
         mean: float | None = self.to_dict()["mean_reward"]
         return mean
 
@@ -93,6 +95,8 @@ class RunResult(Result):
         """
         if self.to_dict()["interrupted"]:
             bias = "These are the shortest ones: their mean does not estimate the policy's score."
+            if self.to_dict()["speculate"] != 1:
+                bias = "These ended first, as their measurements were predicted: they give no mean."
             raise QcompileError(
                 f"Interrupted: {len(self.episodes)} of {self._asked} episodes were finished.",
                 *([bias] if self.episodes else []),
@@ -112,7 +116,10 @@ def run(
     mitigation: str | None = None,
     calibration: Name | Calibration | None = None,
     predistort: bool = False,
+    calibration_shots: int | Literal["auto"] = CALIBRATION_SHOTS,
     copies: int | None = None,
+    split: bool = False,
+    speculate: Speculate = 1,
     max_steps: int | None = None,
     greedy: bool = False,
     imports: Name | Sequence[Name] = (),
@@ -128,10 +135,13 @@ def run(
     Policy and backend are names, files or objects; a Qiskit backend is played on the noise model of
     its calibration, or through `sampler`, a SamplerV2. The settings are those of `RunSettings`:
     shots None or "exact" are exact expectations; mitigation None is `readout` on a noisy backend,
-    calibrated first unless `calibration` is given, and `none` on `ideal`. A network plays on
-    `ideal` alone, exactly, and takes none of the settings of circuits. The same seed gives the same
-    result; episode i resets its environment with seed + i. `imports` are modules, names or files,
-    that register environments; `env` are arguments of the environment, over those of the policy.
+    calibrated first with `calibration_shots` unless `calibration` is given, and `none` on `ideal`.
+    `split` spreads the shots of a row over `copies` of the circuits; `speculate` is the number of
+    decisions of each episode that a job measures, along predicted steps, or "auto". A network plays
+    on `ideal` alone, exactly, and takes none of the settings of circuits. The same seed gives the
+    same result; episode i resets its environment with seed + i. `imports` are modules, names or
+    files, that register environments; `env` are arguments of the environment, over those of the
+    policy.
     `video` films the first episode, .mp4 or .gif.
 
     With `live` it is played on IBM's machine of that name, which costs money: see `Live`. `on_note`
@@ -151,7 +161,10 @@ def run(
         level=level,
         mitigation=mitigation,
         predistort=predistort,
+        calibration_shots=calibration_shots,
         copies=copies,
+        split=split,
+        speculate=speculate,
         max_steps=max_steps,
         greedy=greedy,
     )
@@ -179,8 +192,14 @@ def run(
             rewards.append(episode.reward)
             show(len(rewards), f"mean reward {reward_words(sum(rewards) / len(rewards))}")
 
+        on_frame = None if film is None else film.add
         result = play(
-            playing, episodes, on_episode=count, on_frame=None if film is None else film.add
+            playing,
+            episodes,
+            complete=True,
+            on_episode=count,
+            on_frame=on_frame,
+            on_note=on_note,
         )
     if film is not None:
         words = f"film of the first episode in {video}"
@@ -195,10 +214,11 @@ def _settings(
     settings = RunSettings.of(**values)
     if video is not None and Path(video).suffix not in SUFFIXES:
         raise OptionError(f"{video} must end with .mp4 or .gif.")
-    if settings.copies is not None and settings.copies > episodes:
+    if not settings.split and settings.copies is not None and settings.copies > episodes:
         raise OptionError(
             f"copies {settings.copies} are more than the {plural(episodes, 'episode')} there are "
-            "to share an execution."
+            "to share an execution.",
+            "--split spreads the shots of an episode over them.",
         )
     check_live(live)
     if live is not None:
@@ -251,6 +271,8 @@ def _run_live(
     )
     task = task.model_copy(update={"copies": settings.copies or copies_that_fit(task)})
     forecasted = forecast(task)
+    if (counted := forecasted.player.calibration_shots) is not None:
+        task = task.model_copy(update={"calibration_shots": counted})  # as told, and as resumed
     if task.calibration is not None:
         for words in misfit_words(forecasted.player.misfits):
             on_note(f"{task.calibration_file or 'the calibration'}: {words}")
