@@ -140,8 +140,9 @@ class GuardedSampler(JobsSampler):
 
     `account` and `instance` are names of IBM's own tools, by default theirs; without an instance
     only those of the Open Plan are used. With `batch` jobs go as a batch of IBM's; at most
-    `jobs_per_minute` are sent. A job is waited for `max_wait_s`, or as long as it takes. One that was charged and gave no counts is sent again
-    only with `pay_again`. `say` gets words on what happens.
+    `jobs_per_minute` are sent. A job is waited for `max_wait_s`, or as long as it takes. One that
+    was charged and gave no counts is sent again only with `pay_again`. `say` gets words on what
+    happens.
 
     Raises:
         BudgetError: the limit is no number of seconds that may be spent.
