@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from qcompile.deploy.depth import MOST_AHEAD, Speculate
+from qcompile.deploy.depth import Speculate
 from qcompile.deploy.intervals import bootstrap_ci95
 from qcompile.deploy.settings import RunSettings
 from qcompile.device import Device
+from qcompile.limits import MOST_AHEAD
 from qcompile.planning.cost import Packing, Price, at_sub_jobs
 from qcompile.planning.share import Baseline
 from qcompile.planning.simulation import Simulated

@@ -79,6 +79,14 @@ class Found:
             frontier.append(chosen)
         return sorted(frontier, key=lambda point: point.seconds)
 
+    @property
+    def closest(self) -> Point:
+        """What comes nearest where nothing fits: the cheapest that keeps enough, or the best."""
+        keeping = [point for point in self.points if point.share >= self.wanted.keep]
+        if keeping:
+            return min(keeping, key=lambda point: point.most_seconds)
+        return max(self.points, key=lambda point: point.share)
+
     def nearest(self) -> dict[str, Any]:
         """What would fit: fewer episodes, more seconds, a smaller share; None: nothing."""
         within, points = self.wanted.within, _with_cuts(self.points, self.wanted)
@@ -189,9 +197,9 @@ class Judge:
     """What the rewards of some policies are held to: random actions, and the best one's ideal."""
 
     def __init__(self, policies: Sequence[Policy], wanted: Wanted):
-        self._wanted, seed = wanted, wanted.settings.seed
-        self._random = random_rewards(policies[0], seed)
-        ideal = [ideal_rewards(policy, seed, wanted.judged) for policy in policies]
+        self._wanted = wanted
+        self._random = random_rewards(policies[0], wanted.settings.seed)
+        ideal = [ideal_rewards(policy, wanted.settings, wanted.judged) for policy in policies]
         best = int(np.argmax([rewards.mean() for rewards in ideal]))
         self._best = policies[best]
         self.baseline = Baseline(self._random, ideal[best])
@@ -199,7 +207,7 @@ class Judge:
     @cached_property
     def _confirming(self) -> Baseline:
         wanted = self._wanted
-        ideal = ideal_rewards(self._best, wanted.settings.seed, wanted.confirmed)
+        ideal = ideal_rewards(self._best, wanted.settings, wanted.confirmed)
         return Baseline(self._random, ideal)
 
     def again(self, point: Point, backend: Backend | Executor) -> Point:
