@@ -52,7 +52,9 @@ def test_auto_is_told_of_each_job_what_counted_and_what_was_right() -> None:
         def note(self, compared: int, agreed: int) -> None:
             told.append((compared, agreed))
 
-    rows = chains(FIRST, SECOND).rows_of(Told("auto"), lambda living: Workload(1, int(living.sum())))
+    rows = chains(FIRST, SECOND).rows_of(
+        Told("auto"), lambda living: Workload(1, int(living.sum()))
+    )
     # depth 4: 1 1 0 and 0 count; depth 1: 1 and 1; then 2 at a time: 1 1 and 1; 1
     np.testing.assert_array_equal(rows, [[4, 3], [1, 1], [2, 1], [1, 0]])
     assert told == [(4, 2), (2, 2), (3, 3), (1, 1)]
