@@ -1,4 +1,4 @@
-"""Reward against QPU seconds, over shots, held decisions and devices: `python benchmarks/frontier.py`.
+"""Reward against QPU seconds, over shots, holds and devices: `python benchmarks/frontier.py`.
 
 For each task, hold, device and number of shots, the cheapest way to measure 100 episodes (reset
 seeds 10000 to 10099) as `qcompile plan --within` finds it, judged by 200 whole episodes on the
@@ -49,6 +49,10 @@ def cell(task: str, hold: int, device: str) -> list[dict[str, Any]]:
     return [*points, place | {"hold": hold} | paper]
 
 
+def _of_place(place: tuple[str, int, str]) -> list[dict[str, Any]]:
+    return cell(*place)
+
+
 def undominated(points: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """The points of which none is cheaper and as good, the cheapest first."""
     best, found = float("-inf"), []
@@ -62,7 +66,7 @@ def undominated(points: list[dict[str, Any]]) -> list[dict[str, Any]]:
 def table(points: list[dict[str, Any]]) -> str:
     """The undominated points of each task and device, as Markdown."""
     lines = [
-        "| task | device | hold | shots | copies | ahead | jobs | QPU seconds | 80 % | mean reward |",
+        "| task | device | hold | shots | copies | ahead | jobs | QPU seconds | 80 % | reward |",
         "|---|---|---|---|---|---|---|---|---|---|",
     ]
     for task, device in product(TASKS, DEVICES):
@@ -72,7 +76,8 @@ def table(points: list[dict[str, Any]]) -> str:
             low, high = p["qpu_seconds_80"]
             cells = [task, device, p["hold"], p["shots"], copies, p["speculate"], p["jobs"]]
             cells += [f"{p['qpu_seconds']:,.0f}", f"{low:,.0f} to {high:,.0f}"]
-            lines.append(f"| {' | '.join(map(str, [*cells, f'{p["mean_reward"]:.1f}']))} |")
+            cells.append(f"{p['mean_reward']:.1f}")
+            lines.append(f"| {' | '.join(map(str, cells))} |")
     return "\n".join(lines)
 
 
@@ -84,7 +89,7 @@ def main() -> None:
     if not asked.draw:
         places = [*product(TASKS, HOLDS, DEVICES)]
         with ProcessPoolExecutor(asked.workers) as pool:
-            found = [value for values in pool.map(cell, *zip(*places)) for value in values]
+            found = [value for values in pool.map(_of_place, places) for value in values]
         DATA.write_text(json.dumps(found, indent=1) + "\n")
     values = json.loads(DATA.read_text())
     points = [value for value in values if "split" in value]

@@ -48,7 +48,7 @@ def draw_seconds(
     devices: Sequence[str],
     path: Path,
 ) -> None:
-    """The mean reward against QPU seconds, logarithmic; undominated points of a device are joined."""
+    """The mean reward against QPU seconds, logarithmic; the undominated points are joined."""
     figure = Figure(figsize=(11, 3.6), layout="constrained")
     for axes, task in zip(figure.subplots(1, len(tasks)), tasks, strict=True):
         for colour, device in zip(COLOURS, devices, strict=False):

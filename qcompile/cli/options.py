@@ -60,21 +60,6 @@ class Shots(click.ParamType[int | str | None]):
         return shots
 
 
-class Depth(click.ParamType["int | str"]):
-    """A number of decisions that a job measures of an episode, or "auto"."""
-
-    name = "d|auto"
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> int | str:
-        if value == "auto":
-            return "auto"
-        if not str(value).isdecimal() or not 1 <= int(value) <= MOST_AHEAD:
-            self.fail(f"{value} is neither a number from 1 to {MOST_AHEAD} nor 'auto'.", param, ctx)
-        return int(value)
-
-
 class CalibrationShots(click.ParamType["int | str"]):
     """A number of shots, or "auto"."""
 
@@ -96,6 +81,21 @@ class CalibrationShots(click.ParamType["int | str"]):
                 ctx,
             )
         return shots
+
+
+class Depth(click.ParamType["int | str"]):
+    """A number of decisions that a job measures of an episode, or "auto"."""
+
+    name = "d|auto"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> int | str:
+        if value == "auto":
+            return "auto"
+        if not str(value).isdecimal() or not 1 <= int(value) <= MOST_AHEAD:
+            self.fail(f"{value} is neither a number from 1 to {MOST_AHEAD} nor 'auto'.", param, ctx)
+        return int(value)
 
 
 class Share(click.FloatRange):

@@ -12,6 +12,7 @@ from qcompile.cli.options import (
     Depth,
     Shots,
     backend_option,
+    calibration_shots_option,
     echo_json,
     echo_note,
     env_option,
@@ -20,6 +21,7 @@ from qcompile.cli.options import (
     level_option,
     max_steps_option,
     said,
+    split_option,
 )
 from qcompile.limits import MAX_EPISODES
 
@@ -58,6 +60,7 @@ if TYPE_CHECKING:
     type=click.Path(dir_okay=False, path_type=Path),
     help="Mitigate with this file of `qcompile calibrate` instead of measuring first.",
 )
+@calibration_shots_option
 @click.option(
     "--predistort",
     is_flag=True,
@@ -67,8 +70,9 @@ if TYPE_CHECKING:
     "--copies",
     type=click.IntRange(1, MAX_EPISODES),
     help="Episodes that share an execution, side by side on the device.  [default: 1; with --live "
-    "as many as fit]",
+    "or --split as many as fit]",
 )
+@split_option
 @click.option(
     "--speculate",
     type=Depth(),
@@ -97,7 +101,9 @@ def command(
     mitigation: str | None,
     calibration_file: Path | None,
     predistort: bool,
+    calibration_shots: int | Literal["auto"],
     copies: int | None,
+    split: bool,
     speculate: int | Literal["auto"],
     max_steps: int | None,
     greedy: bool,
@@ -132,7 +138,7 @@ def command(
         env=env,
         video=video,
         live=live,
-        **said(shots=shots, speculate=speculate),
+        **said(shots=shots, calibration_shots=calibration_shots, split=split, speculate=speculate),
         on_note=echo_note,
     )
     if as_json:

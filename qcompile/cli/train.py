@@ -83,6 +83,13 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
     type=click.Choice(["none", "readout"]),
     help="Undo readout errors; svqc.  [default: readout on a noisy backend, none on ideal]",
 )
+@click.option(
+    "--hold",
+    type=click.IntRange(1),
+    metavar="STEPS",
+    help="Hold each decision for so many steps of the environment; the policy keeps it. "
+    " [default: the preset's, 1]",
+)
 @import_option
 @env_option
 @click.option(

@@ -33,7 +33,8 @@ class Connection:
     It is opened when it is first used. Without `instance`, and where the account names none, only
     instances of the free Open Plan are considered. A request that submits a job is never repeated
     by the client: it might submit twice. `submissions` counts those that left this machine. An
-    answer is waited for `patience_s`, by default QCOMPILE_PATIENCE_SECONDS.
+    answer is waited for `patience_s`, by default QCOMPILE_PATIENCE_SECONDS. An IBMBackend that
+    is `given` is used, and its service, whose client repeats no submission from then on.
     """
 
     def __init__(
@@ -43,12 +44,14 @@ class Connection:
         instance: str | None = None,
         *,
         patience_s: float | None = None,
+        given: Any = None,
     ):
         if not backend:
             raise LiveError("The backend has no name.", "Name a machine of the account.")
         self.name, self._account, self._instance = backend, account, instance
         usual_s = seconds_setting("QCOMPILE_PATIENCE_SECONDS", words.PATIENCE_S)
         self._patience_s = usual_s if patience_s is None else patience_s
+        self._given: Any = given
         self._service: Any = None
         self._backend: Any = None
         self.submissions = 0
@@ -150,10 +153,13 @@ class Connection:
     def _open(self) -> Any:
         from qiskit_ibm_runtime import QiskitRuntimeService
 
-        logging.getLogger("qiskit_ibm_runtime").setLevel(logging.CRITICAL)
-        service = QiskitRuntimeService(
-            name=self._account, instance=self._instance, plans_preference=_FREE
-        )
+        if self._given is not None:
+            service = self._given.service
+        else:
+            logging.getLogger("qiskit_ibm_runtime").setLevel(logging.CRITICAL)
+            service = QiskitRuntimeService(
+                name=self._account, instance=self._instance, plans_preference=_FREE
+            )
         try:
             _log_in(service)
             self._prepare(service)
@@ -167,6 +173,9 @@ class Connection:
     def _find(self, service: Any) -> Any:
         from qiskit.providers.exceptions import QiskitBackendNotFoundError
 
+        if self._given is not None:
+            given, self._given = self._given, None  # once: looked for again, it is found by name
+            return given
         for _ in range(_LOOKS):
             try:
                 backend = service.backend(self.name)

@@ -18,6 +18,7 @@ from qcompile.live.commands import resume_command
 from qcompile.live.journal import Journal
 from qcompile.live.records import Charge, Submission
 from qcompile.live.remote import RemoteJobs
+from qcompile.live.request import is_same
 from qcompile.live.words import seconds_setting
 
 GENERAL_TAG = "qcompile"
@@ -87,15 +88,18 @@ class Finder:
         jobs = self._jobs_of(attempts)
         unexpected = self._note(jobs)
         failed = {attempt.job_id for attempt in attempts if attempt.state == "failed"}
-        usable = [  # and none that was cancelled here, as a second one
+        same = {made.tag for made in attempts if is_same(made.digest, submission.digest)}
+        usable = [  # and none that was cancelled here, as a second one, nor one of other PUBs
             job
             for job in jobs
-            if job.id not in failed and (job.id in unexpected or not job.is_cancelled)
+            if job.id not in failed
+            and (job.id in unexpected or not job.is_cancelled)
+            and same.intersection(job.tags or ())
         ]
-        if not usable:
+        best = min(usable, key=_preference, default=None)
+        self._cancel(job for job in jobs if job is not best)
+        if best is None:
             return None
-        best, *others = sorted(usable, key=_preference)
-        self._cancel(others)
         self._journal.note_taken(submission, best.id)
         return best.id
 

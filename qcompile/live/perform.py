@@ -27,6 +27,7 @@ from qcompile.live.journal import Journal, TaskKind
 from qcompile.live.measure import CalibrateTask
 from qcompile.live.play import RunTask
 from qcompile.live.results import check_result
+from qcompile.live.sampling import SamplerTask
 from qcompile.live.task import Context, Task
 from qcompile.live.validate import ValidateTask
 from qcompile.terminal import one_line
@@ -34,7 +35,7 @@ from qcompile.validation import explain
 from qcompile.version import versions
 
 TASKS: dict[TaskKind, type[Task]] = {
-    task.kind: task for task in (RunTask, CalibrateTask, ValidateTask)
+    task.kind: task for task in (RunTask, CalibrateTask, ValidateTask, SamplerTask)
 }
 _PACKAGES = ("numpy", "gymnasium", "qiskit", "qiskit-ibm-runtime")
 
@@ -46,7 +47,7 @@ def begin(runs: Path, task: Task, max_qpu_seconds: float) -> Journal:
         LiveError: the folder cannot be made.
     """
     settings = task.model_dump(mode="json")
-    return Journal.create(runs, task.kind, task.name, settings, _versions(), max_qpu_seconds)
+    return Journal.create(runs, task.kind, task.name, settings, run_versions(), max_qpu_seconds)
 
 
 def task_of(journal: Journal) -> Task:
@@ -77,8 +78,9 @@ def complete(
 
     `show` gets how many jobs are done, and words, `note` what a person should read. A finished run
     gives its result again, and asks IBM once more what it has of the run and charges for it; where
-    all of that was known, it does not wait for an answer. `pay_again` sends a job again that was
-    charged and gave no counts. `out` is another file for a calibration than the
+    all of that was known, it does not wait for an answer. Of a sampler those jobs are fetched that
+    were sent. `pay_again` sends a job again that was charged and gave no counts. `out` is another
+    file for a calibration than the
     one it has; without it none is written where the run began on another machine.
 
     Raises:
@@ -117,19 +119,22 @@ def complete(
         )
         if journal.result is None:
             try:
-                journal.finish(task.perform(Context(jobs, say_step, note)))
+                found = task.perform(Context(jobs, say_step, note))
+                if task.ends:
+                    journal.finish(found)
             except KeyboardInterrupt:
-                raise _explained(LiveError("Interrupted."), journal) from None
+                raise explained(LiveError("Interrupted."), journal) from None
             except QcompileError as error:
-                raise _explained(error, journal) from error
+                raise explained(error, journal) from error
             finally:
                 jobs.close()
         with suppress(KeyboardInterrupt, MissingExtraError):
             jobs.settle()
         if is_from_elsewhere(journal):
             task = task.without_file()
+        result = finished(journal) if task.ends else found | costs(journal)
         try:
-            return task.deliver(finished(journal), out)
+            return task.deliver(result, out)
         except OutputError as error:
             command = f"`{resume_command(journal)} --out FILE`"
             hint = f"It is measured and kept: {command} writes it elsewhere."
@@ -203,16 +208,16 @@ def progress_in_words(journal: Journal) -> str:
     return f"Jobs done: {journal.jobs_done()}{steps}; all of it is kept."
 
 
-def _versions() -> dict[str, str]:
+def run_versions() -> dict[str, str]:
     """What a run has to be played again with."""
     return versions(*_PACKAGES) | {"machine": platform.machine()}
 
 
-def _explained(error: QcompileError, journal: Journal) -> QcompileError:
+def explained(error: QcompileError, journal: Journal) -> QcompileError:
     """The error, with where the run stands and what to do."""
     export = f"`{export_command(journal)}` gives what was measured."
     if isinstance(error, ReplayError):
-        now = _versions()
+        now = run_versions()
         changed = [
             f"{one_line(name, 40)} {one_line(then, 40)}, now {now.get(name)}"
             for name, then in journal.versions.items()
@@ -221,7 +226,9 @@ def _explained(error: QcompileError, journal: Journal) -> QcompileError:
         began = (
             f"It began with {'; '.join(changed[:6])}." if changed else "The versions are the same."
         )
-        return error.with_hints(began, export)
+        return error.with_hints(began, *_another_journal(journal), export)
+    if journal.kind == "sampler":
+        return error.with_hints(*_hints_for_a_program(error, journal))
     if isinstance(error, BudgetError):
         hint = f"`{resume_command(journal)} --max-qpu-seconds S` resumes it with more."
     elif isinstance(error, PaidFailureError):
@@ -231,3 +238,22 @@ def _explained(error: QcompileError, journal: Journal) -> QcompileError:
     else:
         hint = export
     return error.with_hints(progress_in_words(journal), hint)
+
+
+def _another_journal(journal: Journal) -> list[str]:
+    if journal.kind != "sampler":
+        return []
+    return ["A journal is of one program, which asks for the same PUBs in the same order."]
+
+
+def _hints_for_a_program(error: QcompileError, journal: Journal) -> list[str]:
+    """What to do about an error of a sampler's, whose jobs a program asks for."""
+    if isinstance(error, BudgetError):
+        hint = "Run the same program again with a higher max_qpu_seconds."
+    elif isinstance(error, PaidFailureError):
+        hint = "Run the same program again with pay_again=True: it sends it again."
+    elif isinstance(error, LiveError):
+        hint = "Run the same program again: it gets what is recorded, and goes on."
+    else:
+        return []
+    return [progress_in_words(journal), hint]

@@ -97,10 +97,16 @@ class ValidateFigures(_Figures):
         return self
 
 
+class SamplerFigures(_Figures):
+    jobs_done: Count
+    jobs_open: Count
+
+
 _FIGURES: dict[TaskKind, type[_Figures]] = {
     "run": RunFigures,
     "calibrate": CalibrateFigures,
     "validate": ValidateFigures,
+    "sampler": SamplerFigures,
 }
 
 

@@ -67,6 +67,7 @@ class Sender:
             ):
                 raise in_words(error) from error
             error = None
+            request.check_runs_on(self._connection.backend)
             try:
                 cap_s = self._cap_s(submission.executions)
             except BudgetError as full:
@@ -94,9 +95,9 @@ class Sender:
 
     def _send(self, submission: Submission, request: Request) -> str:
         """Send a job and write down what came of it; its id."""
-        pubs, sent_before = request.pubs(), self._connection.submissions
+        sent_before = self._connection.submissions
         try:
-            job_id = self._submit(submission, pubs, request.shots)
+            job_id = self._submit(submission, request)
         except Exception as error:
             doubt = self._journal.charges.doubts(submission.number)[-1]
             if self._connection.submissions == sent_before:
@@ -108,14 +109,14 @@ class Sender:
         self._journal.note_sent(submission, job_id)
         return job_id
 
-    def _submit(self, submission: Submission, pubs: list[Any], shots: int) -> str:
+    def _submit(self, submission: Submission, request: Request) -> str:
         backend = self._connection.backend
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # deprecations are the business of who writes qcompile
             sampler = self._sampler(backend)
             sampler.options.environment.job_tags = [GENERAL_TAG, submission.tag]
             sampler.options.max_execution_time = submission.cap_s
-            job_id = sampler.run(pubs, shots=shots).job_id()
+            job_id = sampler.run(list(request.pubs), shots=request.shots).job_id()
         if not isinstance(job_id, str) or not job_id:
             raise UnreadableAnswerError("a job that was sent")
         return job_id

@@ -12,7 +12,7 @@ import numpy as np
 from qcompile.deploy.settings import RunSettings
 from qcompile.errors import OptionError
 from qcompile.execution import Backend, Executor
-from qcompile.passes import compile
+from qcompile.passes import copies_that_fit
 from qcompile.planning.point import Point, best_depth
 from qcompile.planning.share import Baseline
 from qcompile.planning.simulation import ideal_rewards, random_rewards, simulate
@@ -268,9 +268,8 @@ class Ladder:
 
     def _ways(self, shots: int) -> list[tuple[int, bool]]:
         """Numbers of copies, and whether a row is split over them; the first is played."""
-        given, settings = self.wanted.given, self.wanted.settings
-        program = self.policy.trained_program
-        fit = compile(program, self.backend.device, settings.level).copies_that_fit
+        given = self.wanted.given
+        fit = copies_that_fit(len(self.policy.program), self.backend.device)
         copies = {
             False: given.get("copies", min(fit, self._episodes)),
             True: given.get("copies", min(fit, shots)),

@@ -189,7 +189,7 @@ def _cut_lines(summary: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
     interval = interval_words(summary, "ci95_completed")
     interval = f" (95 % interval {interval})" if interval else ""
     on = " on the noise model" * (summary["kind"] == "hardware")
-    yield "completed", f"mean reward {reward_words(mean)}{interval}, cut episodes played on{on}"
+    yield "completed", f"mean reward {reward_words(mean)}{interval}, cut episodes continued{on}"
 
 
 def print_hold(hold: int) -> None:

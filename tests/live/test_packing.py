@@ -9,12 +9,11 @@ import pytest
 from live_runs import Runs
 from standin import StandIn
 
-from qcompile.execution import OfflineExecutor
-from qcompile.live.executor import IBMExecutor
+from qcompile.execution import OfflineExecutor, PrimitiveExecutor
 from qcompile.passes import compile
 from qcompile.policy import load_policy
 
-Make = Callable[..., IBMExecutor]
+Make = Callable[..., PrimitiveExecutor]
 
 
 @pytest.mark.parametrize(("backend", "circuits"), [("fake_toronto", 1), ("fake_lima", 5)])
@@ -68,14 +67,14 @@ def test_a_batch_above_the_limit_of_a_job_is_split(
 def test_a_split_batch_keeps_its_rows_and_columns(
     executor_on: Make, service: StandIn, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Rounds of one row in jobs of their own: as many shots as tell circuits from each other."""
+    """Two circuits in a job, of one round or of two: as many shots as tell them from each other."""
     monkeypatch.setattr("qcompile.execution.cost.MAX_EXECUTIONS_PER_JOB", 40_000)
     policy, executor = load_policy("lunarlander"), executor_on("fake_lima")
     executable = compile(policy.trained_program, executor.device, 2, policy.importance)
     x = policy.encode(np.linspace(-1, 1, 16).reshape(2, 8))
     shots = 20_000
     ones = executor.run(executable, x, np.zeros(0), shots)
-    assert [job.circuits for job in service.ledger().jobs] == [2, 2, 1] * 2
+    assert [job.circuits for job in service.ledger().jobs] == [2] * 5
     expected = OfflineExecutor(executor.device).expectation(executable, x, np.zeros(0))
     assert np.abs(1 - 2 * ones / shots - expected).max() < 6 / np.sqrt(shots)
     assert np.ptp(expected) > 0.5

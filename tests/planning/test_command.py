@@ -57,7 +57,7 @@ def test_the_command_has_the_settings_of_the_point(found: Point) -> None:
     resolved = RunSettings(mitigation=values["mitigation"]).resolved(DEVICE)
     assert resolved.mitigation == settings.mitigation
     assert values["episodes"] == found.episodes
-    assert values["live"] is None
+    assert not values["live"]
 
 
 def test_names_that_a_shell_would_split_are_quoted() -> None:
