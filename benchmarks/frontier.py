@@ -20,21 +20,27 @@ from frontier_pictures import draw_matrix, draw_seconds
 
 import qcompile
 from qcompile.deploy.settings import RunSettings
-from qcompile.execution import load_backend
+from qcompile.execution import Workload, load_backend
 from qcompile.planning.search import Judge, Ladder, Wanted
 
 ROOT = Path(__file__).parents[1]
 HELD, DATA, PAGE = ROOT / "benchmarks/held", ROOT / "docs/frontier.json", ROOT / "docs/budget.md"
 TASKS = ("lunarlander", "cartpole", "acrobot")
 HOLDS = (1, 2, 4, 8)
-DEVICES = ("fake_lima", "fake_toronto", "fake_fez")
-SHOTS = (8, 16, 32, 64, 128, 256, 1024, 8192)
+NEVER_LEARNED = ("cartpole", 8)
+"""A push held for eight steps lets the pole fall."""
+DEVICES = ("fake_fez", "fake_toronto", "fake_lima")
+SHOTS = (8, 16, 32, 64, 128, 256, 1024)
+PAPER_SHOTS = 8192
 EPISODES, SEED = 100, 10_000
 _BETWEEN = re.compile(r"(<!-- frontier -->\n).*?(\n<!-- /frontier -->)", re.DOTALL)
 
 
 def cell(task: str, hold: int, device: str) -> list[dict[str, Any]]:
-    """The values of a policy on a device at each number of shots; the paper's way is the last."""
+    """The values of a policy on a device at each number of shots; the paper's way is the last.
+
+    A job for each circuit of each decision, the decisions and the reward those at most shots.
+    """
     policy = qcompile.load_policy(task if hold == 1 else HELD / f"{task}_{hold}.json")
     assert isinstance(policy, qcompile.Policy)
     assert policy.hold == hold
@@ -43,10 +49,12 @@ def cell(task: str, hold: int, device: str) -> list[dict[str, Any]]:
     wanted = Wanted(settings, EPISODES, within=600)
     ladder = Ladder(policy, backend, wanted, Judge([policy], wanted), lambda done, words: None)
     place = {"task": task, "device": device}
-    points = [place | ladder.point(shots).values for shots in SHOTS]
-    plan = qcompile.plan(policy, device, episodes=EPISODES, seed=SEED, progress=False)
-    paper = plan.strategies[0] | {"mean_reward": points[-1]["mean_reward"], "shots": 8192}
-    return [*points, place | {"hold": hold} | paper]
+    last = ladder.point(SHOTS[-1])
+    points = [place | point.values for point in (*map(ladder.point, SHOTS[:-1]), last)]
+    decisions = int(last.simulated.chains.decisions[:EPISODES].sum())
+    paper = Workload.of_batch(1, 1, PAPER_SHOTS) * (decisions * len(policy.program))
+    found = {"hold": hold, "jobs": paper.jobs, "qpu_seconds": paper.qpu_seconds}
+    return [*points, place | found | {"mean_reward": last.mean_reward}]
 
 
 def _of_place(place: tuple[str, int, str]) -> list[dict[str, Any]]:
@@ -87,10 +95,16 @@ def main() -> None:
     parser.add_argument("--draw", action="store_true", help="draw docs/frontier.json again")
     asked = parser.parse_args()
     if not asked.draw:
-        places = [*product(TASKS, HOLDS, DEVICES)]
+        places = [
+            (task, hold, device)
+            for device, task, hold in product(DEVICES, TASKS, HOLDS)
+            if (task, hold) != NEVER_LEARNED
+        ]
+        found: list[dict[str, Any]] = []
         with ProcessPoolExecutor(asked.workers) as pool:
-            found = [value for values in pool.map(_of_place, places) for value in values]
-        DATA.write_text(json.dumps(found, indent=1) + "\n")
+            for values in pool.map(_of_place, places):
+                found += values
+                DATA.write_text(json.dumps(found, indent=1) + "\n")
     values = json.loads(DATA.read_text())
     points = [value for value in values if "split" in value]
     paper = [value for value in values if "split" not in value and value["hold"] == 1]

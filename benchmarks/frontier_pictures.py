@@ -21,7 +21,7 @@ def draw_matrix(points: Points, tasks: Sequence[str], device: str, path: Path) -
     for axes, task in zip(figure.subplots(1, len(tasks)), tasks, strict=True):
         own = [p for p in points if (p["task"], p["device"]) == (task, device)]
         shots = sorted({p["shots"] for p in own})
-        holds = sorted({p["hold"] for p in own})
+        holds = [*MARKS]
         rewards = np.full((len(holds), len(shots)), np.nan)
         for p in own:
             rewards[holds.index(p["hold"]), shots.index(p["shots"])] = p["mean_reward"]
@@ -29,7 +29,7 @@ def draw_matrix(points: Points, tasks: Sequence[str], device: str, path: Path) -
         middle = (np.nanmin(rewards) + np.nanmax(rewards)) / 2
         for (row, column), reward in np.ndenumerate(rewards):
             colour = "white" if reward < middle else "black"
-            words = f"{reward:.0f}"
+            words = "-" if np.isnan(reward) else f"{reward:.0f}"
             axes.text(column, row, words, ha="center", va="center", color=colour, fontsize=7)
         axes.set_xticks(range(len(shots)), [str(count) for count in shots], fontsize=7)
         axes.set_yticks(range(len(holds)), [f"1 in {hold}" for hold in holds], fontsize=7)
