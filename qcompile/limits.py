@@ -18,6 +18,9 @@ USD_PER_SECOND = 1.60
 MAX_QPU_SECONDS = 1e6
 """The largest limit of a live run; eleven days."""
 
+MOST_AHEAD = 64
+"""Decisions of an episode that a job measures at most."""
+
 MAX_EPISODES = 10_000
 """Episodes of one run; each keeps an environment alive."""
 
@@ -37,8 +40,8 @@ MAX_CHECKPOINT_BYTES = 2**30
 
 MAX_VALUES = 1_000_000
 """Values of one file of plain values, lists and objects among them; an array has no such limit."""
-MAX_HISTORY_VALUES = 6 * MAX_VALUES
-"""Those of a checkpoint, which remembers three for each episode."""
+MAX_HISTORY_VALUES = 8 * MAX_VALUES
+"""Those of a checkpoint, which remembers four for each episode."""
 
 MAX_KEYS = 10_000
 """Keys of one JSON object."""

@@ -11,7 +11,15 @@ from qcompile.device import IDEAL, Device, device_names, load_device
 from qcompile.errors import DeviceError
 from qcompile.noise import unusable, usable
 
-FAKES = ("fake_lagos", "fake_belem", "fake_lima", "fake_jakarta", "fake_toronto")
+FAKES = (
+    "fake_lagos",
+    "fake_belem",
+    "fake_lima",
+    "fake_jakarta",
+    "fake_toronto",
+    "fake_fez",
+    "fake_kingston",
+)
 
 # arXiv 2203.14348, device table: qubits, T1 us, T2 us, assignment error, readout ns, sx error.
 PAPER = {

@@ -55,6 +55,7 @@ def command(
     from qcompile.jobs.policy_job import export_job, read_observations
     from qcompile.policy import load_circuits
     from qcompile.report.progress import progress_bar
+    from qcompile.report.tables import print_hold
 
     device = open_device(backend)
     loaded = load_circuits(policy)
@@ -78,3 +79,4 @@ def command(
         f"{len(job['programs'])} program(s) of {len(loaded.program)} circuits for {device.name} "
         f"at level {level}, and job.json, in {folder}"
     )
+    print_hold(loaded.hold)

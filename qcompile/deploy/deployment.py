@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,15 @@ from qcompile.deploy.player import GATES
 from qcompile.deploy.rows import Rows, executions
 from qcompile.deploy.settings import RunSettings
 from qcompile.device import Device
-from qcompile.execution import Backend, Executor, Kind, Workload, open_executor
+from qcompile.execution import (
+    Backend,
+    Executor,
+    Kind,
+    OfflineExecutor,
+    TwinExecutor,
+    Workload,
+    open_executor,
+)
 from qcompile.policy import Policy
 from qcompile.policy.policy import NO_THETA
 from qcompile.streams import Draws
@@ -44,14 +53,14 @@ class Deployment:
         calibration_seed, _ = np.random.SeedSequence(chosen.seed).spawn(2)
         executor = open_executor(backend, calibration_seed)
         self.policy, self.executor, self.device = policy, executor, executor.device
-        self.settings = chosen.resolved(executor.device, executor.calibration)
-        self._measure = Measurement(
-            policy.trained_program, executor, self.settings, policy.importance
-        )
-        self._draws = Draws(chosen.seed, len(policy.program))
+        resolved = chosen.resolved(executor.device, executor.calibration)
+        self._measure = Measurement(policy.trained_program, executor, resolved, policy.importance)
+        self.settings = self._measure.settings
+        self._draws = Draws(chosen.seed, self.settings.places * len(policy.program))
         self._decisions = 0
         self.executable = self._measure.executable
         self.calibration_load = self._measure.calibration_load
+        self.calibration_shots = self._measure.calibration_shots
         self.misfits = self._measure.misfits
 
     def __repr__(self) -> str:
@@ -70,7 +79,7 @@ class Deployment:
     @property
     def copies(self) -> int:
         """How many episodes share an execution."""
-        return self.settings.copies or 1
+        return 1 if self.settings.split else self.settings.copies or 1
 
     def expectation(self, observations: FloatArray, rows: Rows | None = None) -> FloatArray:
         """`<Z>` of every circuit as measured and mitigated, (B, circuits).
@@ -93,13 +102,35 @@ class Deployment:
             return self.policy.greedy(z)
         return self.policy.decide(z, self._draws.actions(rows.episode, rows.decision))
 
+    def predict(self, observations: FloatArray, rows: Rows) -> IntArray:
+        """The actions (B,) that `act` will most likely give for these rows; nothing is measured.
+
+        They are decided by the same uniform numbers, and by `<Z>` without shot noise: of the
+        executor where it has that, else of the twin of the settings' calibration, if that holds
+        response curves and the level is that of a twin, or of the noise model of the device.
+        """
+        return self._predictor.act(observations, rows)
+
+    @cached_property
+    def _predictor(self) -> Deployment:
+        """The deployment without shot noise, in the same places where its device is the same."""
+        settings, known = RunSettings.of(self.settings, shots=None), self.settings.calibration
+        if self._measure.has_expectations:
+            return Deployment(self.policy, self.executor, settings)
+        if known is not None and known.response is not None and settings.level == 2:
+            return Deployment(self.policy, TwinExecutor(known), settings)
+        # The noise model is not what a calibration of the machine undoes: it has one of its own.
+        model = OfflineExecutor(self.device)
+        return Deployment(self.policy, model, settings, calibration=None, calibration_file=None)
+
     def executions(self, rows: Rows) -> int:
         """How many executions of its program a step of these rows takes: those of its copies."""
         return executions(rows, self.copies)
 
     def load(self, executions: int) -> Workload:
         """Jobs and executions (times shots and rounds) of such a step."""
-        return Workload.of_batch(executions, self.executable.round_count, self.settings.shots or 0)
+        shots = self.settings.program_shots
+        return Workload.of_batch(executions, self.executable.round_count, shots)
 
     def sizes(self) -> dict[str, Any]:
         """The most gates of a circuit, circuits and rounds, as in `qcompile run --json`."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +35,7 @@ def lockstep(
     hold: int = 1,
     episodes: Sequence[int] | None = None,
     max_steps: int | None = None,
+    on_begin: Callable[[Sequence[Stepper]], None] = lambda steppers: None,
     on_rewards: Callable[[list[float]], None] = lambda rewards: None,
     on_episode: Callable[[Episode], None] = lambda episode: None,
     on_frame: Callable[[Frame, float], None] | None = None,
@@ -41,10 +43,11 @@ def lockstep(
     """Play one episode in every environment: `episodes` by number, by default 0, 1, ...
 
     Episode i resets with `first_seed` + i. `act` maps the observations (B, features) of the living
-    episodes, and which decision of which episode each row is, to actions (B,). `on_rewards` gets
-    what the episodes earned by a decision, which is held for `hold` steps of the environment;
-    `on_frame` the frames of the first one, (height, width, 3), and how many of them make a second.
-    After `max_steps` of its steps an episode ends, whatever the environment says.
+    episodes, and which decision of which episode each row is, to actions (B,). `on_begin` gets all
+    steppers; `on_rewards` what the episodes earned by a decision, which is held for `hold` steps of
+    the environment; `on_frame` the frames of the first one, (height, width, 3), and how many of
+    them make a second. After `max_steps` of its steps an episode ends, whatever the environment
+    says.
 
     Raises:
         EnvironmentStepError: an environment fails, or gives what no policy can use.
@@ -57,8 +60,28 @@ def lockstep(
     first = [
         stepper.reset(first_seed + i) for i, stepper in zip(numbers.tolist(), living, strict=True)
     ]
-    observations = np.stack(first).astype(np.float64)
-    decision = 0
+    on_begin(living)
+    proceed(act, living, numbers, np.stack(first), 0, on_rewards=on_rewards, on_episode=on_episode)
+
+
+def proceed(
+    act: Act,
+    living: Sequence[Stepper],
+    numbers: IntArray,
+    observations: NDArray[Any],
+    decision: int,
+    *,
+    on_rewards: Callable[[list[float]], None] = lambda rewards: None,
+    on_episode: Callable[[Episode], None] = lambda episode: None,
+) -> None:
+    """Play the living episodes of these `numbers` on from `decision`, to their ends, as `lockstep`.
+
+    `observations` (B, features) are those they decide by next.
+
+    Raises:
+        EnvironmentStepError: an environment fails, or gives what no policy can use.
+    """
+    observations = observations.astype(np.float64)
     while living:
         rows = Rows(numbers, np.full(len(living), decision))
         actions = act(observations, rows).tolist()
@@ -69,7 +92,7 @@ def lockstep(
         for i, (stepper, action) in enumerate(zip(living, actions, strict=True)):
             following[i], reward, terminated, truncated = stepper.step(action)
             rewards.append(reward)
-            if terminated or truncated or stepper.length == max_steps:
+            if terminated or truncated or stepper.length == stepper.max_steps:
                 over.append(i)
                 on_episode(Episode(stepper.seed, stepper.reward, stepper.length))
         check_finite(living, following)

@@ -23,6 +23,8 @@ _SETTINGS: Mapping[str, Any] = {
     "calibration": None,
     "predistort": False,
     "copies": 1,
+    "split": False,
+    "speculate": 1,
 }
 """The settings of circuits, as they are for a network."""
 
@@ -42,6 +44,7 @@ class NetworkPlayer:
     kind: Kind = "ideal"
     misfits: Sequence[Misfit] = ()
     calibration_load = Workload()
+    calibration_shots: int | None = None
 
     def __init__(self, network: Network, settings: RunSettings | None = None, **changes: Any):
         chosen, default = RunSettings.of(settings, **changes), RunSettings()
@@ -69,6 +72,10 @@ class NetworkPlayer:
         if self.settings.greedy:
             return self.policy.greedy(observations)
         return self.policy.decide(observations, self._draws.actions(rows.episode, rows.decision))
+
+    def predict(self, observations: FloatArray, rows: Rows) -> IntArray:
+        """Its actions are known."""
+        return self.act(observations, rows)
 
     def executions(self, rows: Rows) -> int:
         """It has no program."""

@@ -46,12 +46,21 @@ class Player(Protocol):
         """Jobs and executions of what was measured before the first episode."""
         ...
 
+    @property
+    def calibration_shots(self) -> int | None:
+        """Shots of the calibration that was measured before the first episode, if one was."""
+        ...
+
     def act(self, observations: FloatArray, rows: Rows | None = None) -> IntArray:
         """An action for each of the observations (B, features).
 
         `rows` says which decision of which episode each is; without them row i is episode i, and
         every call the next decision.
         """
+        ...
+
+    def predict(self, observations: FloatArray, rows: Rows) -> IntArray:
+        """The actions (B,) that `act` will most likely give for these rows; nothing is measured."""
         ...
 
     def executions(self, rows: Rows) -> int:

@@ -20,10 +20,12 @@ _LEAST_FOR_SOLVED = 100
 
 @dataclass
 class Run:
-    """Episodes played; `episodes` are those that finished.
+    """Episodes played; `episodes` are those that finished, `cut_episodes` of them by `max_steps`.
 
     `threshold` is the mean reward at which the environment counts as solved, if it has one;
-    `env_steps` counts the steps of every environment.
+    `decisions` and `env_steps` count those of every episode, finished or not, `measured_rows` what
+    was measured for decisions, with what did not count where steps are measured ahead. `completed`
+    (episodes,) are the rewards with cut episodes played on to their ends; None where none was.
     """
 
     player: Player
@@ -31,13 +33,17 @@ class Run:
     episodes: list[Episode] = field(default_factory=list)
     programs: Counter[int] = field(default_factory=Counter)
     """How many steps took so many executions of the program, by that number."""
+    measured_rows: int = 0
+    decisions: int = 0
     env_steps: int = 0
+    cut_episodes: int = 0
+    completed: FloatArray | None = None
     wall_seconds: float = 0.0
     interrupted: bool = False
 
     def count_step(self, rows: Rows) -> None:
         """Count a step of these episodes: one job, or more where a job cannot hold it."""
-        self.env_steps += len(rows.episode)
+        self.measured_rows += len(rows.episode)
         self.programs[self.player.executions(rows)] += 1
 
     @property
@@ -66,9 +72,11 @@ class Run:
         """The plain values of `qcompile run --json`."""
         player, rewards = self.player, self.rewards
         policy, settings = player.policy, player.settings
-        shots, load = settings.shots, self.total_load
+        shots, load, completed = settings.shots, self.total_load, self.completed
         # Of an interrupted run the shortest episodes ended first: their mean is biased.
         judged = not self.interrupted and settings.max_steps is None
+        # And of one that measured ahead, those whose measurements were as predicted.
+        has_mean = len(rewards) > 0 and not (self.interrupted and settings.speculate != 1)
         arguments = dict(policy.environment_kwargs)
         return {
             "policy": policy.name,
@@ -82,19 +90,30 @@ class Run:
             "calibration": settings.calibration_file,
             "calibration_misfits": [misfit.values() for misfit in player.misfits],
             "copies": settings.copies or 1,
+            "split": settings.split,
+            "calibration_shots": player.calibration_shots,
             "level": settings.level,
             "greedy": settings.greedy,
             "seed": settings.seed,
             "episodes": [vars(episode) for episode in self.episodes],
-            "mean_reward": float(rewards.mean()) if len(rewards) else None,
-            "std_reward": float(rewards.std()) if len(rewards) else None,
+            "mean_reward": float(rewards.mean()) if has_mean else None,
+            "std_reward": float(rewards.std()) if has_mean else None,
             "ci95": None if self.interrupted else bootstrap_ci95(rewards, settings.seed),
             "solved": is_solved(rewards, self.threshold) if judged else None,
             **player.sizes(),
             "max_steps": settings.max_steps,
+            "cut_episodes": self.cut_episodes,
+            "mean_reward_completed": None if completed is None else float(completed.mean()),
+            "ci95_completed": (
+                None if completed is None else bootstrap_ci95(completed, settings.seed)
+            ),
             "jobs": 0 if shots is None else load.jobs,
             "executions": load.executions,
             "qpu_seconds_estimate": None if shots is None else load.qpu_seconds,
+            "hold": policy.hold,
+            "speculate": settings.speculate,
+            "measured_rows": self.measured_rows,
+            "decisions": self.decisions,
             "env_steps": self.env_steps,
             "wall_seconds": self.wall_seconds,
             "interrupted": self.interrupted,

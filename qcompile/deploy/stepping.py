@@ -31,12 +31,14 @@ class Stepper:
     vectors of the declared number of features, in `dtype`: float32 where that holds every number of
     the declared type, float64 elsewhere. An action is held for `hold` steps, but not beyond the end
     of an episode nor beyond `max_steps` of its steps. `seed` is that of the last reset, `length`
-    the environment's steps since and `reward` what they earned. `on_step` is called after each.
+    the environment's steps since and `reward` what they earned; `is_over` says that the environment
+    ended the episode. `on_step` is called after each step.
     """
 
     __slots__ = (
-        *("_first_action", "_held", "_max_steps", "_shape", "_step"),
-        *("dtype", "environment", "length", "on_step", "reward", "seed"),
+        *("_action", "_first_action", "_held", "_left", "_shape", "_step"),
+        *("dtype", "environment", "is_over", "length", "max_steps", "observation", "on_step"),
+        *("reward", "seed"),
     )
 
     def __init__(
@@ -50,11 +52,12 @@ class Stepper:
         assert isinstance(acted, Discrete)
         assert observed.dtype is not None
         self.environment, self._step = environment, environment.step
-        self._held, self._max_steps, self.on_step = range(hold), max_steps, on_step
+        self._held, self.max_steps, self.on_step = hold, max_steps, on_step
         self._first_action, self._shape = int(acted.start), observed.shape
         holds_all = np.can_cast(observed.dtype, np.float32)
         self.dtype: np.dtype[Any] = np.dtype(np.float32 if holds_all else np.float64)
-        self.seed, self.length, self.reward = 0, 0, 0.0
+        self.seed, self.length, self.reward, self.is_over = 0, 0, 0.0, False
+        self._action, self._left = 0, 0
 
     def reset(self, seed: int) -> NDArray[Any]:
         """Begin an episode; its first observation (features,).
@@ -62,7 +65,7 @@ class Stepper:
         Raises:
             EnvironmentStepError: the reset fails, or gives no such observation.
         """
-        self.seed, self.length, self.reward = seed, 0, 0.0
+        self.seed, self.length, self.reward, self.is_over = seed, 0, 0.0, False
         try:
             answer = self.environment.reset(seed=seed)
         except Exception as error:  # a user's environment may raise anything
@@ -84,8 +87,26 @@ class Stepper:
         Raises:
             EnvironmentStepError: a step fails, or gives anything else.
         """
+        return self._hold(action, self._held)
+
+    def lengthen(self, most_steps: int) -> None:
+        """Let a cut episode go on to `most_steps` steps, unfilmed; first what is left of its hold.
+
+        Raises:
+            EnvironmentStepError: as `step`.
+        """
+        self.max_steps, self.on_step = most_steps, None
+        if self._left:
+            self._hold(self._action, self._left)
+
+    @property
+    def is_cut(self) -> bool:
+        """Whether `max_steps` ended the episode, and not the environment."""
+        return self.length == self.max_steps and not self.is_over
+
+    def _hold(self, action: int, steps: int) -> tuple[NDArray[Any], float, bool, bool]:
         earned = 0.0
-        for _ in self._held:
+        for self._left in range(steps - 1, -1, -1):
             self.length += 1
             try:
                 answer = self._step(self._first_action + action)
@@ -114,8 +135,10 @@ class Stepper:
                 terminated, truncated = self._flag(terminated), self._flag(truncated)
             if self.on_step is not None:
                 self.on_step()
-            if terminated or truncated or self.length == self._max_steps:
+            if terminated or truncated or self.length == self.max_steps:
                 break
+        self._action, self.observation = action, observation
+        self.is_over = terminated or truncated
         return observation, earned, terminated, truncated
 
     def error(self, what: str, *hints: str) -> EnvironmentStepError:

@@ -8,6 +8,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
+from qcompile.arrays import IntArray
 from qcompile.limits import MAX_EXECUTIONS_PER_JOB, SECONDS_PER_EXECUTION, SECONDS_PER_JOB
 
 
@@ -25,7 +28,7 @@ class Portion:
 
 
 def portions(rows: Sequence[int], shots: int) -> list[list[Portion]]:
-    """The jobs of PUBs with so many `rows` of parameter values, `shots` of each row; 0 where they are exact.
+    """The jobs of PUBs with so many `rows` of parameter values, `shots` of each row.
 
     One job, as long as it has at most MAX_EXECUTIONS_PER_JOB executions; else each job is filled
     with rows before the next begins.
@@ -37,11 +40,19 @@ def portions(rows: Sequence[int], shots: int) -> list[list[Portion]]:
         while start < count:
             if not room:
                 jobs.append([])
-                room = MAX_EXECUTIONS_PER_JOB // max(shots, 1)
+                room = MAX_EXECUTIONS_PER_JOB // max(shots, 1)  # exact: none
             taken = min(room, count - start)
             jobs[-1].append(Portion(pub, range(start, start + taken)))
             start, room = start + taken, room - taken
     return jobs
+
+
+def job_counts(circuits: IntArray, shots: int) -> IntArray:
+    """How many jobs `portions` makes of so many circuits with values, for an array of any shape.
+
+    Exact expectations, without shots, count as one shot each.
+    """
+    return np.asarray(-(-circuits // (MAX_EXECUTIONS_PER_JOB // max(shots, 1))))
 
 
 @dataclass(frozen=True)
@@ -54,7 +65,8 @@ class Workload:
     @classmethod
     def of_batch(cls, rows: int, rounds: int, shots: int) -> Workload:
         """That of `rounds` circuits, each with `rows` rows of values, by `portions`."""
-        return cls(len(portions([rows] * rounds, shots)), rows * rounds * shots)
+        circuits = rows * rounds
+        return cls(int(job_counts(np.array(circuits), shots)), circuits * shots)
 
     def __add__(self, other: Workload) -> Workload:
         return Workload(self.jobs + other.jobs, self.executions + other.executions)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from qcompile.arrays import CountArray, FloatArray, IntArray
+from qcompile.arrays import CircuitShots, CountArray, FloatArray, IntArray
 from qcompile.execution.prepared import Prepared
 from qcompile.ir import Circuit
 from qcompile.passes import Executable
@@ -87,20 +87,32 @@ def _append(built: Any, circuit: Circuit, qubit: int, parameters: dict[str, Any]
 
 
 def count_ones(
-    rounds: Sequence[PackedRound], bits: Sequence[NDArray[np.uint8]], circuits: IntArray
+    rounds: Sequence[PackedRound],
+    bits: Sequence[NDArray[np.uint8]],
+    circuits: IntArray,
+    shots: CircuitShots,
 ) -> CountArray:
     """The ones of `circuits`, (B, circuits), of the packed bits of rounds that hold just them.
 
-    Bits are (B, shots, bytes) for each round; `circuits` is sorted.
+    Bits are (B, shots, bytes) for each round; `circuits` is sorted. Of each circuit of the
+    executable the first `shots` count.
     """
     ones = np.zeros((len(bits[0]), len(circuits)), dtype=np.int64)
     for packed, of_round in zip(rounds, bits, strict=True):
         width = len(packed.circuits)
-        ones[:, np.searchsorted(circuits, packed.circuits)] = ones_of_bits(of_round, width)
+        counted = shots[packed.circuits] if isinstance(shots, np.ndarray) else None
+        ones[:, np.searchsorted(circuits, packed.circuits)] = ones_of_bits(of_round, width, counted)
     return ones
 
 
-def ones_of_bits(packed: NDArray[np.uint8], width: int) -> CountArray:
-    """In how many shots each bit is 1, (..., width), of packed bits (..., shots, bytes)."""
+def ones_of_bits(
+    packed: NDArray[np.uint8], width: int, counted: CountArray | None = None
+) -> CountArray:
+    """In how many shots each bit is 1, (..., width), of packed bits (..., shots, bytes).
+
+    Of each bit the first `counted` (width,) shots count, without it all.
+    """
     bits = np.unpackbits(packed, axis=-1)[..., : -width - 1 : -1]  # bit 0 comes last
+    if counted is not None:
+        bits &= np.arange(bits.shape[-2])[:, None] < counted
     return np.asarray(bits.sum(axis=-2, dtype=np.int64))

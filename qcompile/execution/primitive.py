@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from qcompile.arrays import CountArray, FloatArray
+from qcompile.arrays import CircuitShots, CountArray, FloatArray
 from qcompile.device import Device, Kind
 from qcompile.errors import DeviceError, MissingExtraError, QcompileError
 from qcompile.execution.executor import Executor, check_device
 from qcompile.execution.packed import REGISTER, PackedExecutable, PackedRound, count_ones
-from qcompile.execution.prepared import Binomial, Prepared, check_shots
+from qcompile.execution.prepared import Binomial, Prepared, most_shots
 from qcompile.passes import Executable
 from qcompile.snapshot import device_from_backend, properties_of
 from qcompile.terminal import first_line
@@ -139,15 +139,15 @@ class _Sampled(PackedExecutable):
         )
 
     def ones(
-        self, x: FloatArray, theta: FloatArray, shots: int, rng: Binomial | None = None
+        self, x: FloatArray, theta: FloatArray, shots: CircuitShots, rng: Binomial | None = None
     ) -> CountArray:
-        check_shots(shots)
+        most = most_shots(shots)
         angles = self.executable.bind(x, theta)
         circuits = np.arange(len(self.executable.native))
         if not len(angles) or not len(circuits):
             return np.zeros((len(angles), len(circuits)), dtype=np.int64)
-        bits = self._executor.bits(self.rounds, angles, shots)
-        return count_ones(self.rounds, bits, circuits)
+        bits = self._executor.bits(self.rounds, angles, most)
+        return count_ones(self.rounds, bits, circuits, shots)
 
 
 def sampler_kind(sampler: Any, backend: Any) -> Kind:

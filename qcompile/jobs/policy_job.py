@@ -17,6 +17,7 @@ from qcompile.ir import NEGLIGIBLE_RAD, Program
 from qcompile.output import new_folder
 from qcompile.passes import Executable, compile
 from qcompile.policy import Policy
+from qcompile.policy.decision import hold_values
 from qcompile.qasm import write
 from qcompile.reading import ContentsError, load_json, read_file, read_npy, read_table
 from qcompile.validation import explain
@@ -92,6 +93,7 @@ def export_job(
             "backend": device.name,
             "level": level,
             "shots": shots,
+            **hold_values(policy.hold),
             "programs": programs,
         }
         (target / "job.json").write_text(json.dumps(job, indent=1) + "\n")

@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 from qcompile.arrays import FloatArray, IntArray
 from qcompile.deploy.deployment import Deployment
 from qcompile.deploy.lockstep import Act
-from qcompile.deploy.play import play
+from qcompile.deploy.play import Recorder, play
 from qcompile.deploy.rows import Rows
 from qcompile.deploy.settings import RunSettings
 from qcompile.device import Device
 from qcompile.errors import LiveError, ReplayError
-from qcompile.execution import Executor
+from qcompile.execution import Backend, Executor
 from qcompile.live.journal import Journal, TaskKind
+from qcompile.live.records import Chains, Step
 from qcompile.live.task import Context, DeviceTask
 from qcompile.policy.schema import AnyPolicyFile
 
@@ -56,21 +57,25 @@ class RunTask(DeviceTask, RunSettings):
         deployment = self.deploy(context.executor(self.device))
         actions = len(deployment.policy.bias)
         recorder = JournalRecorder(context.jobs.journal, actions, self.copy_of, context.say)
-        run = play(deployment, self.episodes, recorder=recorder)
+        run = play(
+            deployment, self.episodes, complete=True, recorder=recorder, on_note=context.note
+        )
         if run.interrupted:
             raise KeyboardInterrupt
         return run.summary()
 
-    def deploy(self, backend: Device | Executor) -> Deployment:
-        """The task's policy on an executor of the task's device, or on its noise model."""
+    def deploy(self, backend: Device | Backend | Executor) -> Deployment:
+        """The task's policy on an executor of the task's device, or on a model of it."""
         return Deployment(self.policy.policy(), backend, self.settings)
 
 
-class JournalRecorder:
+class JournalRecorder(Recorder):
     """Records the steps of a run; those that the journal has are played again and checked.
 
     A recorded step takes its recorded actions, which lie in [0, `actions`). The deployment is asked
-    for them all the same: its counts come from the journal, in the same order.
+    for them all the same: its counts come from the journal, in the same order. Where steps are
+    measured ahead, a step is recorded with its predicted actions before it is measured, and
+    recorded ones are walked along again.
     """
 
     def __init__(
@@ -82,6 +87,32 @@ class JournalRecorder:
     ):
         self._journal, self._actions, self._copy_of, self._say = journal, actions, copy_of, say
         self._number = 0
+        self._step: Step | None = None
+        self._predicted: list[IntArray] = []
+        """Of the rows of the next step so far, where steps are measured ahead."""
+
+    def depth(self, depth: int) -> int:
+        """How many decisions of each episode the next step measures: as many as are recorded."""
+        chains = self._chains()
+        return depth if chains is None else chains.depth
+
+    def predict(self, predict: Act, observations: FloatArray, rows: Rows) -> IntArray:
+        """The actions (B,) along which the next step is measured: those that are recorded.
+
+        Raises:
+            LiveError: they are damaged.
+            ReplayError: other rows are recorded.
+        """
+        chains = self._chains()
+        if chains is None:
+            predicted = predict(observations, rows)
+        else:
+            first = sum(map(len, self._predicted))
+            these = slice(first, first + len(observations))
+            self._check("rows", chains.array[:2, these], np.stack(rows[:2]))
+            predicted = self._numbered(chains.predicted[these], observations)
+        self._predicted.append(predicted)
+        return predicted
 
     def act(self, act: Act, observations: FloatArray, rows: Rows) -> IntArray:
         """The actions (B,) for observations (B, features).
@@ -90,35 +121,60 @@ class JournalRecorder:
             LiveError: the recorded actions are damaged.
             ReplayError: the observations are not those recorded.
         """
-        step = self._journal.steps.at(self._number)
-        self._say(f"step {self._number + 1}")
+        steps, step = self._journal.steps, self._recorded()
+        ahead = f" of {len(observations)} decisions" if self._predicted else ""
+        self._say(f"step {self._number + 1}{ahead}")
         if self._copy_of == "place":
             rows = rows._replace(order=np.arange(len(observations)))
-        if step is None:
-            actions = act(observations, rows)
-            self._journal.steps.note_actions(self._number, observations, actions)
-            return actions
-        self._check("observations", step.observations, observations)
-        drawn, recorded = act(observations, rows), step.actions
-        if recorded.shape != drawn.shape or not np.isin(recorded, range(self._actions)).all():
-            raise LiveError(
-                f"{self._journal.path} is damaged: the actions of step {self._number} are wrong.",
-                "Restore a copy.",
-            )
-        return recorded.astype(np.intp)
+        if step is not None:
+            self._check("observations", step.observations, observations)
+        chains = None
+        if self._predicted:
+            chains = Chains(rows.episode, rows.decision, np.concatenate(self._predicted))
+            if step is None:  # before the job is sent: it may be asked for again
+                steps.note_chains(self._number, observations, chains)
+        drawn = act(observations, rows)
+        if step is not None and step.actions is not None:
+            return self._numbered(step.actions, observations)
+        steps.note_actions(self._number, observations, drawn, chains)
+        return drawn
 
     def rewards(self, rewards: list[float]) -> None:
-        """What the last actions earned.
+        """What the last actions earned, as far as they counted.
 
         Raises:
             ReplayError: it is not what is recorded.
         """
-        step = self._journal.steps.at(self._number)
+        step = self._recorded()
         if step is None or step.rewards is None:
             self._journal.steps.note_rewards(self._number, rewards)
         else:
             self._check("rewards", step.rewards, np.array(rewards))
-        self._number += 1
+        self._number, self._step, self._predicted = self._number + 1, None, []
+
+    def _recorded(self) -> Step | None:
+        """The next step, as far as it is recorded."""
+        if self._step is None:
+            self._step = self._journal.steps.at(self._number)
+        return self._step
+
+    def _chains(self) -> Chains | None:
+        step = self._recorded()
+        return None if step is None else step.chains
+
+    def _numbered(self, actions: NDArray[Any], observations: FloatArray) -> IntArray:
+        """Recorded actions, one for each of the observations.
+
+        Raises:
+            LiveError: they are not.
+        """
+        right = actions.shape == (len(observations),)
+        if not right or not np.isin(actions, range(self._actions)).all():
+            raise LiveError(
+                f"{self._journal.path} is damaged: the actions of step {self._number} are wrong.",
+                "Restore a copy.",
+            )
+        return actions.astype(np.intp)
 
     def _check(self, what: str, recorded: NDArray[Any], actual: NDArray[Any]) -> None:
         same_shape = recorded.shape == actual.shape

@@ -150,19 +150,55 @@ class Charge:
 
 
 @dataclass(frozen=True)
+class Chains:
+    """The rows of a step that measures ahead: episode, decision, predicted action, (B,) each."""
+
+    episode: NDArray[np.int64]
+    decision: NDArray[np.int64]
+    predicted: NDArray[np.int64]
+
+    @property
+    def array(self) -> NDArray[np.int64]:
+        """As a journal keeps them, (3, B)."""
+        return np.stack([self.episode, self.decision, self.predicted])
+
+    @property
+    def depth(self) -> int:
+        """The most decisions of one episode."""
+        return int(np.unique(self.episode, return_counts=True)[1].max())
+
+
+@dataclass(frozen=True)
 class Step:
-    """Observations (B, features) of a step, the actions (B,) taken, the rewards (B,) earned."""
+    """Observations (B, features) of a step, the actions (B,) measured, the rewards earned.
+
+    Where steps are measured ahead, `chains` are its rows; its actions are None until they are
+    measured, and rewards are those of the actions that counted.
+    """
 
     observations: FloatArray
-    actions: NDArray[np.int64]
+    actions: NDArray[np.int64] | None
     rewards: FloatArray | None
+    chains: Chains | None = None
 
     @classmethod
     def of_row(cls, row: tuple[Any, ...]) -> Step:
-        """That of a row of the journal's table."""
-        observations, actions, rewards = row
-        earned = None if rewards is None else to_array(rewards)
-        return cls(to_array(observations), to_array(actions), earned)
+        """That of a row of the journal's table.
+
+        Its actions are (B,), or (3, B) episodes, decisions and predicted actions, or (4, B), these
+        and the actions.
+
+        Raises:
+            LiveError: it is damaged.
+        """
+        observations, (actions, rewards) = to_array(row[0]), row[1:]
+        taken, earned = to_array(actions), None if rewards is None else to_array(rewards)
+        if taken.ndim != 2:
+            return cls(observations, taken, earned)
+        if taken.shape not in [(3, len(observations)), (4, len(observations))] or not taken.size:
+            raise LiveError("The rows of a step are damaged.", "Restore a copy.")
+        measured = taken[3] if len(taken) == 4 else None
+        return cls(observations, measured, earned, Chains(*taken[:3]))
 
 
 def to_time(text: str) -> datetime:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
@@ -37,6 +37,8 @@ class RunFigures(_Figures):
     predistort: bool
     calibration: Line | None
     copies: Count
+    split: bool = False
+    calibration_shots: Count | None = None
     level: Count
     greedy: bool
     seed: int
@@ -49,8 +51,15 @@ class RunFigures(_Figures):
     circuits_per_step: Count
     rounds_per_step: Count
     max_steps: Count | None
+    cut_episodes: Count | None = None
+    mean_reward_completed: Finite | None = None
+    ci95_completed: tuple[Finite, Finite] | None = None
     jobs: Count
     executions: Count
+    hold: Annotated[int, Field(ge=1)] = 1
+    speculate: Annotated[int, Field(ge=1)] | Literal["auto"] = 1
+    measured_rows: Count | None = None
+    decisions: Count | None = None
     env_steps: Count
     wall_seconds: Finite
 
@@ -58,6 +67,10 @@ class RunFigures(_Figures):
     def _check(self) -> RunFigures:
         if self.episodes and None in (self.mean_reward, self.std_reward):
             raise ValueError("episodes without a mean")
+        if self.hold > 1 and self.decisions is None:
+            raise ValueError("held decisions without their number")
+        if self.speculate != 1 and None in (self.decisions, self.measured_rows):
+            raise ValueError("decisions measured ahead without their number")
         return self
 
 

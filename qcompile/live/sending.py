@@ -12,6 +12,7 @@ from qcompile.live.answers import UnreadableAnswerError
 from qcompile.live.connection import Connection
 from qcompile.live.journal import Journal
 from qcompile.live.looking import GENERAL_TAG, Finder
+from qcompile.live.pace import Pace
 from qcompile.live.records import Submission
 from qcompile.live.remote import RemoteJobs
 from qcompile.live.request import Request
@@ -28,7 +29,8 @@ class Sender:
 
     IBM is asked for a job of the tag before each sending. A sending that it does not answer with
     the id of a job leaves a doubt, whatever it answers: it may have accepted the job all the same.
-    `cap_s` says what a job of so many executions may take, or raises BudgetError.
+    `cap_s` says what a job of so many executions may take, or raises BudgetError; `pace` when the
+    next may be sent.
     """
 
     def __init__(
@@ -37,10 +39,11 @@ class Sender:
         connection: Connection,
         cap_s: Callable[[int], int],
         *,
+        pace: Pace,
         batch: bool,
         say: Callable[[str], None],
     ):
-        self._journal, self._connection = journal, connection
+        self._journal, self._connection, self._pace = journal, connection, pace
         settle_s = seconds_setting("QCOMPILE_SETTLE_SECONDS", SETTLE_S)
         self.finder = Finder(journal, RemoteJobs(connection), settle_s, say)
         self._cap_s, self._wants_batch = cap_s, batch
@@ -76,7 +79,8 @@ class Sender:
                 continue
             sends += 1
             try:
-                job_id = self._send(self._journal.note_sending(submission, cap_s), request)
+                with self._pace.turn():
+                    job_id = self._send(self._journal.note_sending(submission, cap_s), request)
             except QcompileError:
                 raise
             except Exception as failure:  # whichever the client has for what it was answered

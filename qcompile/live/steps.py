@@ -2,39 +2,64 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from qcompile.arrays import CountArray, FloatArray
 from qcompile.live.database import Database
 from qcompile.live.opening import reading
-from qcompile.live.records import Step, to_bytes
+from qcompile.live.records import Chains, Step, to_bytes
 
 
 class Steps:
-    """The steps of a journal; their number is `len`.
+    """The steps of a journal; how many were played is its `len`.
 
     A step is there with its actions before the environments take them, and gets its rewards
-    afterwards.
+    afterwards. One that measures ahead is there with its rows before it is measured.
     """
 
     def __init__(self, database: Database):
         self._db = database
 
     def __len__(self) -> int:
-        return int(self._db.rows("SELECT COUNT(*) FROM step")[0][0])
+        return int(self._db.rows("SELECT COUNT(*) FROM step WHERE rewards IS NOT NULL")[0][0])
+
+    def __iter__(self) -> Iterator[Step]:
+        """All steps in order, with one that was begun."""
+        yield from self._steps("TRUE")
 
     def at(self, number: int) -> Step | None:
-        """Step `number`, if it was taken."""
+        """Step `number`, if it was begun."""
+        steps = self._steps("number = ?", number)
+        return steps[0] if steps else None
+
+    def _steps(self, where: str, *values: object) -> list[Step]:
         rows = self._db.rows(
-            "SELECT observations, actions, rewards FROM step WHERE number = ?", number
+            f"SELECT observations, actions, rewards FROM step WHERE {where} ORDER BY number",
+            *values,
         )
         with reading(self._db.path):
-            return Step.of_row(rows[0]) if rows else None
+            return [Step.of_row(row) for row in rows]
 
-    def note_actions(self, number: int, observations: FloatArray, actions: CountArray) -> None:
-        """The actions (B,) of a step for its observations (B, features)."""
+    def note_chains(self, number: int, observations: FloatArray, chains: Chains) -> None:
+        """The rows of a step for its observations (B, features), before it is measured."""
+        self._note(number, observations, chains.array)
+
+    def note_actions(
+        self,
+        number: int,
+        observations: FloatArray,
+        actions: CountArray,
+        chains: Chains | None = None,
+    ) -> None:
+        """The actions (B,) of a step for its observations (B, features), and its rows again."""
+        taken = actions if chains is None else np.concatenate([chains.array, actions[None]])
+        self._note(number, observations, taken)
+
+    def _note(self, number: int, observations: FloatArray, actions: CountArray) -> None:
         values = (number, to_bytes(observations), to_bytes(actions.astype(np.int64)))
-        self._db.do("INSERT INTO step VALUES (?,?,?,NULL)", *values)
+        self._db.do("INSERT OR REPLACE INTO step VALUES (?,?,?,NULL)", *values)
 
     def note_rewards(self, number: int, rewards: list[float]) -> None:
         """What the actions of a step earned."""

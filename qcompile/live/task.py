@@ -6,9 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
 from qcompile.device import Device
 from qcompile.errors import LiveError, MissingExtraError
@@ -19,10 +19,11 @@ from qcompile.live.journal import TaskKind
 
 @dataclass(frozen=True)
 class Context:
-    """The jobs of a run, and `say`, which gets words on how far it is."""
+    """The jobs of a run; `say` gets words on how far it is, `note` what a person should read."""
 
     jobs: Jobs
     say: Callable[[str], None]
+    note: Callable[[str], None] = lambda words: None
 
     def executor(self, device: Device) -> Executor:
         """The executor of the device's machine, by the jobs of the run.
@@ -54,6 +55,7 @@ class Task(BaseModel):
     account: str | None = None
     instance: str | None = None
     batch: bool = False
+    jobs_per_minute: Annotated[int, Field(ge=1)] | None = None
     planned_jobs: int = 1
 
     @property

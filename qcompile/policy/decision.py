@@ -7,6 +7,7 @@ import numpy as np
 from qcompile.arrays import FloatArray, IntArray, real_array
 from qcompile.errors import PolicyError
 from qcompile.foreign import what_it_is
+from qcompile.notebook import count
 
 MOST_HELD = 1_000_000
 """Steps of the environment that a decision can be held for."""
@@ -98,3 +99,13 @@ def check_hold(hold: int) -> None:
             f"hold is {hold!r}.",
             f"A decision is held for a whole number of environment steps, from 1 to {MOST_HELD:,}.",
         )
+
+
+def held_words(hold: int) -> str:
+    """How long each decision is held, in words."""
+    return f"held for {count(hold, 'environment step')}"
+
+
+def hold_values(hold: int) -> dict[str, int]:
+    """The key `hold` of a file; files say it where a decision is held for more than one step."""
+    return {"hold": hold} if hold > 1 else {}

@@ -14,6 +14,7 @@ from qcompile.errors import CircuitError, PolicyError
 from qcompile.foreign import what_it_is
 from qcompile.output import write_file
 from qcompile.policy.blocks import BlockFile
+from qcompile.policy.decision import hold_values
 from qcompile.policy.encoder import Encoder
 from qcompile.policy.network import Network
 from qcompile.policy.network_file import (
@@ -180,9 +181,7 @@ def policy_values(policy: AnyPolicy) -> dict[str, Any]:
     program = policy.program
     symbols = {symbol: f"x{i}" for i, symbol in enumerate(program.inputs)}
     symbols |= {symbol: f"theta{i}" for i, symbol in enumerate(program.parameters)}
-    more: dict[str, Any] = {}
-    if policy.hold != 1:
-        more["hold"] = policy.hold
+    more: dict[str, Any] = {**hold_values(policy.hold)}
     if policy.environment_kwargs:
         more["environment_kwargs"] = dict(policy.environment_kwargs)
     return {

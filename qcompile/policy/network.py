@@ -13,7 +13,7 @@ import numpy as np
 from qcompile.arrays import FloatArray
 from qcompile.errors import PolicyError
 from qcompile.notebook import count, html_table
-from qcompile.policy.decision import Softmax, check_hold, checked_observations
+from qcompile.policy.decision import Softmax, check_hold, checked_observations, held_words
 from qcompile.policy.encoder import check_arrays
 
 WIDTH = 3
@@ -168,11 +168,13 @@ class Network(Softmax):
 
     def __repr__(self) -> str:
         sizes = (count(number, noun) for noun, number in self._sizes.items())
-        return f"Network({', '.join([self.name, self.environment, *sizes])})"
+        held = [f"hold {self.hold}"] * (self.hold > 1)
+        return f"Network({', '.join([self.name, self.environment, *sizes, *held])})"
 
     def _repr_html_(self) -> str:
         rows = [["environment", self.environment]]
         rows += [[f"{noun}s", f"{number:,}"] for noun, number in self._sizes.items()]
+        rows += [["decision", held_words(self.hold)]] * (self.hold > 1)
         return html_table(["network", self.name], rows)
 
     @property

@@ -12,7 +12,7 @@ from qcompile.arrays import FloatArray
 from qcompile.errors import PolicyError
 from qcompile.policy.arguments import check_arguments
 from qcompile.policy.blocks import Number
-from qcompile.policy.decision import MOST_HELD
+from qcompile.policy.decision import MOST_HELD, hold_values
 from qcompile.policy.network import WIDTH, Convolution, Dense, Layer, Network
 from qcompile.validation import FirstFault, Line
 
@@ -121,9 +121,7 @@ def network_values(network: Network) -> dict[str, Any]:
     for key, array in (("mean", network.mean), ("std", network.std)):
         if array is not None:
             values[key] = array.tolist()
-    values["metadata"] = dict(network.metadata)
-    if network.hold != 1:
-        values["hold"] = network.hold
+    values |= {"metadata": dict(network.metadata), **hold_values(network.hold)}
     if network.environment_kwargs:
         values["environment_kwargs"] = dict(network.environment_kwargs)
     return values

@@ -13,7 +13,7 @@ from qcompile.report.tables import print_table
 
 
 def print_devices(devices: Mapping[str, Device]) -> None:
-    """Print a row for each device: medians of its qubits."""
+    """Print a row for each device: medians of its qubits but those that are left out."""
     print_table(
         ["backend", "qubits", "T1 us", "sx error", "readout error", "calibrated"],
         [
@@ -31,7 +31,7 @@ def print_devices(devices: Mapping[str, Device]) -> None:
 
 def _medians(device: Device) -> tuple[str, str, str]:
     """T1 in microseconds, the error of sx where every qubit has it, the readout error."""
-    qubits = device.qubits
+    qubits = [q for index, q in enumerate(device.qubits) if index not in device.left_out]
     if not qubits:
         return "-", "-", "-"
     sx_error = "-"

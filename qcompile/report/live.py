@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from base64 import b64encode
+from collections.abc import Mapping
 from typing import Any
 
 import click
+from numpy.typing import NDArray
 
 from qcompile.calibration import Calibration
 from qcompile.execution.packed import ones_of_bits
@@ -69,11 +71,10 @@ def exported(journal: Journal) -> dict[str, Any]:
     steps = [
         {
             "observations": step.observations.tolist(),
-            "actions": step.actions.tolist(),
-            "rewards": None if step.rewards is None else step.rewards.tolist(),
+            **({} if step.chains is None else _lists(vars(step.chains))),
+            **_lists({"actions": step.actions, "rewards": step.rewards}),
         }
-        for step in map(journal.steps.at, range(len(journal.steps)))
-        if step is not None
+        for step in journal.steps
     ]
     return {
         **overview(journal),
@@ -83,6 +84,11 @@ def exported(journal: Journal) -> dict[str, Any]:
         "steps": steps,
         "result": journal.result,
     }
+
+
+def _lists(arrays: Mapping[str, NDArray[Any] | None]) -> dict[str, Any]:
+    """Arrays by name as lists; None stays."""
+    return {name: None if array is None else array.tolist() for name, array in arrays.items()}
 
 
 def _measured(journal: Journal, submission: Submission) -> list[dict[str, Any]] | None:

@@ -7,7 +7,8 @@ from typing import Any
 import click
 
 from qcompile.policy import Dense, Network
-from qcompile.report.tables import plural, print_table
+from qcompile.policy.decision import hold_values
+from qcompile.report.tables import plural, print_hold, print_table
 
 
 def network_values(network: Network) -> dict[str, Any]:
@@ -21,6 +22,7 @@ def network_values(network: Network) -> dict[str, Any]:
             "environment": network.environment,
             "actions": network.actions,
             "parameters": network.parameter_count,
+            **hold_values(network.hold),
         },
         "features": network.features,
         "normalised": network.mean is not None or network.std is not None,
@@ -47,5 +49,6 @@ def print_network(values: dict[str, Any]) -> None:
         f"{plural(len(values['layers']), 'layer')}, {plural(values['features'], 'feature')}"
         f"{normalised}, {policy['actions']} actions, {policy['parameters']} trained numbers"
     )
+    print_hold(policy.get("hold", 1))
     columns = ["layer", "type", "inputs", "outputs", "activation", "parameters"]
     print_table(columns, [[layer[column] for column in columns] for layer in values["layers"]])

@@ -6,8 +6,9 @@ from typing import Any
 
 import click
 
+from qcompile.policy.decision import hold_values
 from qcompile.policy.surrogate import Surrogate, merged_inputs
-from qcompile.report.tables import print_table
+from qcompile.report.tables import print_hold, print_table
 
 
 def surrogate_values(surrogate: Surrogate) -> dict[str, Any]:
@@ -15,6 +16,7 @@ def surrogate_values(surrogate: Surrogate) -> dict[str, Any]:
     return {
         "policy": surrogate.policy.name,
         "environment": surrogate.policy.environment,
+        **hold_values(surrogate.policy.hold),
         "inputs": _inputs(surrogate),
         "terms": [*surrogate.terms],
         "weights": surrogate.weights.tolist(),
@@ -53,8 +55,10 @@ def print_surrogate(surrogate: Surrogate) -> None:
         f"{'s compute' if circuits != 1 else ' computes'} exactly this.\n"
         f"surrogate: {policy.actions} x ({terms} weights + 1 bias) = {surrogate.parameter_count} "
         "numbers, and the input scales\n"
-        f"policy: {policy.parameter_count} trained numbers, input scales included\n"
+        f"policy: {policy.parameter_count} trained numbers, input scales included"
     )
+    print_hold(policy.hold)
+    click.echo()
     merged = merged_inputs(policy)
     for index, name in enumerate(policy.program.inputs):
         read, equal = policy.encoder.formula(index), str(merged[name])

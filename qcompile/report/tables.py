@@ -12,8 +12,10 @@ from rich.cells import cell_len
 from rich.markup import escape
 from rich.table import Table
 
+from qcompile.mitigation import CALIBRATION_SHOTS
 from qcompile.mitigation.misfit import misfit_words
 from qcompile.notebook import reward_digits, reward_words
+from qcompile.policy.decision import held_words
 from qcompile.report.console import PlainConsole, console
 
 _KINDS = {
@@ -117,11 +119,12 @@ def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
     if rewards:
         interval = interval_words(summary)
         interval = f" (95 % interval {interval})" if interval else ""
-        mean, _, deviation = reward_words(summary["mean_reward"], summary["std_reward"]).split()
-        yield (
-            "mean reward",
-            f"[bold]{mean}[/] ± {deviation} over {plural(len(rewards), 'episode')}{interval}",
-        )
+        if summary["mean_reward"] is not None:
+            mean, _, deviation = reward_words(summary["mean_reward"], summary["std_reward"]).split()
+            yield (
+                "mean reward",
+                f"[bold]{mean}[/] ± {deviation} over {plural(len(rewards), 'episode')}{interval}",
+            )
         yield "each episode", f"{_bars(rewards)}  {min(rewards):.0f} to {max(rewards):.0f}"
         if interval and min(rewards) == max(rewards):
             share = f"{unseen_share(len(rewards)):.0%}"
@@ -135,16 +138,24 @@ def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
         yield "settings", _circuit_settings(summary)
     for words in misfit_words(summary.get("calibration_misfits", [])):
         yield "doubtful", words
-    if summary["copies"] > 1:
+    if summary["copies"] > 1 and not summary.get("split"):
         yield "side by side", plural(summary["copies"], "episode")
-    if summary["max_steps"] is not None:
+    if summary.get("speculate", 1) != 1:
         yield (
-            "cut",
-            f"after {plural(summary['max_steps'], 'step')}: rewards are of parts of episodes",
+            "speculate",
+            f"{summary['speculate']}: {summary['measured_rows']:,} decisions measured, "
+            f"{summary['decisions']:,} of them count; {plural(summary['jobs'], 'job')}",
         )
+    yield from _cut_lines(summary)
     yield "actions", f"{'greedy' if summary['greedy'] else 'sampled'}, seed {summary['seed']}"
-    yield "each step", _step_words(summary)
-    yield "played", f"{summary['env_steps']} steps in {summary['wall_seconds']:.1f} s"
+    hold, steps = summary.get("hold", 1), f"{summary['env_steps']} steps"
+    if hold > 1:
+        yield "each decision", f"{_step_words(summary)}; {held_words(hold)}"
+        decisions = plural(summary["decisions"], "decision")
+        steps = f"{decisions}, {plural(summary['env_steps'], 'environment step')}"
+    else:
+        yield "each step", _step_words(summary)
+    yield "played", f"{steps} in {summary['wall_seconds']:.1f} s"
     if "run" in summary:
         yield (
             "paid",
@@ -160,11 +171,42 @@ def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
         )
 
 
+def _cut_lines(summary: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
+    """What `max_steps` did, and what would have been without it."""
+    if summary["max_steps"] is None:
+        return
+    after = f"after {plural(summary['max_steps'], 'step')}"
+    cut = summary.get("cut_episodes")
+    if cut is None:  # results of earlier versions
+        yield "cut", f"{after}: rewards are of parts of episodes"
+        return
+    if not cut:
+        yield "cut", f"{after}: no episode"
+        return
+    yield "cut", f"{after}: {plural(cut, 'episode')}, rewarded for the part that was played"
+    if (mean := summary.get("mean_reward_completed")) is None:
+        yield "completed", "not known: an episode does not end, or fails"
+        return
+    interval = interval_words(summary, "ci95_completed")
+    interval = f" (95 % interval {interval})" if interval else ""
+    on = " on the noise model" * (summary["kind"] == "hardware")
+    yield "completed", f"mean reward {reward_words(mean)}{interval}, cut episodes continued{on}"
+
+
+def print_hold(hold: int) -> None:
+    """Print how long each decision is held, where that is more than a step."""
+    if hold > 1:
+        _console().print(f"each decision is {held_words(hold)}")
+
+
 def _circuit_settings(summary: Mapping[str, Any]) -> str:
     mitigation = f"mitigation {summary['mitigation']}"
     words = "predistorted angles" if summary["predistort"] else mitigation
     by = f" by {escape(file)}" if (file := summary["calibration"]) else ""
-    return f"{_shots(summary['shots'])}, level {summary['level']}, {words}{by}"
+    if (shots := summary.get("calibration_shots")) not in (None, CALIBRATION_SHOTS):
+        by = f" by {_shots(shots)} of calibration"
+    places = f", over {summary['copies']} places" if summary.get("split") else ""
+    return f"{_shots(summary['shots'])}{places}, level {summary['level']}, {words}{by}"
 
 
 def _step_words(summary: Mapping[str, Any]) -> str:
@@ -187,6 +229,8 @@ def print_grid(objects: Sequence[Mapping[str, Any]]) -> None:
         if not levels and results[0]["circuits_per_step"]:
             title += f", level {results[0]['level']}"
         title += ", greedy" * results[0]["greedy"]
+        if (hold := results[0].get("hold", 1)) > 1:
+            title += f", each decision {held_words(hold)}"
         rows = [_grid_row(values, levels) for values in results]
         print_table(_grid_columns(levels), rows, title, tight=True)
         for values in results:
@@ -224,11 +268,11 @@ def _grid_row(values: Mapping[str, Any], levels: bool) -> list[object]:
     ]
 
 
-def interval_words(summary: Mapping[str, Any]) -> str:
+def interval_words(summary: Mapping[str, Any], key: str = "ci95") -> str:
     """The 95 % interval of the mean reward; empty where too few episodes say how they scatter."""
-    if summary["ci95"] is None or len(summary["episodes"]) < _LEAST_FOR_INTERVAL:
+    if summary.get(key) is None or len(summary["episodes"]) < _LEAST_FOR_INTERVAL:
         return ""
-    low, high = summary["ci95"]
+    low, high = summary[key]
     digits = reward_digits(low, high)
     return f"{low:.{digits}f} to {high:.{digits}f}"
 

@@ -14,8 +14,9 @@ from qcompile.ir import Circuit, Gate
 from qcompile.noise import expected_error, unusable
 from qcompile.passes import LEVELS, Executable
 from qcompile.policy import Policy
+from qcompile.policy.decision import hold_values
 from qcompile.report.placement import print_placement
-from qcompile.report.tables import print_table
+from qcompile.report.tables import print_hold, print_table
 
 
 def wire(circuit: Circuit) -> str:
@@ -86,6 +87,7 @@ def executable_values(
             "environment": policy.environment,
             "actions": policy.actions,
             "parameters": policy.parameter_count,
+            **hold_values(policy.hold),
         }
     return values
 
@@ -101,6 +103,7 @@ def print_executable(executable: Executable, values: dict[str, Any]) -> None:
             f"{policy['name']} for {policy['environment']}: {len(circuits)} circuits, "
             f"{policy['actions']} actions, {policy['parameters']} trained numbers"
         )
+        print_hold(policy.get("hold", 1))
     click.echo(f"level {level}: {LEVELS[level]}")
     if circuits:
         click.echo(f"  before  {wire(circuits[0])}")

@@ -62,7 +62,8 @@ def run_keys() -> set[str]:
     return {*documented.split(), "greedy", "interrupted", "predistort", "calibration", "copies"} | {
         "calibration_misfits",
         "jobs",
-        "max_steps",
+        *("max_steps", "cut_episodes", "mean_reward_completed", "ci95_completed"),
+        *("hold", "decisions"),
     }
 
 

@@ -26,7 +26,8 @@ def test_an_interrupted_step_is_counted_like_its_job(stubborn: Make, deploy: Mak
         raise KeyboardInterrupt
 
     result = play(deploy(stubborn("Clock-v0", 2, 3), shots=100), 2, on_episode=stop)
-    assert (result.load.jobs, result.env_steps, result.total_load.executions) == (3, 6, 600)
+    assert (result.load.jobs, result.decisions, result.total_load.executions) == (3, 6, 600)
+    assert result.env_steps == 5  # the last one was measured and not taken
 
 
 def test_an_interrupted_run_without_episodes_has_no_mean(cartpole: Make, deploy: Make) -> None:

@@ -57,6 +57,8 @@ class _Summary(_Part):
     calibration: str | None
     calibration_misfits: list[_Misfit] = []
     copies: Literal[1]
+    split: Literal[False] = False
+    calibration_shots: Whole | None = None
     level: int
     greedy: bool
     seed: int
@@ -69,9 +71,16 @@ class _Summary(_Part):
     circuits_per_step: Whole
     rounds_per_step: Whole
     max_steps: None = None
+    cut_episodes: Literal[0] = 0
+    mean_reward_completed: None = None
+    ci95_completed: None = None
     jobs: Whole = 0
     executions: Whole
     qpu_seconds_estimate: Amount | None
+    hold: Annotated[int, Field(ge=1)] = 1
+    speculate: Literal[1] = 1
+    measured_rows: Whole | None = None
+    decisions: Whole | None = None
     env_steps: Whole
     wall_seconds: Amount
     interrupted: Literal[False]
@@ -190,7 +199,7 @@ def _match(cell: Cell, result: CellResult) -> CellResult | None:
 
 def _is_consistent(result: CellResult, cell: Cell) -> bool:
     """Whether the summary is of this cell, and its figures are those of its episodes."""
-    summary = result.summary
+    summary, hold = result.summary, cell.policy.hold
     episodes, rewards = summary["episodes"], np.array([*result.rewards.values()])
     expected = {
         "policy": cell.policy.name,
@@ -204,9 +213,12 @@ def _is_consistent(result: CellResult, cell: Cell) -> bool:
         "solved": is_solved(rewards, result.threshold),
         "env_steps": sum(episode["length"] for episode in episodes),
     }
+    if hold > 1 or "decisions" in summary:  # earlier versions held none, and did not say so
+        expected["hold"] = hold
+        expected["decisions"] = sum(-(-episode["length"] // hold) for episode in episodes)
     policy = cell.policy
     if (
-        any(summary[key] != value for key, value in expected.items())
+        any(summary.get(key) != value for key, value in expected.items())
         or [episode["seed"] for episode in episodes]
         != [cell.seed + i for i in range(cell.episodes)]
         or result.threshold != threshold_of(policy.environment, policy.environment_kwargs)

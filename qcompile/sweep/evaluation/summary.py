@@ -41,6 +41,8 @@ _COLUMNS = (
     "rounds_per_step",
     "executions",
     "qpu_seconds_estimate",
+    "hold",
+    "decisions",
     "env_steps",
     "wall_seconds",
 )
@@ -93,6 +95,8 @@ def results(cells: Sequence[Cell], played: Mapping[str, CellResult]) -> list[dic
             continue
         objects.append(
             {
+                "hold": 1,
+                "decisions": result.summary["env_steps"],  # cells of earlier versions say neither
                 **result.summary,
                 "backend": cell.backend.name,
                 "device": cell.backend.device.name,

@@ -1,0 +1,54 @@
+"""What cut episodes would have earned: played on to their ends, where that costs nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+
+import numpy as np
+
+from qcompile.arrays import FloatArray
+from qcompile.deploy.deployment import Deployment
+from qcompile.deploy.lockstep import proceed
+from qcompile.deploy.player import Player
+from qcompile.deploy.stepping import Stepper
+from qcompile.errors import QcompileError
+from qcompile.execution import OfflineExecutor, TwinExecutor
+
+MOST_STEPS = 10_000
+"""Environment steps that an episode is played on for; some environments never end one."""
+
+
+def completed_rewards(player: Player, steppers: Sequence[Stepper]) -> FloatArray | None:
+    """The rewards (episodes,) of episodes played with `player`, those cut by `max_steps` completed.
+
+    They go on from where they were cut, with their own streams: on a noise model, a twin or `ideal`
+    as if they had not been cut, elsewhere on the noise model of the device with the same settings.
+    None where no episode was cut, where one does not end within MOST_STEPS or its environment
+    fails, or after Ctrl-C.
+    """
+    cut = [stepper for stepper in steppers if stepper.is_cut]
+    if not cut:
+        return None
+    with suppress(KeyboardInterrupt, QcompileError):
+        length = cut[0].length
+        for stepper in cut:
+            stepper.lengthen(length + MOST_STEPS)
+        living = [stepper for stepper in cut if not stepper.is_over]
+        if living:
+            numbers = np.array([stepper.seed for stepper in living]) - player.settings.seed
+            observations = np.stack([stepper.observation for stepper in living])
+            decided = -(-length // player.policy.hold)
+            proceed(_free(player).act, living, numbers, observations, decided)
+        if all(stepper.is_over for stepper in cut):
+            return np.array([stepper.reward for stepper in steppers])
+    return None
+
+
+def _free(player: Player) -> Player:
+    """The same player where playing costs nothing, or one on the noise model of its device."""
+    if not isinstance(player, Deployment):
+        return player
+    if isinstance(player.executor, OfflineExecutor | TwinExecutor):
+        return player
+    return Deployment(player.policy, player.device, player.settings)
