@@ -20,6 +20,7 @@ from qcompile.jobs.policy_job import read_observations
 from qcompile.live.journal import FILE, Journal
 from qcompile.live.perform import costs, task_of
 from qcompile.live.play import RunTask
+from qcompile.live.records import Register
 from qcompile.mitigation import calibrate
 from qcompile.noise import usable
 from qcompile.passes import compile
@@ -254,10 +255,11 @@ def journals() -> list[bytes]:
         tempfile.TemporaryDirectory() as folder,
         Journal.create(Path(folder), "run", "fuzz", settings, {"numpy": "2"}, 60.0) as made,
     ):
+        bits = Register(0, "c", (1, 40), 4)
         for number in range(3):
-            submission = made.note_sending(made.intend(number, "digest", 40), 5)
+            submission = made.note_sending(made.intend(number, "digest", 40, [bits]), 5)
             made.note_sent(submission, f"job{number}")
-            made.note_done(submission, np.ones((1, 4), dtype=int))
+            made.note_done(submission, [replace(bits, packed=bytes(40))])
             charge = made.charges.of_job(f"job{number}")
             assert charge is not None
             made.charges.settle(charge, 2.5)

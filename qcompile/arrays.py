@@ -11,6 +11,8 @@ BoolArray = NDArray[np.bool_]
 CountArray = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
+CircuitShots = int | CountArray
+"""Shots: of every circuit, or of each, (circuits,)."""
 
 
 def real_array(values: Any) -> FloatArray | None:

@@ -40,8 +40,8 @@ MAX_CHECKPOINT_BYTES = 2**30
 
 MAX_VALUES = 1_000_000
 """Values of one file of plain values, lists and objects among them; an array has no such limit."""
-MAX_HISTORY_VALUES = 6 * MAX_VALUES
-"""Those of a checkpoint, which remembers three for each episode."""
+MAX_HISTORY_VALUES = 8 * MAX_VALUES
+"""Those of a checkpoint, which remembers four for each episode."""
 
 MAX_KEYS = 10_000
 """Keys of one JSON object."""

@@ -14,6 +14,8 @@ import numpy as np
 from scipy.stats import binom
 from standin import Entry, StandIn
 
+from qcompile.live.records import Register
+
 LIMIT_S = 60.0
 
 
@@ -92,6 +94,15 @@ def check_paid_once(service: StandIn, jobs: int, limit_s: float = LIMIT_S) -> No
     charged = [entry for entry in ledger.jobs if entry.charged_seconds]
     assert {entry.id for entry in charged} == {entry.id for entry in completed}
     assert ledger.charged_seconds <= limit_s
+
+
+def measured_ones(ones: Any, shots: int) -> Register:
+    """Register c of one PUB, whose bits are one in the first so many shots, (rows, bits)."""
+    from qiskit.primitives import BitArray
+
+    bits = np.arange(shots)[:, None] < np.array(ones)[:, None, :]
+    array = BitArray.from_bool_array(bits, order="little")
+    return Register(0, "c", bits.shape[:2], bits.shape[2], array.array.tobytes())
 
 
 def surprises(ones: Any, shots: int, p_one: Any, false_alarms: float = 1e-7) -> Any:

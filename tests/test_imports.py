@@ -30,6 +30,7 @@ ORDER = (
     {"policy"},
     {"deploy"},
     {"jobs", "rl", "live"},
+    {"planning"},
     {"report"},
     {"sweep"},
     {"verbs"},
@@ -138,7 +139,7 @@ def loaded_by(statement: str) -> set[str]:
         "qcompile.snapshot, qcompile.mitigation, qcompile.qasm, "
         "qcompile.jobs.program_file, qcompile.jobs.policy_job, qcompile.interop.qiskit, "
         "qcompile.interop.pennylane, qcompile.interop.openqasm",
-        "import qcompile.live.budget, qcompile.live.connection, qcompile.live.executor, "
+        "import qcompile.live.budget, qcompile.live.connection, qcompile.live.request, "
         "qcompile.live.jobs, qcompile.live.journal, qcompile.live.measure, qcompile.live.task",
         f"import qcompile\nfor name in {NAMES}: getattr(qcompile, name)",
         "import sys\nfrom qcompile.cli import main\nsys.argv = ['qcompile', '--help']\n"

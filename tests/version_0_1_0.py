@@ -13,6 +13,8 @@ ADDED = {
     "normalise": False,
     "average_share": 0.0,
     "rollouts": 1,
+    "hold": 1,
+    "decision_cost": 0.0,
 }
 """Settings that it had not, and what all of its trainings have of them."""
 

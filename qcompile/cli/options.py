@@ -60,6 +60,29 @@ class Shots(click.ParamType[int | str | None]):
         return shots
 
 
+class CalibrationShots(click.ParamType["int | str"]):
+    """A number of shots, or "auto"."""
+
+    name = "n|auto"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> int | str:
+        if value == "auto":
+            return "auto"
+        try:
+            shots = int(value)
+        except ValueError:
+            self.fail(f"{value!r} is neither a number nor 'auto'.", param, ctx)
+        if not 1 <= shots <= MAX_SHOTS:
+            self.fail(
+                f"{shots} shots cannot be run; the number lies in [1, {MAX_SHOTS}], or say 'auto'.",
+                param,
+                ctx,
+            )
+        return shots
+
+
 class Depth(click.ParamType["int | str"]):
     """A number of decisions that a job measures of an episode, or "auto"."""
 
@@ -170,6 +193,16 @@ class Several(click.ParamType[tuple[Any, ...]]):
         return tuple(self.inner.convert(part, param, ctx) for part in parts)
 
 
+def said(**values: Any) -> dict[str, Any]:
+    """Those of the values, by option, that the command line or a variable has said."""
+    source = click.get_current_context().get_parameter_source
+    return {
+        name: value
+        for name, value in values.items()
+        if source(name) is not click.core.ParameterSource.DEFAULT
+    }
+
+
 def once(
     ctx: click.Context, param: click.Parameter, values: tuple[tuple[Any, ...], ...]
 ) -> tuple[Any, ...]:
@@ -219,6 +252,20 @@ level_option: Decorator = click.option(
     default=2,
     show_default=True,
     help="0: gate by gate; 1: keep the unitary; 2: keep the distribution of the measurement.",
+)
+calibration_shots_option: Decorator = click.option(
+    "--calibration-shots",
+    type=CalibrationShots(),
+    default=8192,
+    show_default=True,
+    help="Shots of the calibration that is measured first. auto: as few as the shots of a row ask "
+    "for.",
+)
+split_option: Decorator = click.option(
+    "--split",
+    is_flag=True,
+    help="Spread the shots of a row over the copies of its circuits: fewer executions, and the "
+    "errors of qubits average.",
 )
 max_steps_option: Decorator = click.option(
     "--max-steps",

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
+from pathlib import Path
+from typing import Any, Literal
 
 import click
 
 from qcompile.cli.options import (
+    CalibrationShots,
     Positive,
+    Share,
     backend_option,
     echo_json,
+    echo_note,
     env_option,
     import_option,
     json_option,
@@ -19,22 +23,33 @@ from qcompile.cli.options import (
 from qcompile.limits import (
     FREE_SECONDS,
     MAX_EPISODES,
+    MAX_QPU_SECONDS,
     MAX_SHOTS,
     SECONDS_PER_EXECUTION,
     SECONDS_PER_JOB,
     USD_PER_SECOND,
 )
 
+_SECONDS = (
+    f"seconds: IBM's published estimate, {SECONDS_PER_JOB:g} for a job and "
+    f"{SECONDS_PER_EXECUTION:g} for an execution; the free plan has {FREE_SECONDS:g} in 28 days"
+)
+
+
+def _one_or_several(
+    ctx: click.Context, param: click.Parameter, values: tuple[str, ...]
+) -> str | list[str]:
+    """The policies; the usual one where none is named."""
+    return [*values] if len(values) > 1 else next(iter(values), "lunarlander")
+
 
 @click.command("plan")
-@click.argument("policy", default="lunarlander", metavar="[POLICY]")
+@click.argument("policy", nargs=-1, callback=_one_or_several, metavar="[POLICY]...")
 @backend_option("ibm_lima")
 @click.option(
     "--shots",
     type=click.IntRange(1, MAX_SHOTS),
-    default=8192,
-    show_default=True,
-    help="Shots of each circuit.",
+    help="Shots of each circuit.  [default: 8192; with --within they are found]",
 )
 @click.option("--episodes", type=click.IntRange(1, MAX_EPISODES), default=1, show_default=True)
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
@@ -42,16 +57,43 @@ from qcompile.limits import (
 @click.option(
     "--mitigation",
     type=click.Choice(["none", "readout", "response"]),
-    default="readout",
-    show_default=True,
-    help="Its calibration is counted, but for the paper's way.",
+    help="Its calibration is counted, but for the paper's way.  [default: readout, or that of the "
+    "calibration]",
+)
+@click.option(
+    "--calibration",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Mitigate with this file of `qcompile calibrate`: no calibration is counted.",
+)
+@click.option(
+    "--calibration-shots",
+    type=CalibrationShots(),
+    help="Shots of the calibration, or auto.  [default: 8192; with --within auto]",
 )
 @click.option(
     "--copies",
     type=click.IntRange(1, MAX_EPISODES),
     help="Episodes side by side on the device.  [default: as many as fit]",
 )
+@click.option(
+    "--split/--no-split",
+    default=None,
+    help="Spread the shots of a row over the copies.  [default: no; with --within whichever is "
+    "cheaper]",
+)
 @max_steps_option
+@click.option(
+    "--within",
+    type=Positive("seconds", most=MAX_QPU_SECONDS),
+    help="Find the cheapest settings of the policies that stay within so many QPU seconds.",
+)
+@click.option(
+    "--keep",
+    type=Share(),
+    default=0.97,
+    show_default=True,
+    help="With --within: the share of the reward over random actions that they keep.",
+)
 @import_option
 @env_option
 @click.option(
@@ -66,15 +108,20 @@ from qcompile.limits import (
 @click.option("--instance", help="With --live: CRN or name.")
 @json_option
 def command(
-    policy: str,
+    policy: str | list[str],
     backend: str,
-    shots: int,
+    shots: int | None,
     episodes: int,
     seed: int,
     level: int,
-    mitigation: str,
+    mitigation: str | None,
+    calibration: Path | None,
+    calibration_shots: int | Literal["auto"] | None,
     copies: int | None,
+    split: bool | None,
     max_steps: int | None,
+    within: float | None,
+    keep: float,
     imports: tuple[str, ...],
     env: dict[str, Any],
     usd_per_second: float,
@@ -87,7 +134,8 @@ def command(
     sent.
 
     The episodes are played on the backend's noise model first: they may last longer or shorter on
-    the machine.
+    the machine. With --within the cheapest settings are found that keep the reward, among those of
+    several policies too, and the command that plays them.
     """
     from qcompile.policy.decision import held_words
     from qcompile.report.tables import plural, print_table
@@ -101,34 +149,53 @@ def command(
         seed=seed,
         level=level,
         mitigation=mitigation,
+        calibration=calibration,
+        calibration_shots=calibration_shots,
         copies=copies,
+        split=split,
         max_steps=max_steps,
+        within=within,
+        keep=keep,
         imports=imports,
         env=env,
         usd_per_second=usd_per_second,
         live=live,
         account=account,
         instance=instance,
+        on_note=echo_note,
     )
     values = planned.to_dict()
     if as_json:
         echo_json(values)
-        return
-    steps = f"{values['env_steps']} steps"
-    if values["hold"] > 1:
-        decisions = plural(values["decisions"], "decision")
-        steps = f"{decisions}, each {held_words(values['hold'])}"
-    print_table(
-        *planned.table,
-        f"{values['policy']} on {values['backend']}: {plural(episodes, 'episode')}, {shots} shots, "
-        f"{steps}",
-        right=range(1, 6),
-        tight=True,
-    )
-    click.echo(
-        f"seconds: IBM's published estimate, {SECONDS_PER_JOB:g} for a job and "
-        f"{SECONDS_PER_EXECUTION:g} for an execution; the free plan has {FREE_SECONDS:g} in "
-        f"28 days\nprice: {usd_per_second:g} USD a second\n"
-        f"lockstep, {plural(values['copies'], 'episode')} side by side, is what `run --live` does; "
-        "the twin plays any number of episodes"
-    )
+    elif within is None:
+        steps = f"{values['env_steps']} steps"
+        if values["hold"] > 1:
+            decisions = plural(values["decisions"], "decision")
+            steps = f"{decisions}, each {held_words(values['hold'])}"
+        print_table(
+            *planned.table,
+            f"{values['policy']} on {values['backend']}: {plural(episodes, 'episode')}, "
+            f"{values['shots']} shots, {steps}",
+            right=range(1, 6),
+            tight=True,
+        )
+        click.echo(
+            f"{_SECONDS}\nprice: {usd_per_second:g} USD a second\n"
+            f"lockstep, {plural(values['copies'], 'episode')} side by side, is what `run --live` "
+            "does where no step is measured ahead; the twin plays any number of episodes"
+        )
+    else:
+        columns, rows = planned.table
+        title = (
+            f"{plural(episodes, 'episode')} on {values['backend']} within {within:g} QPU seconds"
+        )
+        print_table(columns, rows, title, right=range(len(columns)), tight=True)
+        click.echo(
+            f"{_SECONDS}\nat 4 sub-jobs: should IBM count a job as four, which is not known\n"
+            f"rewards: {values['judged_episodes']} whole episodes on a model of the machine; kept "
+            f"is their share between random actions, {values['random_reward']:.4g}, and no noise, "
+            f"{values['ideal_reward']:.4g}"
+        )
+        if planned.recommended is not None:
+            click.echo(planned.remark)
+    planned.check_fits()

@@ -12,6 +12,7 @@ from qcompile.cli.options import (
     Depth,
     Shots,
     backend_option,
+    calibration_shots_option,
     echo_json,
     echo_note,
     env_option,
@@ -19,6 +20,8 @@ from qcompile.cli.options import (
     json_option,
     level_option,
     max_steps_option,
+    said,
+    split_option,
 )
 from qcompile.limits import MAX_EPISODES
 
@@ -30,7 +33,10 @@ if TYPE_CHECKING:
 @click.argument("policy", default="lunarlander", metavar="[POLICY]")
 @backend_option()
 @click.option(
-    "--shots", type=Shots(), default=8192, show_default=True, help="Shots of each circuit."
+    "--shots",
+    type=Shots(),
+    default=8192,
+    help="Shots of each circuit.  [default: 8192; with --live as planned, within the limit]",
 )
 @click.option("--episodes", type=click.IntRange(1, MAX_EPISODES), default=20, show_default=True)
 @click.option(
@@ -54,6 +60,7 @@ if TYPE_CHECKING:
     type=click.Path(dir_okay=False, path_type=Path),
     help="Mitigate with this file of `qcompile calibrate` instead of measuring first.",
 )
+@calibration_shots_option
 @click.option(
     "--predistort",
     is_flag=True,
@@ -63,15 +70,15 @@ if TYPE_CHECKING:
     "--copies",
     type=click.IntRange(1, MAX_EPISODES),
     help="Episodes that share an execution, side by side on the device.  [default: 1; with --live "
-    "as many as fit]",
+    "or --split as many as fit]",
 )
+@split_option
 @click.option(
     "--speculate",
     type=Depth(),
     default=1,
-    show_default=True,
     help="Measure up to D decisions of each episode in a job, along predicted steps; those whose "
-    "predictions were right count. auto: as many as pay.",
+    "predictions were right count. auto: as many as pay.  [default: 1; with --live auto]",
 )
 @max_steps_option
 @click.option("--greedy", is_flag=True, help="Take the most probable action; default: sample.")
@@ -94,7 +101,9 @@ def command(
     mitigation: str | None,
     calibration_file: Path | None,
     predistort: bool,
+    calibration_shots: int | Literal["auto"],
     copies: int | None,
+    split: bool,
     speculate: int | Literal["auto"],
     max_steps: int | None,
     greedy: bool,
@@ -117,20 +126,19 @@ def command(
         policy,
         backend,
         episodes=episodes,
-        shots=shots,
         seed=seed,
         level=level,
         mitigation=mitigation,
         calibration=calibration_file,
         predistort=predistort,
         copies=copies,
-        speculate=speculate,
         max_steps=max_steps,
         greedy=greedy,
         imports=imports,
         env=env,
         video=video,
         live=live,
+        **said(shots=shots, calibration_shots=calibration_shots, split=split, speculate=speculate),
         on_note=echo_note,
     )
     if as_json:

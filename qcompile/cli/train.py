@@ -31,8 +31,9 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
 )
 @click.option(
     "--preset",
-    type=click.Choice(["paper", "tuned"]),
-    help="paper: arXiv 2203.14348 as it stands; tuned: ours.  [default: tuned]",
+    type=click.Choice(["paper", "tuned", "hardware"]),
+    help="paper: arXiv 2203.14348 as it stands; tuned: ours; hardware: ours for few QPU seconds, "
+    "of held decisions, under noise; svqc.  [default: tuned]",
 )
 @click.option(
     "--layout",
@@ -82,6 +83,13 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
     "--mitigation",
     type=click.Choice(["none", "readout"]),
     help="Undo readout errors; svqc.  [default: readout on a noisy backend, none on ideal]",
+)
+@click.option(
+    "--hold",
+    type=click.IntRange(1),
+    metavar="STEPS",
+    help="Hold each decision for so many steps of the environment; the policy keeps it. "
+    " [default: the preset's, 1]",
 )
 @import_option
 @env_option

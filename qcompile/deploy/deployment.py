@@ -53,14 +53,14 @@ class Deployment:
         calibration_seed, _ = np.random.SeedSequence(chosen.seed).spawn(2)
         executor = open_executor(backend, calibration_seed)
         self.policy, self.executor, self.device = policy, executor, executor.device
-        self.settings = chosen.resolved(executor.device, executor.calibration)
-        self._measure = Measurement(
-            policy.trained_program, executor, self.settings, policy.importance
-        )
-        self._draws = Draws(chosen.seed, len(policy.program))
+        resolved = chosen.resolved(executor.device, executor.calibration)
+        self._measure = Measurement(policy.trained_program, executor, resolved, policy.importance)
+        self.settings = self._measure.settings
+        self._draws = Draws(chosen.seed, self.settings.places * len(policy.program))
         self._decisions = 0
         self.executable = self._measure.executable
         self.calibration_load = self._measure.calibration_load
+        self.calibration_shots = self._measure.calibration_shots
         self.misfits = self._measure.misfits
 
     def __repr__(self) -> str:
@@ -79,7 +79,7 @@ class Deployment:
     @property
     def copies(self) -> int:
         """How many episodes share an execution."""
-        return self.settings.copies or 1
+        return 1 if self.settings.split else self.settings.copies or 1
 
     def expectation(self, observations: FloatArray, rows: Rows | None = None) -> FloatArray:
         """`<Z>` of every circuit as measured and mitigated, (B, circuits).
@@ -129,7 +129,8 @@ class Deployment:
 
     def load(self, executions: int) -> Workload:
         """Jobs and executions (times shots and rounds) of such a step."""
-        return Workload.of_batch(executions, self.executable.round_count, self.settings.shots or 0)
+        shots = self.settings.program_shots
+        return Workload.of_batch(executions, self.executable.round_count, shots)
 
     def sizes(self) -> dict[str, Any]:
         """The most gates of a circuit, circuits and rounds, as in `qcompile run --json`."""

@@ -12,32 +12,34 @@ from qcompile.errors import CalibrationError
 from qcompile.execution import ExactPrepared, Executor, Workload, exact
 from qcompile.ir import Program
 from qcompile.mitigation import (
-    CALIBRATION_SHOTS,
     Misfit,
     Mitigation,
     calibrate,
     calibration_workload,
+    enough_shots,
     misfits,
     predistorted,
     readout_mitigation,
     response_mitigation,
 )
 from qcompile.mitigation.measure import Part
-from qcompile.passes import Executable, compile
+from qcompile.passes import Executable, compile, copies_that_fit
 from qcompile.streams import Draws
 
 
 class Measurement:
     """A program compiled for an executor's device, with its mitigation.
 
-    `settings` are resolved. The calibration is measured first where one is needed and not given.
-    `importance` (circuits,) guides the placement. With copies so many rows of a batch are run side
-    by side, by one execution. `misfits` are the fits it stands on that contradict their own counts,
-    `calibration_load` the jobs and executions of what was measured.
+    `settings` are resolved, and fitted here. The calibration is measured first where one is needed
+    and not given. `importance` (circuits,) guides the placement. With copies so many rows of a
+    batch are run side by side, by one execution; a split row has all of them, for some of its shots
+    each. `misfits` are the fits it stands on that contradict their own counts, `calibration_load`
+    and `calibration_shots` the jobs, executions and shots of what was measured.
 
     Raises:
         CalibrationError: the calibration is of another device, or a qubit cannot be calibrated.
         CircuitError: importance or copies are out of range.
+        OptionError: the device has no two places to split a row over.
     """
 
     def __init__(
@@ -47,11 +49,15 @@ class Measurement:
         settings: RunSettings,
         importance: FloatArray | None = None,
     ):
+        settings = settings.fitted(copies_that_fit(len(program), executor.device))
         self.settings, self.executor = settings, executor
         self.executable: Executable = compile(
             program, executor.device, settings.level, importance, copies=settings.copies or 1
         )
+        self._importance = np.ones(len(program)) if importance is None else importance
+        self._shots = settings.circuit_shots(len(program))
         self.calibration_load = Workload()
+        self.calibration_shots: int | None = None
         self.misfits: list[Misfit] = []
         self._mitigation: Mitigation | None = None
         if settings.mitigation == "readout":
@@ -66,6 +72,10 @@ class Measurement:
         if executor.calibration is not None:
             self._note_misfits(executor.calibration, "response")
         self._prepared = executor.prepare(self.executable)
+        if settings.split:
+            self._weights = settings.place_weights
+            undoes = self._mitigation
+            self._of_mean = undoes if undoes is None else undoes.of_mean(self._weights)
 
     @property
     def has_expectations(self) -> bool:
@@ -92,7 +102,7 @@ class Measurement:
         return calibration
 
     def _measure_calibration(self, part: Part) -> Calibration:
-        shots = None if self.settings.shots is None else CALIBRATION_SHOTS
+        shots = None if self.settings.shots is None else self._shots_of_calibration(part)
         calibration = calibrate(self.executor, self.executable.qubits, shots, parts=[part])
         if calibration.unfitted:
             raise CalibrationError(
@@ -100,8 +110,18 @@ class Measurement:
                 *calibration.unfitted,
             )
         if shots is not None:
+            self.calibration_shots = shots
             self.calibration_load = calibration_workload(len(calibration.qubits), shots, [part])
         return calibration
+
+    def _shots_of_calibration(self, part: Part) -> int:
+        if self.settings.calibration_shots != "auto":
+            return self.settings.calibration_shots
+        copies = self.settings.copies or 1
+        # The variance of a mean over places has the squares of their weights.
+        weights = self.settings.place_weights**2 if self.settings.split else np.ones(copies)
+        importance = np.outer(weights, self._importance).ravel()
+        return enough_shots(self.executable, part, self._shots, importance)
 
     def __call__(
         self,
@@ -113,19 +133,21 @@ class Measurement:
         """Inputs (B, inputs) and theta (parameters,) to `<Z>` as measured, (B, circuits).
 
         `rows` says which decision of which episode each is: its copy follows from that, and what is
-        drawn comes from `draws`, if they are given.
+        drawn comes from `draws`, if they are given. These have all circuits of all places where
+        rows are split.
         """
         copies = self.settings.copies or 1
+        if self.settings.split:
+            return self._measure_split(np.tile(x, (1, copies)), theta, rows, draws)
         if copies == 1:
-            return self._measure(x, theta, rows, draws)
+            return self._mitigated(self._measure(x, theta, rows, draws))
         rows = Rows.of(len(x)) if rows is None else rows
         places = packed(rows, copies)
         side_by_side = np.zeros((*places.shape, x.shape[1]))
         taken = places >= 0
         side_by_side[taken] = x[places[taken]]
-        z = self._measure(
-            side_by_side.reshape(len(places), copies * x.shape[1]), theta, rows.at(places), draws
-        )
+        together = side_by_side.reshape(len(places), copies * x.shape[1])
+        z = self._mitigated(self._measure(together, theta, rows.at(places), draws))
         z = z.reshape(*places.shape, z.shape[1] // copies)
         result = np.empty((len(x), z.shape[2]))
         result[places[taken]] = z[taken]
@@ -134,11 +156,23 @@ class Measurement:
     def _measure(
         self, x: FloatArray, theta: FloatArray, rows: Rows | None, draws: Draws | None
     ) -> FloatArray:
-        """(executions, copies * circuits), for as many inputs."""
-        shots = self.settings.shots
-        if shots is None:
-            z = exact(self._prepared).expectation(x, theta)
-        else:
-            rng = None if draws is None or rows is None else draws.rows(rows.episode, rows.decision)
-            z = np.subtract(1.0, self._prepared.ones(x, theta, shots, rng) * (2.0 / shots))
+        """The `<Z>` that is seen, (executions, copies * circuits), for as many inputs."""
+        if self.settings.shots is None:
+            return exact(self._prepared).expectation(x, theta)
+        rng = None if draws is None or rows is None else draws.rows(rows.episode, rows.decision)
+        ones = self._prepared.ones(x, theta, self._shots, rng)
+        return np.asarray(np.subtract(1.0, ones * (2.0 / self._shots)))
+
+    def _mitigated(self, z: FloatArray) -> FloatArray:
         return z if self._mitigation is None else self._mitigation.apply(z)
+
+    def _measure_split(
+        self, x: FloatArray, theta: FloatArray, rows: Rows | None, draws: Draws | None
+    ) -> FloatArray:
+        """(B, circuits) for inputs that are there for each place: the mean, weighted by shots."""
+        z = self._measure(x, theta, rows, draws)
+        if self._mitigation is not None:
+            z = self._mitigation.shown(z)
+        weighted = z.reshape(len(z), len(self._weights), -1) * self._weights[:, None]
+        mean = np.asarray(weighted.sum(axis=1))
+        return mean if self._of_mean is None else self._of_mean.apply(mean)

@@ -23,6 +23,7 @@ _SETTINGS: Mapping[str, Any] = {
     "calibration": None,
     "predistort": False,
     "copies": 1,
+    "split": False,
     "speculate": 1,
 }
 """The settings of circuits, as they are for a network."""
@@ -43,6 +44,7 @@ class NetworkPlayer:
     kind: Kind = "ideal"
     misfits: Sequence[Misfit] = ()
     calibration_load = Workload()
+    calibration_shots: int | None = None
 
     def __init__(self, network: Network, settings: RunSettings | None = None, **changes: Any):
         chosen, default = RunSettings.of(settings, **changes), RunSettings()

@@ -46,6 +46,11 @@ class Player(Protocol):
         """Jobs and executions of what was measured before the first episode."""
         ...
 
+    @property
+    def calibration_shots(self) -> int | None:
+        """Shots of the calibration that was measured before the first episode, if one was."""
+        ...
+
     def act(self, observations: FloatArray, rows: Rows | None = None) -> IntArray:
         """An action for each of the observations (B, features).
 

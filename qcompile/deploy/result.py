@@ -90,6 +90,8 @@ class Run:
             "calibration": settings.calibration_file,
             "calibration_misfits": [misfit.values() for misfit in player.misfits],
             "copies": settings.copies or 1,
+            "split": settings.split,
+            "calibration_shots": player.calibration_shots,
             "level": settings.level,
             "greedy": settings.greedy,
             "seed": settings.seed,

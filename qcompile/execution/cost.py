@@ -5,9 +5,12 @@ Sources: IBM Quantum documentation, "Workload usage" (estimate job run time) and
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
+from qcompile.arrays import IntArray
 from qcompile.limits import MAX_EXECUTIONS_PER_JOB, SECONDS_PER_EXECUTION, SECONDS_PER_JOB
 
 
@@ -18,30 +21,38 @@ def qpu_seconds(jobs: int, executions: int) -> float:
 
 @dataclass(frozen=True)
 class Portion:
-    """What of a batch one job holds: rows of the batch, and rounds of each of them."""
+    """What of a PUB one job holds: some rows of its parameter values."""
 
+    pub: int
     rows: range
-    rounds: range
 
 
-def portions(rows: int, rounds: int, shots: int) -> Iterator[Portion]:
-    """The jobs of a batch of `rows` bindings of a program in `rounds`, `shots` each.
+def portions(rows: Sequence[int], shots: int) -> list[list[Portion]]:
+    """The jobs of PUBs with so many `rows` of parameter values, `shots` of each row.
 
-    One job, as long as it has at most MAX_EXECUTIONS_PER_JOB executions; else jobs of as many whole
-    rows as fit, or of as many rounds of one row.
+    One job, as long as it has at most MAX_EXECUTIONS_PER_JOB executions; else each job is filled
+    with rows before the next begins.
     """
-    if rows * rounds * shots <= MAX_EXECUTIONS_PER_JOB:
-        yield Portion(range(rows), range(rounds))
-        return
-    together = MAX_EXECUTIONS_PER_JOB // (rounds * shots)
-    if together:
-        for start in range(0, rows, together):
-            yield Portion(range(start, min(start + together, rows)), range(rounds))
-        return
-    together = MAX_EXECUTIONS_PER_JOB // shots
-    for row in range(rows):
-        for start in range(0, rounds, together):
-            yield Portion(range(row, row + 1), range(start, min(start + together, rounds)))
+    jobs: list[list[Portion]] = []
+    room = 0
+    for pub, count in enumerate(rows):
+        start = 0
+        while start < count:
+            if not room:
+                jobs.append([])
+                room = MAX_EXECUTIONS_PER_JOB // max(shots, 1)  # exact: none
+            taken = min(room, count - start)
+            jobs[-1].append(Portion(pub, range(start, start + taken)))
+            start, room = start + taken, room - taken
+    return jobs
+
+
+def job_counts(circuits: IntArray, shots: int) -> IntArray:
+    """How many jobs `portions` makes of so many circuits with values, for an array of any shape.
+
+    Exact expectations, without shots, count as one shot each.
+    """
+    return np.asarray(-(-circuits // (MAX_EXECUTIONS_PER_JOB // max(shots, 1))))
 
 
 @dataclass(frozen=True)
@@ -53,8 +64,9 @@ class Workload:
 
     @classmethod
     def of_batch(cls, rows: int, rounds: int, shots: int) -> Workload:
-        """That of `portions`."""
-        return cls(sum(1 for _ in portions(rows, rounds, shots)), rows * rounds * shots)
+        """That of `rounds` circuits, each with `rows` rows of values, by `portions`."""
+        circuits = rows * rounds
+        return cls(int(job_counts(np.array(circuits), shots)), circuits * shots)
 
     def __add__(self, other: Workload) -> Workload:
         return Workload(self.jobs + other.jobs, self.executions + other.executions)

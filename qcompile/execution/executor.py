@@ -44,7 +44,7 @@ class Executor(ABC):
             CountsError: shots out of range.
             DeviceError: the executable was compiled for another device.
         """
-        return self._prepared(executable).ones(x, theta, shots)
+        return self._prepared(executable).ones(x, theta, check_shots(shots))
 
     def expectation(self, executable: Executable, x: FloatArray, theta: FloatArray) -> FloatArray:
         """The measured `<Z>` of each circuit without shot noise, (B, circuits).

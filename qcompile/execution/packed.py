@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from qcompile.arrays import CountArray, FloatArray, IntArray
+from qcompile.arrays import CircuitShots, CountArray, FloatArray, IntArray
 from qcompile.execution.prepared import Prepared
 from qcompile.ir import Circuit
 from qcompile.passes import Executable
@@ -25,6 +25,7 @@ REGISTER = "c"
 class PackedRound:
     """A parametrised circuit; bit i of its register is circuit `circuits[i]` of the executable.
 
+    The metadata of the circuit say so too, as "circuits".
     Parameter k is slot `slots[k]`. Where no angle is open the global phase is the only parameter:
     some samplers take the number of observations from parameters alone.
     """
@@ -45,7 +46,7 @@ class PackedExecutable(Prepared):
 
     @cached_property
     def rounds(self) -> list[PackedRound]:
-        """Its rounds, packed when they are first needed: a journal's counts need none."""
+        """Its rounds, packed when they are first needed."""
         return [pack_round(self.executable, k) for k in range(self.executable.round_count)]
 
 
@@ -64,6 +65,7 @@ def pack_round(executable: Executable, index: int) -> PackedRound:
     built = QuantumCircuit(
         QuantumRegister(len(executable.device.qubits) or len(executable.native), "q"),
         ClassicalRegister(len(circuits), REGISTER),
+        metadata={"circuits": circuits.tolist()},
     )
     qubits = executable.qubits[circuits].tolist()
     for circuit, qubit in zip(circuits, qubits, strict=True):
@@ -85,15 +87,32 @@ def _append(built: Any, circuit: Circuit, qubit: int, parameters: dict[str, Any]
 
 
 def count_ones(
-    rounds: Sequence[PackedRound], bits: Sequence[NDArray[np.uint8]], circuits: IntArray
+    rounds: Sequence[PackedRound],
+    bits: Sequence[NDArray[np.uint8]],
+    circuits: IntArray,
+    shots: CircuitShots,
 ) -> CountArray:
     """The ones of `circuits`, (B, circuits), of the packed bits of rounds that hold just them.
 
-    Bits are (B, shots, bytes) for each round; `circuits` is sorted.
+    Bits are (B, shots, bytes) for each round; `circuits` is sorted. Of each circuit of the
+    executable the first `shots` count.
     """
     ones = np.zeros((len(bits[0]), len(circuits)), dtype=np.int64)
     for packed, of_round in zip(rounds, bits, strict=True):
         width = len(packed.circuits)
-        unpacked = np.unpackbits(of_round, axis=-1)[..., : -width - 1 : -1]  # bit 0 comes last
-        ones[:, np.searchsorted(circuits, packed.circuits)] = unpacked.sum(axis=1, dtype=np.int64)
+        counted = shots[packed.circuits] if isinstance(shots, np.ndarray) else None
+        ones[:, np.searchsorted(circuits, packed.circuits)] = ones_of_bits(of_round, width, counted)
     return ones
+
+
+def ones_of_bits(
+    packed: NDArray[np.uint8], width: int, counted: CountArray | None = None
+) -> CountArray:
+    """In how many shots each bit is 1, (..., width), of packed bits (..., shots, bytes).
+
+    Of each bit the first `counted` (width,) shots count, without it all.
+    """
+    bits = np.unpackbits(packed, axis=-1)[..., : -width - 1 : -1]  # bit 0 comes last
+    if counted is not None:
+        bits &= np.arange(bits.shape[-2])[:, None] < counted
+    return np.asarray(bits.sum(axis=-2, dtype=np.int64))

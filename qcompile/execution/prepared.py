@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from qcompile.arrays import CountArray, FloatArray
+from qcompile.arrays import CircuitShots, CountArray, FloatArray
 from qcompile.errors import CountsError
 from qcompile.limits import MAX_SHOTS
 from qcompile.passes import Executable
@@ -16,7 +16,7 @@ from qcompile.passes import Executable
 class Binomial(Protocol):
     """Where counts are drawn from: the draws of a batch's rows. p may pass [0, 1] by rounding."""
 
-    def binomial(self, n: int, p: FloatArray, /) -> CountArray: ...
+    def binomial(self, n: CircuitShots, p: FloatArray, /) -> CountArray: ...
 
 
 class Prepared(ABC):
@@ -36,12 +36,13 @@ class Prepared(ABC):
 
     @abstractmethod
     def ones(
-        self, x: FloatArray, theta: FloatArray, shots: int, rng: Binomial | None = None
+        self, x: FloatArray, theta: FloatArray, shots: CircuitShots, rng: Binomial | None = None
     ) -> CountArray:
-        """The number of ones of each circuit in `shots` shots, (B, circuits), for x (B, inputs).
+        """The number of ones of each circuit in its `shots`, (B, circuits), for x (B, inputs).
 
-        Where counts are drawn here they come from `rng`, by default the executor's own generator;
-        a sampler and a machine have their own.
+        What runs shots takes the most that any circuit wants, and leaves out the last ones of a
+        circuit that wants fewer. Where counts are drawn here they come from `rng`, by default the
+        executor's own generator; a sampler and a machine have their own.
 
         Raises:
             CircuitError: x or theta has another shape.
@@ -69,16 +70,16 @@ class ExactPrepared(Prepared):
         return 1.0 - 2.0 * self.p_one(x, theta)
 
     def ones(
-        self, x: FloatArray, theta: FloatArray, shots: int, rng: Binomial | None = None
+        self, x: FloatArray, theta: FloatArray, shots: CircuitShots, rng: Binomial | None = None
     ) -> CountArray:
-        check_shots(shots)
+        most_shots(shots)
         p_one = self.p_one(x, theta)
         if rng is None:
             return draw_ones(self._rng, shots, p_one)
         return rng.binomial(shots, p_one)
 
 
-def draw_ones(rng: np.random.Generator, shots: int, p_one: FloatArray) -> CountArray:
+def draw_ones(rng: np.random.Generator, shots: CircuitShots, p_one: FloatArray) -> CountArray:
     """Ones in `shots` shots, of the shape of `p_one`: binomial draws, as nothing is entangled."""
     return rng.binomial(shots, np.minimum(np.maximum(p_one, 0.0), 1.0))
 
@@ -92,6 +93,18 @@ def exact(prepared: Prepared) -> ExactPrepared:
     if isinstance(prepared, ExactPrepared):
         return prepared
     raise CountsError(*prepared.shots_only)
+
+
+def most_shots(shots: CircuitShots) -> int:
+    """The shots that it takes to give each circuit its own.
+
+    Raises:
+        CountsError: the shots of a circuit are out of range.
+    """
+    if not isinstance(shots, np.ndarray):
+        return check_shots(shots)
+    check_shots(int(shots.min()))
+    return check_shots(int(shots.max()))
 
 
 def check_shots(shots: int) -> int:

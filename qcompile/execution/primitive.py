@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from qcompile.arrays import CountArray, FloatArray
+from qcompile.arrays import CircuitShots, CountArray, FloatArray
 from qcompile.device import Device, Kind
-from qcompile.errors import DeviceError, MissingExtraError
+from qcompile.errors import DeviceError, MissingExtraError, QcompileError
 from qcompile.execution.executor import Executor, check_device
 from qcompile.execution.packed import REGISTER, PackedExecutable, PackedRound, count_ones
-from qcompile.execution.prepared import Binomial, Prepared, check_shots
+from qcompile.execution.prepared import Binomial, Prepared, most_shots
 from qcompile.passes import Executable
 from qcompile.snapshot import device_from_backend, properties_of
 from qcompile.terminal import first_line
@@ -35,18 +35,19 @@ _WIDEST_DENSITY_MATRIX = 9
 
 
 class PrimitiveExecutor(Executor):
-    """Runs executables on `backend`, a Qiskit BackendV2, through a SamplerV2.
+    """Runs executables on `backend`, a Qiskit BackendV2 or its Device, through a SamplerV2.
 
     Every call is one job with one pub for each round: its circuits side by side on their physical
     qubits, its angles as arrays over the observations. Without a `sampler` nothing leaves this
     machine: qiskit-ibm-runtime's SamplerV2 plays the noise of the backend's calibration in Aer,
     the noise that `device` holds, asymmetric readout included. The same seed and the same calls
     then give the same counts. A `sampler` (anything with the `run` of SamplerV2) has its own noise
-    and its own seed; it should accept the native gates of `backend` on all of its qubits. `kind` is
-    that of `sampler_kind`, unless it is given.
+    and its own seed; it should accept the native gates of `backend` on all of its qubits. It is
+    needed where `backend` is a Device. `kind` is that of `sampler_kind`, unless it is given.
 
     Raises:
-        DeviceError: the calibration of the backend cannot be made a device.
+        DeviceError: the calibration of the backend cannot be made a device, or a Device has no
+            sampler.
         MissingExtraError: Qiskit, Aer or qiskit-ibm-runtime is not installed.
     """
 
@@ -58,7 +59,12 @@ class PrimitiveExecutor(Executor):
         seed: int | np.random.SeedSequence | None = None,
         kind: Kind | None = None,
     ):
-        self.device = device_from_backend(backend)
+        if isinstance(backend, Device) and sampler is None:
+            raise DeviceError(
+                f"{backend.name} is a Device, and there is no sampler for it.",
+                "OfflineExecutor(device) runs its noise model.",
+            )
+        self.device = backend if isinstance(backend, Device) else device_from_backend(backend)
         self.kind: Kind = sampler_kind(sampler, backend) if kind is None else kind
         self.rng = np.random.default_rng(seed)
         self._sampler = sampler
@@ -80,6 +86,7 @@ class PrimitiveExecutor(Executor):
 
         Raises:
             DeviceError: the sampler refuses the job or fails; the message has its words.
+            QcompileError: one of ours raises it: a live run says itself what happened.
         """
         from qiskit.exceptions import QiskitError
 
@@ -90,6 +97,8 @@ class PrimitiveExecutor(Executor):
             pubs = [packed.pub(angles) for packed in rounds]
             result = sampler.run(pubs, shots=shots).result()
             bits = [np.asarray(getattr(pub.data, REGISTER).array) for pub in result]
+        except QcompileError:
+            raise
         except (QiskitError, ValueError, OSError) as error:
             words = getattr(error, "message", None) or str(error)
             raise DeviceError(
@@ -130,15 +139,15 @@ class _Sampled(PackedExecutable):
         )
 
     def ones(
-        self, x: FloatArray, theta: FloatArray, shots: int, rng: Binomial | None = None
+        self, x: FloatArray, theta: FloatArray, shots: CircuitShots, rng: Binomial | None = None
     ) -> CountArray:
-        check_shots(shots)
+        most = most_shots(shots)
         angles = self.executable.bind(x, theta)
         circuits = np.arange(len(self.executable.native))
-        if not angles.size:
+        if not len(angles) or not len(circuits):
             return np.zeros((len(angles), len(circuits)), dtype=np.int64)
-        bits = self._executor.bits(self.rounds, angles, shots)
-        return count_ones(self.rounds, bits, circuits)
+        bits = self._executor.bits(self.rounds, angles, most)
+        return count_ones(self.rounds, bits, circuits, shots)
 
 
 def sampler_kind(sampler: Any, backend: Any) -> Kind:

@@ -3,25 +3,27 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
-from qcompile.arrays import CountArray
 from qcompile.errors import BudgetError, LiveError, PaidFailureError, ReplayError
 from qcompile.live.answers import RemoteJob, UnreadableAnswerError
+from qcompile.live.billing import Billing
 from qcompile.live.budget import Budget
 from qcompile.live.connection import Connection
+from qcompile.live.earlier import bits_of_ones
 from qcompile.live.journal import Journal
-from qcompile.live.records import Charge, Submission
+from qcompile.live.pace import Pace
+from qcompile.live.records import Register, Submission
 from qcompile.live.remote import JobGoneError, RemoteJobs
-from qcompile.live.request import Request
+from qcompile.live.request import Request, is_same, measured
 from qcompile.live.sending import Sender
+from qcompile.live.waiting import Queue
 
 _SLOWEST_POLL_S = 2.0
 _MOST_ATTEMPTS = 3
 _MOST_FETCHES = 4
 _FETCH_PAUSE_S = 0.2
-_CHARGE_PAUSES_S = (0.1, 0.3, 1.0, 3.0)
-_MOST_UNCHARGED = 20
 
 
 class Jobs:
@@ -29,7 +31,8 @@ class Jobs:
 
     A job that the journal has is not sent again: resuming a run is asking for the same jobs.
     `say` gets words on what happens. A job is waited for `max_wait_s`, or as long as it takes.
-    One that was charged and gave no counts is sent again only with `pay_again`.
+    One that was charged and gave no counts is sent again only with `pay_again`. `jobs_per_minute`
+    are sent at most.
     """
 
     def __init__(
@@ -40,38 +43,130 @@ class Jobs:
         batch: bool = False,
         max_wait_s: float | None = None,
         pay_again: bool = False,
+        jobs_per_minute: int | None = None,
         say: Callable[[str], None] = lambda words: None,
     ):
         self.journal, self.budget = journal, Budget(journal)
+        self.pace = Pace(journal.charges, jobs_per_minute, max_wait_s=max_wait_s, say=say)
         self._say, self._max_wait_s, self._pay_again = say, max_wait_s, pay_again
         self._remote = RemoteJobs(connection)
-        self._sender = Sender(journal, connection, self._cap_s, batch=batch, say=say)
+        self._queue = Queue(connection)
+        self._billing = Billing(journal, self._remote, self.budget, say)
+        self._sender = Sender(
+            journal, connection, self._billing.cap_s, pace=self.pace, batch=batch, say=say
+        )
         self._finder = self._sender.finder
         self._next = 0
 
-    def ones(self, request: Request) -> CountArray:
-        """The counts of the run's next job, of the journal or of the machine.
+    @property
+    def next(self) -> int:
+        """The number of the run's next job."""
+        return self._next
+
+    def go_back(self, number: int) -> None:
+        """The next job is number `number` once more."""
+        self._next = number
+
+    def send(self, request: Request) -> int:
+        """The number of the run's next job, once the journal has its bits or IBM the job.
 
         Raises:
-            BudgetError: it would pass the limit, or was cut off there.
-            LiveError: it cannot be had now; the run can be resumed later.
+            BudgetError: it would pass the limit.
+            LiveError: it cannot be sent now; the run can be resumed later.
             PaidFailureError: it was charged and gave no counts, and may not be sent again.
             ReplayError: the journal has another job in this place.
         """
-        number, self._next = self._next, self._next + 1
+        number = self._next
+        self._check_same(number, request)
         submission = self.journal.latest(number)
-        if submission is not None and submission.digest != request.digest:
-            raise ReplayError(
-                f"Job {number} of run {self.journal.id} was another one when it was sent."
-            )
-        while submission is None or submission.ones is None:
-            if submission is None or submission.state == "failed":
-                self._check_unpaid(submission)
-                submission = self.journal.intend(number, request.digest, request.executions)
-            job_id = self._sender.job_of(submission, request)
-            self._settle(self.journal.latest(number) or submission, job_id, request)
+        if submission is None or submission.state != "done":
+            self._job_of(submission, number, request)
+        self._next = number + 1
+        return number
+
+    def bits(self, number: int, request: Request) -> list[Register]:
+        """What job `number`, which was sent, has measured, of the journal or of the machine.
+
+        Raises:
+            BudgetError: it was cut off at the limit.
+            LiveError: it cannot be had now; the run can be resumed later.
+            PaidFailureError: it was charged and gave no counts, and may not be sent again.
+        """
+        submission = self.journal.latest(number)
+        while submission is None or submission.state != "done":
+            job_id = self._job_of(submission, number, request)
+            sent = self.journal.latest(number)
+            assert sent is not None
+            self._settle(sent, job_id, request.registers)
             submission = self.journal.latest(number)
-        return submission.ones
+        return self._recorded(submission, request)
+
+    def fetch(self) -> None:
+        """Have the bits of every job that was sent, or of which IBM has one; none is sent.
+
+        Raises:
+            BudgetError, LiveError: one cannot be had.
+        """
+        waiting = "state IN ('sending', 'sent')"
+        for number in dict.fromkeys(made.number for made in self.journal.submissions(waiting)):
+            submission = self.journal.attempts(number)[-1]
+            job_id = submission.job_id or self._finder.find(submission)
+            if job_id is not None and submission.state in ("sending", "sent"):
+                sent = self.journal.attempts(number)[-1]
+                self._settle(sent, job_id, self.journal.registers(number))
+
+    def _check_same(self, number: int, request: Request) -> None:
+        """Nothing, if the journal has this job in this place, or none that was paid for.
+
+        Raises:
+            ReplayError: it has another one.
+        """
+        found = self.journal.latest(number)
+        if found is None:
+            return
+        if is_same(found.digest, request.digest):
+            if found.executions == request.executions:
+                return
+        elif found.state == "failed":
+            return
+        elif found.state == "intended" or (
+            found.state == "sending" and not self.journal.charges.doubts(number)
+        ):
+            self.journal.note_failed(found, "Another one was asked for before it was sent.")
+            return
+        raise ReplayError(
+            f"Job {number} of run {self.journal.id} was another one when it was sent."
+        )
+
+    def _job_of(self, last: Submission | None, number: int, request: Request) -> str:
+        """The id of the job of a place of the run whose last attempt is given."""
+        if last is None or last.state == "failed":
+            self._check_unpaid(last)
+            last = self.journal.intend(
+                number, request.digest, request.executions, request.registers
+            )
+        return self._sender.job_of(last, request)
+
+    def _recorded(self, submission: Submission, request: Request) -> list[Register]:
+        """What the journal has of a job that is done, held to what was asked for.
+
+        Raises:
+            LiveError: it is of another shape.
+        """
+        registers, asked = self.journal.registers(submission.number), request.registers
+        try:
+            if not registers and submission.ones is not None:
+                return bits_of_ones(submission.ones, request)
+            if [replace(register, packed=None) for register in registers] != asked:
+                raise ValueError("registers of another shape")
+            for register in registers:
+                register.bits  # noqa: B018
+        except ValueError as error:
+            raise LiveError(
+                f"{self.journal.path} is damaged: the counts of a job are wrong.",
+                "Restore a copy.",
+            ) from error
+        return registers
 
     def close(self) -> None:
         """Nothing more is asked for."""
@@ -89,23 +184,7 @@ class Jobs:
             self._finder.look_over()
         except LiveError as error:
             self._say(str(error))
-        for pause_s in _CHARGE_PAUSES_S:
-            if not self.journal.charges.uncharged():
-                return
-            self._wait_for_charges(pause_s)
-
-    def _cap_s(self, executions: int) -> int:
-        """What a job may take; charges that are not known yet are waited for where they matter."""
-        if len(self.journal.charges.uncharged()) >= _MOST_UNCHARGED:
-            self._wait_for_charges(0.0)
-        for pause_s in _CHARGE_PAUSES_S:
-            try:
-                return self.budget.cap_s(executions)
-            except BudgetError:
-                if not self.journal.charges.uncharged():
-                    raise
-            self._wait_for_charges(pause_s)
-        return self.budget.cap_s(executions)
+        self._billing.settle()
 
     def _check_unpaid(self, failed: Submission | None) -> None:
         """Nothing, if the attempt before was not charged, or may be paid for again.
@@ -115,14 +194,14 @@ class Jobs:
         """
         if failed is None or failed.job_id is None or self._pay_again:
             return
-        charged_s = self._charge_s(failed.job_id)
+        charged_s = self._billing.charge_s(failed.job_id)
         if charged_s != 0:
             raise PaidFailureError(
                 f"Job {failed.job_id} gave no counts. IBM says: {failed.words}",
                 f"It {_in_words(charged_s)}. It is sent and paid again only if you say so.",
             )
 
-    def _settle(self, submission: Submission, job_id: str, request: Request) -> None:
+    def _settle(self, submission: Submission, job_id: str, registers: Sequence[Register]) -> None:
         """Wait for the job and write down how it ended: counts first, then its charge.
 
         Raises:
@@ -131,14 +210,14 @@ class Jobs:
         """
         job = self._await_end(submission, job_id)
         if job.is_done:
-            self.journal.note_done(submission, self._fetch_counts(job_id, request))
-            self._ask_charge(self.journal.charges.of_job(job_id))
+            self.journal.note_done(submission, self._fetch(job_id, registers))
+            self._billing.ask(self.journal.charges.of_job(job_id))
             self._finder.sweep(submission)
             return
         expected_s = self.budget.expected_s(submission.executions)  # and not after what it took
         self.journal.note_failed(submission, job.reason)
         self._finder.sweep(submission)
-        charged_s = self._charge_s(job_id)
+        charged_s = self._billing.charge_s(job_id)
         charge = f"It {_in_words(charged_s)}; this was attempt {submission.attempt + 1}."
         if job.was_cut_off:
             known = self.journal.charges.of_job(job_id)
@@ -172,7 +251,8 @@ class Jobs:
             if job.has_ended:
                 return job
             status, waited_s = job.status.lower(), time.monotonic() - started
-            self._say(f"job {status} {waited_s:.0f} s")
+            queue = self._queue.words(waited_s) if job.status == "QUEUED" else ""
+            self._say(", ".join(filter(None, (f"job {status} {waited_s:.0f} s", queue))))
             if self._max_wait_s is not None and waited_s > self._max_wait_s:
                 raise LiveError(
                     f"Job {job_id} is {status} for {waited_s:.0f} s now.",
@@ -181,15 +261,15 @@ class Jobs:
             time.sleep(pause_s)
             pause_s = min(1.5 * pause_s, _SLOWEST_POLL_S)
 
-    def _fetch_counts(self, job_id: str, request: Request) -> CountArray:
-        """The counts of a finished job.
+    def _fetch(self, job_id: str, registers: Sequence[Register]) -> list[Register]:
+        """What a finished job has measured.
 
         Raises:
             LiveError: the service does not answer, or its results are not readable several times.
         """
         for fetch in range(_MOST_FETCHES):
             try:
-                return request.ones(self._remote.result(job_id))
+                return measured(registers, self._remote.result(job_id))
             except UnreadableAnswerError as error:
                 last: Exception = error
             except LiveError:
@@ -201,37 +281,6 @@ class Jobs:
             f"The result of job {job_id} cannot be read, {_MOST_FETCHES} times.",
             "It is paid and is not sent again: resuming fetches it once more.",
         ) from last
-
-    def _wait_for_charges(self, pause_s: float) -> None:
-        """Wait, then ask for every charge that is not known yet, as long as the service answers."""
-        self._say("waiting for what IBM charges")
-        time.sleep(pause_s)
-        for charge in self.journal.charges.uncharged():
-            if not self._ask_charge(charge):
-                return
-
-    def _charge_s(self, job_id: str) -> float | None:
-        """What an ended job was charged, waited for some seconds; None if IBM has not said it."""
-        for pause_s in (0.0, *_CHARGE_PAUSES_S):
-            charge = self.journal.charges.of_job(job_id)
-            if charge is None or charge.charged_s is not None:
-                break
-            time.sleep(pause_s)
-            self._ask_charge(charge)
-        charge = self.journal.charges.of_job(job_id)
-        return None if charge is None else charge.charged_s
-
-    def _ask_charge(self, charge: Charge | None) -> bool:
-        """Ask what a job was charged and write it down; False where the service does not answer."""
-        if charge is None or charge.job_id is None:
-            return True
-        try:
-            charged_s = self._remote.charged_s(charge.job_id, charge.cap_s)
-        except LiveError:
-            return False
-        if charged_s is not None:
-            self.journal.charges.settle(charge, charged_s)
-        return True
 
 
 def _in_words(charged_s: float | None) -> str:

@@ -1,7 +1,8 @@
 """The journal of a live run: an SQLite file in the run's folder, written before anything is sent.
 
-A submission is written down first, with a tag that finds its job again; then that it is being sent,
-as a charge in doubt; then its job's id; then its counts; then what it was charged. Every write is
+A submission is written down first, with what it measures and a tag that finds its job again; then
+that it is being sent, as a charge in doubt; then its job's id; then its bits; then what it was
+charged. Every write is
 on the disk before the next thing happens.
 """
 
@@ -12,7 +13,7 @@ import os
 import re
 import secrets
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -21,7 +22,6 @@ from typing import Any, Literal, Self, get_args
 
 from filelock import FileLock, Timeout
 
-from qcompile.arrays import CountArray
 from qcompile.errors import LiveError
 from qcompile.limits import MAX_QPU_SECONDS
 from qcompile.live import home, schema
@@ -35,11 +35,11 @@ from qcompile.live.opening import (
     reading,
     write_journal,
 )
-from qcompile.live.records import State, Submission, to_bytes
+from qcompile.live.records import Register, State, Submission
 from qcompile.live.steps import Steps
 from qcompile.live.words import quoted
 
-TaskKind = Literal["run", "calibrate", "validate"]
+TaskKind = Literal["run", "calibrate", "validate", "sampler"]
 
 _ID = re.compile(r"[\w.-]{1,100}", re.ASCII)
 
@@ -66,9 +66,9 @@ class Journal:
                 format_ = self._read()
             if checked:
                 check_values(self._db.connection, self.path, format_)
-            if checked and format_ == schema.FIRST_FORMAT:
+            if checked:
                 with reading(self.path):
-                    schema.read_as_now(self._db.connection)
+                    schema.read_as_now(self._db.connection, format_)
         except BaseException:
             self._db.close()
             raise
@@ -81,7 +81,7 @@ class Journal:
         row = self._db.connection.execute(
             "SELECT format, id, kind, created, settings, versions FROM run"
         ).fetchone()
-        if row is None or row[0] not in (schema.FORMAT, schema.FIRST_FORMAT):
+        if row is None or row[0] not in schema.FORMATS:
             raise LiveError(f"{self.path} is not a journal that this version of qcompile can read.")
         self.id: str = row[1]
         self.kind: TaskKind = row[2]
@@ -103,8 +103,10 @@ class Journal:
         settings: dict[str, Any],
         versions: dict[str, str],
         max_qpu_seconds: float,
+        *,
+        folder: Path | None = None,
     ) -> Journal:
-        """A new run in a folder of its own below `runs`, named by time and `name`.
+        """A new run in a folder of its own below `runs`, named by time and `name`; or in `folder`.
 
         Raises:
             BudgetError: the limit is no number of seconds that may be spent.
@@ -113,7 +115,7 @@ class Journal:
         now = datetime.now(UTC)
         words = "".join(c if c.isascii() and c.isalnum() else "-" for c in name)[:12]
         run_id = f"{now:%y%m%d-%H%M%S}-{words}-{secrets.token_hex(2)}"
-        folder = runs / run_id
+        folder = folder or runs / run_id
         values = (
             *(schema.FORMAT, run_id, kind, now.isoformat()),
             *(json.dumps(settings), json.dumps(versions)),
@@ -153,12 +155,14 @@ class Journal:
         try:
             check_pages(self._db.connection, self.path)
             self._renew()
-            self.move_here(os.getpid())
+            holder = os.getpid()
+            self.move_here(holder)
             try:
                 yield
             finally:
-                with suppress(LiveError):
-                    self.move_here()
+                if os.getpid() == holder:  # and not a fork of it
+                    with suppress(LiveError):
+                        self.move_here()
         finally:
             lock.release()
 
@@ -243,17 +247,33 @@ class Journal:
         """How many submissions are in each state; their counts are not read."""
         return dict(self._db.rows("SELECT state, COUNT(*) FROM submission GROUP BY state"))
 
-    def intend(self, number: int, digest: str, executions: int) -> Submission:
-        """Write down that job `number` is about to be sent, once more where it failed before."""
+    def intend(
+        self, number: int, digest: str, executions: int, registers: Sequence[Register] = ()
+    ) -> Submission:
+        """Write down that job `number` is about to be sent, once more where it failed before.
+
+        `registers` are what it measures.
+        """
         last = self.latest(number)
         attempt = 0 if last is None else last.attempt + 1
         tag = f"{self.tag_prefix}{number}-{attempt}"
-        self._db.do(
-            f"INSERT INTO submission ({Submission.COLUMNS}) "
-            "VALUES (?,?,?,?,?,'intended',NULL,NULL,NULL,NULL,NULL)",
-            *(number, attempt, tag, digest, executions),
-        )
+        with self._db.at_once():
+            self._db.do("DELETE FROM measured WHERE number = ?", number)
+            self._note_registers(number, registers)
+            self._db.do(
+                f"INSERT INTO submission ({Submission.COLUMNS}) "
+                "VALUES (?,?,?,?,?,'intended',NULL,NULL,NULL,NULL,NULL)",
+                *(number, attempt, tag, digest, executions),
+            )
         return self.attempts(number)[-1]
+
+    def registers(self, number: int) -> list[Register]:
+        """What job `number` of the run measures, in order, with its bits once it is done."""
+        rows = self._db.rows(
+            f"SELECT {Register.COLUMNS} FROM measured WHERE number = ? ORDER BY rowid", number
+        )
+        with reading(self.path):
+            return [Register.of_row(row) for row in rows]
 
     @property
     def tag_prefix(self) -> str:
@@ -281,15 +301,25 @@ class Journal:
         """A job that is known is that of the submission: its counts are waited for."""
         self._note(submission, "state = 'sent', job_id = ?", job_id)
 
-    def note_done(self, submission: Submission, ones: CountArray) -> None:
-        """Its counts are here."""
-        self._note(submission, "state = 'done', ones = ?", to_bytes(ones))
+    def note_done(self, submission: Submission, registers: Sequence[Register]) -> None:
+        """Its bits are here."""
+        with self._db.at_once():
+            self._note_registers(submission.number, registers)
+            self._note(submission, "state = 'done'")
         if self._jobs_done is not None:
             self._jobs_done += 1
 
     def note_failed(self, submission: Submission, words: str) -> None:
         """It ended without counts; `words` of the service are kept without what is secret."""
         self._note(submission, "state = 'failed', words = ?", quoted(words))
+
+    def _note_registers(self, number: int, registers: Sequence[Register]) -> None:
+        for register in registers:
+            self._db.do(
+                f"INSERT OR REPLACE INTO measured (number, {Register.COLUMNS}) "
+                "VALUES (?,?,?,?,?,?)",
+                *(number, *register.row),
+            )
 
     def _note(self, submission: Submission, what: str, *values: object) -> None:
         self._db.do(f"UPDATE submission SET {what} WHERE tag = ?", *values, submission.tag)

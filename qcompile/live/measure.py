@@ -10,14 +10,13 @@ import numpy as np
 from qcompile.calibration import Calibration, load_calibration
 from qcompile.errors import CalibrationError
 from qcompile.execution import Workload
-from qcompile.live.executor import IBMExecutor
 from qcompile.live.journal import TaskKind
-from qcompile.live.task import Context, Task
+from qcompile.live.task import Context, DeviceTask
 from qcompile.mitigation import calibrate, calibration_workload
 from qcompile.mitigation.measure import Part
 
 
-class CalibrateTask(Task):
+class CalibrateTask(DeviceTask):
     """Measure `parts` on `qubits`, `shots` of each circuit, into the file `out`, if any.
 
     `angles_rad` has the angle of each circuit and qubit; of each circuit alone in journals from
@@ -45,7 +44,7 @@ class CalibrateTask(Task):
         if angles.ndim == 1:
             angles = np.repeat(angles[:, None], len(self.qubits), axis=1)
         calibration = calibrate(
-            IBMExecutor(self.device, context.jobs),
+            context.executor(self.device),
             np.array(self.qubits),
             self.shots,
             parts=self.parts,

@@ -48,6 +48,14 @@ _RIGHT = {
         "ones": f"{{0}} IS NULL OR {_BLOB}",
         "words": f"{{0}} IS NULL OR {_TEXT}",
     },
+    "measured": {
+        "number": _COUNT,
+        "pub": _COUNT,
+        "name": _TEXT,
+        "shape": _TEXT,
+        "width": _COUNT,
+        "packed": f"{{0}} IS NULL OR {_BLOB}",
+    },
     "charge": {
         "number": f"{{0}} IS NULL OR {_COUNT}",
         "executions": _COUNT,
@@ -72,6 +80,11 @@ _RIGHT_AT_FIRST = {name: _RIGHT[name] for name in ("run", "step")} | {
         "cap_s": f"{{0}} IS NULL OR {_NUMBER}",
         "charged_s": f"{{0}} IS NULL OR {_NUMBER}",
     },
+}
+_RIGHT_IN = {
+    schema.FORMAT: _RIGHT,
+    schema.SECOND_FORMAT: {name: rules for name, rules in _RIGHT.items() if name != "measured"},
+    schema.FIRST_FORMAT: _RIGHT_AT_FIRST,
 }
 """What must hold of the values of a table. SQLite answers `typeof` without reading a blob."""
 _EXECUTED = """
@@ -139,8 +152,7 @@ def check_values(db: sqlite3.Connection, path: Path, format_: str) -> None:
     with reading(path):
         if db.execute(_EXECUTED).fetchone() is not None:
             raise LiveError(f"{path} is not a journal of qcompile.", _RESTORE)
-        right = _RIGHT_AT_FIRST if format_ == schema.FIRST_FORMAT else _RIGHT
-        for table, rules in right.items():
+        for table, rules in _RIGHT_IN[format_].items():
             tests = " ".join(
                 f"WHEN NOT ifnull({rule.format(column)}, 0) THEN '{column}'"
                 for column, rule in rules.items()

@@ -27,14 +27,16 @@ from qcompile.live.journal import Journal, TaskKind
 from qcompile.live.measure import CalibrateTask
 from qcompile.live.play import RunTask
 from qcompile.live.results import check_result
+from qcompile.live.sampling import SamplerTask
 from qcompile.live.task import Context, Task
 from qcompile.live.validate import ValidateTask
+from qcompile.live.waiting import Remaining
 from qcompile.terminal import one_line
 from qcompile.validation import explain
 from qcompile.version import versions
 
 TASKS: dict[TaskKind, type[Task]] = {
-    task.kind: task for task in (RunTask, CalibrateTask, ValidateTask)
+    task.kind: task for task in (RunTask, CalibrateTask, ValidateTask, SamplerTask)
 }
 _PACKAGES = ("numpy", "gymnasium", "qiskit", "qiskit-ibm-runtime")
 
@@ -46,7 +48,7 @@ def begin(runs: Path, task: Task, max_qpu_seconds: float) -> Journal:
         LiveError: the folder cannot be made.
     """
     settings = task.model_dump(mode="json")
-    return Journal.create(runs, task.kind, task.name, settings, _versions(), max_qpu_seconds)
+    return Journal.create(runs, task.kind, task.name, settings, run_versions(), max_qpu_seconds)
 
 
 def task_of(journal: Journal) -> Task:
@@ -69,6 +71,7 @@ def complete(
     *,
     max_wait_s: float | None = None,
     pay_again: bool = False,
+    jobs_per_minute: int | None = None,
     out: Path | None = None,
     show: Callable[[float, str], None] = lambda done, words: None,
     note: Callable[[str], None] = lambda words: None,
@@ -77,8 +80,10 @@ def complete(
 
     `show` gets how many jobs are done, and words, `note` what a person should read. A finished run
     gives its result again, and asks IBM once more what it has of the run and charges for it; where
-    all of that was known, it does not wait for an answer. `pay_again` sends a job again that was
-    charged and gave no counts. `out` is another file for a calibration than the
+    all of that was known, it does not wait for an answer. Of a sampler those jobs are fetched that
+    were sent. `pay_again` sends a job again that was charged and gave no counts. `jobs_per_minute`
+    are sent at most, by default as many as it began with. `out` is another file for a calibration
+    than the
     one it has; without it none is written where the run began on another machine.
 
     Raises:
@@ -95,8 +100,9 @@ def complete(
         step = ""
 
         def say(words: str) -> None:
+            done = journal.jobs_done()
             spent = f"{jobs.budget.spent_s:.0f} of {jobs.budget.limit_s:g} QPU s"
-            show(journal.jobs_done(), ", ".join(filter(None, (step, words, spent))))
+            show(done, ", ".join(filter(None, (step, words, spent, remaining.words(done)))))
 
         def say_step(words: str) -> None:
             nonlocal step
@@ -105,7 +111,7 @@ def complete(
 
         is_settled = journal.result is not None and journal.charges.are_settled
         connection = Connection(
-            task.backend, task.account, task.instance, patience_s=0 if is_settled else None
+            task.backend, task.account, task.instance, patience_s=0 if is_settled else None, say=say
         )
         jobs = Jobs(
             journal,
@@ -113,23 +119,28 @@ def complete(
             batch=task.batch,
             max_wait_s=max_wait_s,
             pay_again=pay_again,
+            jobs_per_minute=jobs_per_minute or task.jobs_per_minute,
             say=say,
         )
+        remaining = Remaining(task.planned_jobs, journal.jobs_done(), jobs.pace.job_s)
         if journal.result is None:
             try:
-                journal.finish(task.perform(Context(jobs, say_step, note)))
+                found = task.perform(Context(jobs, say_step, note))
+                if task.ends:
+                    journal.finish(found)
             except KeyboardInterrupt:
-                raise _explained(LiveError("Interrupted."), journal) from None
+                raise explained(LiveError("Interrupted."), journal) from None
             except QcompileError as error:
-                raise _explained(error, journal) from error
+                raise explained(error, journal) from error
             finally:
                 jobs.close()
         with suppress(KeyboardInterrupt, MissingExtraError):
             jobs.settle()
         if is_from_elsewhere(journal):
             task = task.without_file()
+        result = finished(journal) if task.ends else found | costs(journal)
         try:
-            return task.deliver(finished(journal), out)
+            return task.deliver(result, out)
         except OutputError as error:
             command = f"`{resume_command(journal)} --out FILE`"
             hint = f"It is measured and kept: {command} writes it elsewhere."
@@ -203,16 +214,16 @@ def progress_in_words(journal: Journal) -> str:
     return f"Jobs done: {journal.jobs_done()}{steps}; all of it is kept."
 
 
-def _versions() -> dict[str, str]:
+def run_versions() -> dict[str, str]:
     """What a run has to be played again with."""
     return versions(*_PACKAGES) | {"machine": platform.machine()}
 
 
-def _explained(error: QcompileError, journal: Journal) -> QcompileError:
+def explained(error: QcompileError, journal: Journal) -> QcompileError:
     """The error, with where the run stands and what to do."""
     export = f"`{export_command(journal)}` gives what was measured."
     if isinstance(error, ReplayError):
-        now = _versions()
+        now = run_versions()
         changed = [
             f"{one_line(name, 40)} {one_line(then, 40)}, now {now.get(name)}"
             for name, then in journal.versions.items()
@@ -221,7 +232,9 @@ def _explained(error: QcompileError, journal: Journal) -> QcompileError:
         began = (
             f"It began with {'; '.join(changed[:6])}." if changed else "The versions are the same."
         )
-        return error.with_hints(began, export)
+        return error.with_hints(began, *_another_journal(journal), export)
+    if journal.kind == "sampler":
+        return error.with_hints(*_hints_for_a_program(error, journal))
     if isinstance(error, BudgetError):
         hint = f"`{resume_command(journal)} --max-qpu-seconds S` resumes it with more."
     elif isinstance(error, PaidFailureError):
@@ -231,3 +244,22 @@ def _explained(error: QcompileError, journal: Journal) -> QcompileError:
     else:
         hint = export
     return error.with_hints(progress_in_words(journal), hint)
+
+
+def _another_journal(journal: Journal) -> list[str]:
+    if journal.kind != "sampler":
+        return []
+    return ["A journal is of one program, which asks for the same PUBs in the same order."]
+
+
+def _hints_for_a_program(error: QcompileError, journal: Journal) -> list[str]:
+    """What to do about an error of a sampler's, whose jobs a program asks for."""
+    if isinstance(error, BudgetError):
+        hint = "Run the same program again with a higher max_qpu_seconds."
+    elif isinstance(error, PaidFailureError):
+        hint = "Run the same program again with pay_again=True: it sends it again."
+    elif isinstance(error, LiveError):
+        hint = "Run the same program again: it gets what is recorded, and goes on."
+    else:
+        return []
+    return [progress_in_words(journal), hint]

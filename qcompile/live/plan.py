@@ -9,12 +9,13 @@ import numpy as np
 
 from qcompile.deploy.play import play
 from qcompile.deploy.result import Run
-from qcompile.execution import Workload
+from qcompile.execution import Backend, Executor, Workload
 from qcompile.limits import FREE_SECONDS, USD_PER_SECOND
 from qcompile.live.play import RunTask
 from qcompile.mitigation import CALIBRATION_SHOTS, calibration_workload
 from qcompile.mitigation.measure import LIVE_ANGLES_RAD
 from qcompile.passes import compile
+from qcompile.passes import copies_that_fit as copies_fitting
 
 PAPER, PACKED = "as in the paper", "packed"
 LOCKSTEP, TWIN = "packed, lockstep", "calibrate, play twin"
@@ -41,17 +42,21 @@ class Strategy:
 
 
 def copies_that_fit(task: RunTask) -> int:
-    """How many of the task's episodes fit side by side on its device."""
-    program = task.policy.policy().trained_program
-    return min(task.episodes, compile(program, task.device, task.level).copies_that_fit)
+    """How many of the task's episodes, or places of its split rows, fit side by side on its device.
+
+    Raises:
+        OptionError: there are no two places.
+    """
+    fit = copies_fitting(len(task.policy.policy().program), task.device)
+    return task.fitted(fit).places if task.split else min(task.episodes, fit)
 
 
-def forecast(task: RunTask) -> Run:
-    """The task played on the noise model of its device, from the same resets.
+def forecast(task: RunTask, backend: Backend | Executor | None = None) -> Run:
+    """The task played on the backend, by default its device's noise model, from the same resets.
 
     Its `total_load` is what `run --live` sends if the episodes last as long on the machine.
     """
-    return play(task.deploy(task.device), task.episodes)
+    return play(task.deploy(backend or task.device), task.episodes)
 
 
 def strategies(task: RunTask, forecasted: Run) -> list[Strategy]:
@@ -61,7 +66,7 @@ def strategies(task: RunTask, forecasted: Run) -> list[Strategy]:
     """
     policy, steps, shots = task.policy.policy(), forecasted.decisions, task.shots or 0
     executable = compile(policy.trained_program, task.device, task.level, policy.importance)
-    alone = task.model_copy(update={"copies": 1}).deploy(task.device)
+    alone = task.model_copy(update={"copies": 1, "split": False}).deploy(task.device)
     of_circuit = Workload.of_batch(1, 1, shots)
     of_step = Workload.of_batch(1, executable.round_count, shots)
     ways = [

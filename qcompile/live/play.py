@@ -16,18 +16,17 @@ from qcompile.deploy.rows import Rows
 from qcompile.deploy.settings import RunSettings
 from qcompile.device import Device
 from qcompile.errors import LiveError, ReplayError
-from qcompile.execution import Executor
-from qcompile.live.executor import IBMExecutor
+from qcompile.execution import Backend, Executor
 from qcompile.live.journal import Journal, TaskKind
 from qcompile.live.records import Chains, Step
-from qcompile.live.task import Context, Task
+from qcompile.live.task import Context, DeviceTask
 from qcompile.policy.schema import AnyPolicyFile
 
 _ROUNDING = 1e-9
 """Another processor may round the last digits otherwise."""
 
 
-class RunTask(Task, RunSettings):
+class RunTask(DeviceTask, RunSettings):
     """Play `episodes` with a policy, as `qcompile run` does, with these settings.
 
     Journals of earlier versions say nothing of `copy_of`: there a row's copy followed from its
@@ -55,7 +54,7 @@ class RunTask(Task, RunSettings):
             LiveError: a job cannot be had.
             ReplayError: the environment does not repeat what is recorded.
         """
-        deployment = self.deploy(IBMExecutor(self.device, context.jobs))
+        deployment = self.deploy(context.executor(self.device))
         actions = len(deployment.policy.bias)
         recorder = JournalRecorder(context.jobs.journal, actions, self.copy_of, context.say)
         run = play(
@@ -65,8 +64,8 @@ class RunTask(Task, RunSettings):
             raise KeyboardInterrupt
         return run.summary()
 
-    def deploy(self, backend: Device | Executor) -> Deployment:
-        """The task's policy on an executor of the task's device, or on its noise model."""
+    def deploy(self, backend: Device | Backend | Executor) -> Deployment:
+        """The task's policy on an executor of the task's device, or on a model of it."""
         return Deployment(self.policy.policy(), backend, self.settings)
 
 

@@ -1,8 +1,10 @@
-"""What a journal holds: submissions, charges, steps."""
+"""What a journal holds: submissions and what they measured, charges, steps."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import json
+import math
+from dataclasses import dataclass, field
 from datetime import datetime
 from io import BytesIO
 from typing import Any, Literal
@@ -14,6 +16,7 @@ from qcompile.arrays import CountArray, FloatArray
 from qcompile.errors import LiveError
 from qcompile.reading import ContentsError, read_npy
 
+_LONGEST_SHAPE = 1000
 State = Literal["intended", "sending", "sent", "done", "failed"]
 """`intended` was never sent; of `sending` it is not known whether IBM accepted it."""
 
@@ -23,8 +26,9 @@ class Submission:
     """One attempt at one job of a run.
 
     `digest` is that of all it measures; `cap_s` the seconds at which IBM cuts it off; `sent_at`
-    when it was last sent, None before. Once it has ended, `ones` (rows, circuits) are its counts or
-    `words` say why there are none; `charged_s` is what IBM charged, None until it says.
+    when it was last sent, None before. Of one that has ended without counts `words` say why;
+    `charged_s` is what IBM charged, None until it says. `ones` (rows, circuits) are the counts of
+    one that an earlier version of qcompile sent; today's are registers.
     """
 
     number: int
@@ -53,6 +57,67 @@ class Submission:
         if values["ones"] is not None:
             values["ones"] = to_array(values["ones"])
         return cls(**values, charged_s=charged_s)
+
+
+@dataclass(frozen=True)
+class Register:
+    """What a job measures of register `name` of one of its PUBs, number `pub`.
+
+    `shape` is that of the PUB's parameter values, then the shots; `width` the number of bits.
+    `packed` are they, a shot after the other, each in whole bytes with bit 0 last, as in BitArray;
+    None before the job is done.
+    """
+
+    pub: int
+    name: str
+    shape: tuple[int, ...]
+    width: int
+    packed: bytes | None = field(default=None, repr=False)
+
+    COLUMNS = "pub, name, shape, width, packed"
+
+    @classmethod
+    def of_row(cls, row: tuple[Any, ...]) -> Register:
+        """That of a row of COLUMNS.
+
+        Raises:
+            ValueError: the shape is none.
+        """
+        pub, name, shape, width, packed = row
+        sizes = json.loads(shape) if len(shape) < _LONGEST_SHAPE else None
+        if not isinstance(sizes, list) or not sizes or not all(map(_is_size, sizes)):
+            raise ValueError("a shape that no register has")
+        return cls(pub, name, tuple(sizes), width, packed)
+
+    @property
+    def row(self) -> tuple[Any, ...]:
+        """Its values for COLUMNS."""
+        return self.pub, self.name, json.dumps(self.shape), self.width, self.packed
+
+    @property
+    def bytes_a_shot(self) -> int:
+        return -(-self.width // 8)
+
+    @property
+    def packed_size(self) -> int:
+        """The bytes that its bits take."""
+        return math.prod(self.shape) * self.bytes_a_shot
+
+    @property
+    def bits(self) -> NDArray[np.uint8]:
+        """The packed bits (*shape, bytes), which can be written.
+
+        Raises:
+            ValueError: they are not here, or of another size.
+        """
+        if self.packed is None or len(self.packed) != self.packed_size:
+            raise ValueError("bits of another size")
+        packed = np.frombuffer(bytearray(self.packed), dtype=np.uint8)
+        return packed.reshape(*self.shape, self.bytes_a_shot)
+
+
+def _is_size(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 2**31
 
 
 @dataclass(frozen=True)

@@ -1,92 +1,88 @@
-"""What one job measures."""
+"""What one job measures: PUBs with the same shots, and the bits that are to come of them."""
 
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from qcompile.arrays import CountArray, FloatArray, IntArray
-from qcompile.execution.packed import REGISTER, PackedExecutable, PackedRound, count_ones
-from qcompile.passes import Executable
+from qcompile.errors import LiveError
+from qcompile.live.circuits import circuit_text, rounded, unsupported
+from qcompile.live.records import Register
 
-_DIGITS = 9
-"""Of an angle: another processor may round the last ones otherwise."""
+DIGEST = "pubs-1 "
+"""What a digest of PUBs begins with. Those of earlier journals were of something else."""
+
+
+def is_same(recorded: str, digest: str) -> bool:
+    """Whether a job of the journal may be that of a digest; earlier journals' do not tell."""
+    return recorded == digest or not recorded.startswith(DIGEST)
 
 
 @dataclass(frozen=True, eq=False)
 class Request:
-    """Some rounds of an executable with their angles (rows, slots) and shots, for one job."""
+    """SamplerPubs for one job; `shots` are those of each."""
 
-    packed: PackedExecutable
-    angles: FloatArray
-    rounds: range
+    pubs: tuple[Any, ...]
     shots: int
 
     @property
-    def executable(self) -> Executable:
-        return self.packed.executable
+    def executions(self) -> int:
+        return self.shots * sum(int(pub.size) for pub in self.pubs)
 
     @property
-    def executions(self) -> int:
-        return len(self.angles) * len(self.rounds) * self.shots
+    def registers(self) -> list[Register]:
+        """What is to be measured, in order, without bits."""
+        return [
+            Register(index, register.name, (*pub.shape, self.shots), register.size)
+            for index, pub in enumerate(self.pubs)
+            for register in pub.circuit.cregs
+        ]
 
     @cached_property
-    def circuits(self) -> IntArray:
-        """The circuits of these rounds, in order."""
-        return np.flatnonzero(np.isin(self.executable.rounds, self.rounds))
-
-    @property
     def digest(self) -> str:
-        """The same for the same circuits, qubits, angles and shots, and for nothing else.
+        """The same for the same circuits, values and shots, and for nothing else."""
+        digest = hashlib.sha256()
+        for pub in self.pubs:
+            values = pub.parameter_values.as_array(pub.circuit.parameters)
+            head = f"{circuit_text(pub.circuit)}\n{values.shape} {self.shots}\n"
+            digest.update(head.encode())
+            digest.update(rounded(values).astype("<f8").tobytes())
+        return DIGEST + digest.hexdigest()
 
-        Journals of every version hold it, so it is that of version 0.1.0: of the angles as
-        (rows, circuits, positions), 0 where a circuit has fewer slots than others.
-        """
-        executable = self.executable
-        owners, positions = executable.slot_circuits, executable.slot_positions
-        shape = len(self.angles), len(executable.native), int(positions.max()) + 1
-        angles = np.zeros(shape)
-        angles[:, owners, positions] = self.angles
-        parts = (
-            str(executable.native).encode(),
-            executable.qubits.tobytes(),
-            executable.rounds.tobytes(),
-            str((self.rounds, self.shots, shape)).encode(),
-            (np.round(angles, _DIGITS) + 0.0).tobytes(),  # no -0.0
-        )
-        return hashlib.sha256(b"".join(parts)).hexdigest()
-
-    def pubs(self) -> list[Any]:
-        """Circuits and their values, as SamplerV2 takes them."""
-        return [self._pub(packed) for packed in self._rounds]
-
-    @property
-    def _rounds(self) -> list[PackedRound]:
-        return [self.packed.rounds[index] for index in self.rounds]
-
-    def _pub(self, packed: PackedRound) -> Any:
-        """A round and its values; without open angles, and for one row, the circuit alone."""
-        if packed.slots.size or len(self.angles) > 1:
-            return packed.pub(self.angles)
-        return (packed.circuit.assign_parameters(dict.fromkeys(packed.parameters, 0.0)),)
-
-    def ones(self, result: Any) -> CountArray:
-        """The ones of each circuit, (rows, circuits), of a sampler's result.
+    def check_runs_on(self, backend: Any) -> None:
+        """Nothing, if each circuit consists of instructions that the backend has.
 
         Raises:
-            ValueError: the result is not that of these pubs.
+            LiveError: one does not; IBM would fail the job.
         """
-        rounds, bits = self._rounds, []
-        if len(result) != len(rounds):
-            raise ValueError(f"{len(result)} results for {len(rounds)} circuits")
-        for packed, pub in zip(rounds, result, strict=True):
-            of_round = np.asarray(getattr(pub.data, REGISTER).array, dtype=np.uint8)
-            wanted = (len(self.angles), self.shots, -(-len(packed.circuits) // 8))
-            if of_round.size != np.prod(wanted):
-                raise ValueError(f"bits of shape {of_round.shape} instead of {wanted}")
-            bits.append(of_round.reshape(wanted))
-        return count_ones(rounds, bits, self.circuits)
+        for index, pub in enumerate(self.pubs):
+            if words := unsupported(pub.circuit, getattr(backend, "target", None)):
+                raise LiveError(
+                    f"{backend.name} cannot run circuit {index} of the job.",
+                    words,
+                    "Compile it for the machine: generate_preset_pass_manager(backend=backend).",
+                )
+
+
+def measured(registers: Sequence[Register], result: Any) -> list[Register]:
+    """`registers` with the bits that a sampler's result has for them.
+
+    Raises:
+        ValueError, KeyError: it is not the result of these PUBs.
+    """
+    pubs = 1 + max(register.pub for register in registers)
+    if len(result) != pubs:
+        raise ValueError(f"{len(result)} results for {pubs} PUBs")
+    filled = []
+    for register in registers:
+        bits = result[register.pub].data[register.name]
+        packed = np.asarray(bits.array, dtype=np.uint8)
+        if bits.num_bits != register.width or packed.size != register.packed_size:
+            raise ValueError(f"bits of shape {packed.shape} for {register}")
+        filled.append(replace(register, packed=packed.tobytes()))
+    return filled

@@ -37,6 +37,8 @@ class RunFigures(_Figures):
     predistort: bool
     calibration: Line | None
     copies: Count
+    split: bool = False
+    calibration_shots: Count | None = None
     level: Count
     greedy: bool
     seed: int
@@ -97,10 +99,16 @@ class ValidateFigures(_Figures):
         return self
 
 
+class SamplerFigures(_Figures):
+    jobs_done: Count
+    jobs_open: Count
+
+
 _FIGURES: dict[TaskKind, type[_Figures]] = {
     "run": RunFigures,
     "calibrate": CalibrateFigures,
     "validate": ValidateFigures,
+    "sampler": SamplerFigures,
 }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 from qcompile.errors import LiveError
@@ -36,6 +37,8 @@ def find_journal(runs: Path, run_id: str) -> Journal:
     known = [folder.name for folder in _folders(runs)]
     if run_id in known:
         return Journal(runs / run_id)
+    if (folder := _of_id(runs, run_id)) is not None:
+        return Journal(folder)
     damaged: list[str] = []
     if run_id == "last":
         matches = [folder.name for folder in _by_age(runs, damaged.append)][-1:]
@@ -57,6 +60,15 @@ def find_journal(runs: Path, run_id: str) -> Journal:
         f"It holds {len(known)}: {', '.join(known[-4:])}." if known else "It holds none.",
         "`qcompile runs` lists them; --runs names another folder.",
     )
+
+
+def _of_id(runs: Path, run_id: str) -> Path | None:
+    """The folder of the run with this ID, if another name than the ID was chosen for it."""
+    for folder in _folders(runs):
+        with suppress(LiveError), Journal(folder, checked=False) as journal:
+            if journal.id == run_id:
+                return folder
+    return None
 
 
 def _by_age(runs: Path, on_damage: Callable[[str], None]) -> list[Path]:

@@ -1,4 +1,4 @@
-"""The tables of a journal, and how those of the first version become what they are now."""
+"""The tables of a journal, and how those of earlier versions become what they are now."""
 
 from __future__ import annotations
 
@@ -6,12 +6,20 @@ import sqlite3
 
 from qcompile.limits import SECONDS_PER_EXECUTION, SECONDS_PER_JOB
 
-FORMAT = "qcompile-journal-2"
+FORMAT = "qcompile-journal-3"
+SECOND_FORMAT = "qcompile-journal-2"
 FIRST_FORMAT = "qcompile-journal-1"
+FORMATS = (FORMAT, SECOND_FORMAT, FIRST_FORMAT)
+"""The second lacks the table of what was measured: its jobs have `ones` instead. So has the first,
+whose charges stand in other tables besides."""
 
 _CHARGE = """(
   row INTEGER PRIMARY KEY, number INTEGER, executions INTEGER, cap_s REAL, sent_at TEXT,
   refused INTEGER, job_id TEXT UNIQUE, charged_s REAL
+)"""
+_MEASURED = """(
+  number INTEGER, pub INTEGER, name TEXT, shape TEXT, width INTEGER, packed BLOB,
+  PRIMARY KEY (number, pub, name)
 )"""
 _INDEXES = (
     "CREATE INDEX open_charge ON charge (row) WHERE charged_s IS NULL",
@@ -27,6 +35,7 @@ _TABLES = (
       sent_at TEXT, cap_s INTEGER, job_id TEXT, ones BLOB, words TEXT,
       PRIMARY KEY (number, attempt)
     )""",
+    f"CREATE TABLE measured {_MEASURED}",
     f"CREATE TABLE charge {_CHARGE}",
     "CREATE TABLE looked_over (at TEXT)",
     "CREATE TABLE step (number INTEGER PRIMARY KEY, observations BLOB, actions BLOB, rewards BLOB)",
@@ -53,16 +62,19 @@ def create(db: sqlite3.Connection) -> None:
         db.execute(statement)
 
 
-def read_as_now(db: sqlite3.Connection) -> None:
-    """Have a journal of the first version read like one of today; its file stays as it is."""
+def read_as_now(db: sqlite3.Connection, format_: str) -> None:
+    """Have a journal of an earlier version read like one of today; its file stays as it is."""
     db.execute("PRAGMA temp_store = MEMORY")
-    _fill(db, "temp")
+    if format_ == FIRST_FORMAT:
+        _fill(db, "temp")
+    if format_ != FORMAT:
+        db.execute(f"CREATE TABLE temp.measured {_MEASURED}")
 
 
 def migrate(db: sqlite3.Connection) -> None:
-    """Make a journal of the first version one of today, wholly or not at all."""
-    db.execute("DROP TABLE IF EXISTS temp.charge")
-    db.execute("DROP TABLE IF EXISTS temp.looked_over")
+    """Make a journal of an earlier version one of today, wholly or not at all."""
+    for table in ("charge", "looked_over", "measured"):
+        db.execute(f"DROP TABLE IF EXISTS temp.{table}")
     db.execute("BEGIN IMMEDIATE")
     try:
         [[format_]] = db.execute("SELECT format FROM run")
@@ -71,6 +83,8 @@ def migrate(db: sqlite3.Connection) -> None:
             for index in _INDEXES:
                 db.execute(index)
             db.execute("DROP TABLE extra")
+        if format_ != FORMAT:
+            db.execute(f"CREATE TABLE main.measured {_MEASURED}")
             db.execute("UPDATE run SET format = ?", (FORMAT,))
         db.execute("COMMIT")
     except BaseException:

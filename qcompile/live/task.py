@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
 from qcompile.device import Device
-from qcompile.errors import LiveError
+from qcompile.errors import LiveError, MissingExtraError
+from qcompile.execution import Executor, PrimitiveExecutor
 from qcompile.live.jobs import Jobs
 from qcompile.live.journal import TaskKind
 
@@ -23,24 +25,37 @@ class Context:
     say: Callable[[str], None]
     note: Callable[[str], None] = lambda words: None
 
+    def executor(self, device: Device) -> Executor:
+        """The executor of the device's machine, by the jobs of the run.
+
+        Raises:
+            MissingExtraError: Qiskit is not installed.
+        """
+        if find_spec("qiskit") is None:
+            raise MissingExtraError("A run on real hardware", "ibm")
+        from qcompile.live.sampler import JobsSampler
+
+        return PrimitiveExecutor(device, sampler=JobsSampler(self.jobs), kind="hardware")
+
 
 class Task(BaseModel):
     """Something to do on a live backend, with all it depends on: its journal holds it.
 
-    `device` are the backend's qubits and their calibration when the task began: placement and
-    compilation do not change when IBM calibrates anew. `account` and `instance` are names of IBM's
-    own tools; a token is never part of a task. `planned_jobs` are those it is expected to take.
+    `account` and `instance` are names of IBM's own tools; a token is never part of a task.
+    `planned_jobs` are those it is expected to take. One that never `ends` is asked for its jobs by
+    somebody's program.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     kind: ClassVar[TaskKind]
+    ends: ClassVar[bool] = True
 
     backend: str
-    device: Device
     account: str | None = None
     instance: str | None = None
     batch: bool = False
+    jobs_per_minute: Annotated[int, Field(ge=1)] | None = None
     planned_jobs: int = 1
 
     @property
@@ -65,3 +80,13 @@ class Task(BaseModel):
         if out is not None:
             raise LiveError(f"A {self.kind} has no file of its own.", "Remove --out.")
         return result
+
+
+class DeviceTask(Task):
+    """One whose circuits are compiled here.
+
+    `device` are the backend's qubits and their calibration when the task began: placement and
+    compilation do not change when IBM calibrates anew.
+    """
+
+    device: Device

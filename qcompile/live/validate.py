@@ -10,13 +10,12 @@ from qcompile.calibration import Calibration
 from qcompile.deploy.twin_check import check_twin
 from qcompile.deploy.twin_power import EFFECT, twin_program
 from qcompile.execution import Workload
-from qcompile.live.executor import IBMExecutor
 from qcompile.live.journal import TaskKind
-from qcompile.live.task import Context, Task
+from qcompile.live.task import Context, DeviceTask
 from qcompile.policy.schema import AnyPolicyFile
 
 
-class ValidateTask(Task):
+class ValidateTask(DeviceTask):
     """Compare the twin of `calibration` with its machine, on observations (B, features).
 
     The power is stated for a p01 that is raised by `effect`.
@@ -43,7 +42,7 @@ class ValidateTask(Task):
             self.calibration,
             self.policy.policy(),
             np.array(self.observations),
-            IBMExecutor(self.device, context.jobs),
+            context.executor(self.device),
             self.shots,
             self.effect,
         )

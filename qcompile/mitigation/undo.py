@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from qcompile.arrays import FloatArray
+from qcompile.arrays import CircuitShots, FloatArray
 from qcompile.calibration import Calibration
 from qcompile.errors import CalibrationError
 from qcompile.mitigation.misfit import misfits
@@ -45,14 +45,21 @@ class Mitigation:
         What no ideal circuit shows is clipped to [-1, 1]; without tilt this is the least-squares
         solution under that constraint.
         """
-        u = self._undone(z)
+        return self.upright(self.shown(z))
+
+    def shown(self, z: FloatArray) -> FloatArray:
+        """cos(w - tilt) for measured z, and beyond what w can show where shot noise takes z."""
+        return np.asarray((z - self.offset) / self.contrast)
+
+    def upright(self, u: FloatArray) -> FloatArray:
+        """cos(w) for u = cos(w - tilt), w in [0, pi]; what that cannot show is clipped."""
+        u = self._possible(u)
         if not self._tilted:
             return u
         return np.asarray(np.cos(self.tilt) * u - np.sin(self.tilt) * np.sqrt(1.0 - u * u))
 
-    def _undone(self, z: FloatArray) -> FloatArray:
-        """cos(w - tilt) in what w in [0, pi] can show."""
-        u = (z - self.offset) / self.contrast
+    def _possible(self, u: FloatArray) -> FloatArray:
+        """u = cos(w - tilt) in what w in [0, pi] can show."""
         if not self._tilted:
             return np.asarray(np.minimum(np.maximum(u, -1.0), 1.0))
         border = np.cos(self.tilt)
@@ -60,12 +67,36 @@ class Mitigation:
         most = np.where(self.tilt < 0.0, border, 1.0)
         return np.asarray(np.minimum(np.maximum(u, least), most))
 
-    def standard_error(self, z: FloatArray, shots: int) -> FloatArray:
-        """The standard error of `apply(z)` for z (B, circuits) measured with `shots`.
+    def of_mean(self, weights: FloatArray) -> Mitigation:
+        """What undoes the mean of `shown` over places, of weights (places,) that sum to 1.
 
-        Shot noise and the uncertainty of the calibration, to first order.
+        The arrays of this one come place by place, as circuits side by side do. The mean of
+        cos(w - tilt_p) is contrast cos(w - tilt) too: it is undone and clipped once, so that shot
+        noise which takes a place beyond [-1, 1] averages out. Without tilts it is the mean itself.
+        The covariances are those of the mean of places that were calibrated independently.
         """
-        u = self._undone(z)
+        tilt = self.tilt.reshape(len(weights), -1)
+        along, across = weights @ np.cos(tilt), weights @ np.sin(tilt)
+        unit = np.stack([1 / self.contrast, 1 / self.contrast, np.ones_like(self.tilt)], axis=1)
+        covariance = self.covariance * unit[:, :, None] * unit[:, None, :]
+        return Mitigation(
+            np.zeros_like(along),
+            np.hypot(along, across),
+            np.arctan2(across, along),
+            np.einsum("p,pcij->cij", weights**2, covariance.reshape(*tilt.shape, 3, 3)),
+        )
+
+    def standard_error(self, z: FloatArray, shots: int) -> FloatArray:
+        """The standard error of `apply(z)` for z (B, circuits) measured with `shots`."""
+        counted, calibrated = self.variances(z, shots)
+        return np.asarray(np.sqrt(counted + calibrated))
+
+    def variances(self, z: FloatArray, shots: CircuitShots) -> tuple[FloatArray, FloatArray]:
+        """Those of `apply(z)` for z (B, circuits) measured with `shots`, to first order.
+
+        The first is that of shot noise, the second comes from the uncertainty of the calibration.
+        """
+        u = self._possible(self.shown(z))
         across = np.sqrt(1.0 - u * u)
         slope = np.ones_like(u)
         if self._tilted:
@@ -75,7 +106,7 @@ class Mitigation:
         gradient = np.stack([-slope, -slope * u, by_tilt], axis=-1)  # (B, circuits, 3)
         calibrated = np.einsum("bci,cij,bcj->bc", gradient, self.covariance, gradient)
         counted = slope**2 * np.clip(1.0 - z * z, 1.0 / shots, None) / shots
-        return np.asarray(np.sqrt(counted + calibrated))
+        return np.asarray(counted), np.asarray(calibrated)
 
     @cached_property
     def _tilted(self) -> bool:

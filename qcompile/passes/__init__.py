@@ -3,6 +3,7 @@
 from qcompile.passes.base import Pass, Promise
 from qcompile.passes.executable import Executable
 from qcompile.passes.pipeline import LEVELS, PASSES, compile, lower, pipeline
+from qcompile.passes.place import copies_that_fit
 
 __all__ = [
     "LEVELS",
@@ -11,6 +12,7 @@ __all__ = [
     "Pass",
     "Promise",
     "compile",
+    "copies_that_fit",
     "lower",
     "pipeline",
 ]

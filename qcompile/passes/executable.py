@@ -16,7 +16,7 @@ from qcompile.errors import CircuitError
 from qcompile.ir import Angle, Program
 from qcompile.ir.table import AngleTable, are_large
 from qcompile.native import slots
-from qcompile.noise import usable
+from qcompile.passes.place import copies_that_fit
 from qcompile.simulate import LateAngles
 
 
@@ -148,7 +148,7 @@ class Executable:
 
         It is 1 on the ideal device too, where side by side saves nothing.
         """
-        return max(len(usable(self.device)) // max(len(self.native), 1), 1)
+        return copies_that_fit(len(self.native), self.device)
 
     def to_qiskit(
         self, x: FloatArray | None = None, theta: FloatArray | None = None, *, measure: bool = True

@@ -11,6 +11,11 @@ from qcompile.limits import MAX_EPISODES
 from qcompile.noise import usable
 
 
+def copies_that_fit(circuits: int, device: Device) -> int:
+    """How many copies of so many circuits fit side by side on the usable qubits; one at least."""
+    return max(len(usable(device)) // max(circuits, 1), 1)
+
+
 def place(
     circuits: int, device: Device, importance: FloatArray | None = None, copies: int = 1
 ) -> tuple[IntArray, IntArray]:

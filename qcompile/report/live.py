@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from base64 import b64encode
 from collections.abc import Mapping
 from typing import Any
 
@@ -9,14 +10,19 @@ import click
 from numpy.typing import NDArray
 
 from qcompile.calibration import Calibration
+from qcompile.execution.packed import ones_of_bits
 from qcompile.live.commands import resume_command
 from qcompile.live.journal import Journal, TaskKind
 from qcompile.live.looking import doubts_in_words
+from qcompile.live.opening import reading
 from qcompile.live.perform import costs, progress_in_words, task_of
+from qcompile.live.records import State, Submission
 from qcompile.mitigation.misfit import misfit_words
 from qcompile.report.calibration_values import calibration_values, print_calibration
 from qcompile.report.tables import cost_in_words, plural, print_run, print_table
 from qcompile.terminal import one_line
+
+_CONTINUES = "Its program is run again to go on."
 
 
 def overview(journal: Journal) -> dict[str, Any]:
@@ -27,12 +33,21 @@ def overview(journal: Journal) -> dict[str, Any]:
         "kind": journal.kind,
         "backend": journal.settings.get("backend"),
         "created": journal.created.isoformat(),
-        "state": "unfinished" if journal.result is None else "finished",
+        "state": _state(journal, states),
         "jobs_done": states.get("done", 0),
         "jobs_open": states.get("sending", 0) + states.get("sent", 0),
         "steps": len(journal.steps),
         **costs(journal),
     }
+
+
+def _state(journal: Journal, states: dict[State, int]) -> str:
+    """A sampler is finished as long as it has all that it sent."""
+    if journal.kind == "sampler":
+        is_finished = not any(states.get(state) for state in ("sending", "sent"))
+    else:
+        is_finished = journal.result is not None
+    return "finished" if is_finished else "unfinished"
 
 
 def exported(journal: Journal) -> dict[str, Any]:
@@ -48,6 +63,7 @@ def exported(journal: Journal) -> dict[str, Any]:
             "executions": submission.executions,
             "qpu_seconds": submission.charged_s,
             "ones": None if submission.ones is None else submission.ones.tolist(),
+            "measured": _measured(journal, submission),
             "words": submission.words,
         }
         for submission in journal.submissions()
@@ -73,6 +89,30 @@ def exported(journal: Journal) -> dict[str, Any]:
 def _lists(arrays: Mapping[str, NDArray[Any] | None]) -> dict[str, Any]:
     """Arrays by name as lists; None stays."""
     return {name: None if array is None else array.tolist() for name, array in arrays.items()}
+
+
+def _measured(journal: Journal, submission: Submission) -> list[dict[str, Any]] | None:
+    """What a job measured: bits as base64, and how many ones each had, for each PUB and register.
+
+    Jobs of earlier versions have `ones` instead.
+    """
+    if submission.state != "done" or submission.ones is not None:
+        return None
+    values = []
+    for register in journal.registers(submission.number):
+        with reading(journal.path):
+            packed = register.bits
+        values.append(
+            {
+                "pub": register.pub,
+                "register": register.name,
+                "shape": register.shape,
+                "bits": register.width,
+                "packed": b64encode(packed.tobytes()).decode(),
+                "ones": ones_of_bits(packed, register.width).tolist(),
+            }
+        )
+    return values
 
 
 def result_values(kind: TaskKind, result: dict[str, Any]) -> dict[str, Any]:
@@ -108,7 +148,10 @@ def print_overview(journal: Journal) -> None:
     click.echo(f"{cost_in_words(row)}; {row['max_qpu_seconds']:g} allowed")
     for line in doubts_in_words(journal):
         click.echo(line)
-    click.echo(f"`{resume_command(journal)}` resumes it.")
+    if journal.kind == "sampler":
+        click.echo(f"{_CONTINUES} `{resume_command(journal)}` fetches what was sent.")
+    else:
+        click.echo(f"`{resume_command(journal)}` resumes it.")
 
 
 def print_result(kind: TaskKind, result: dict[str, Any]) -> None:
@@ -118,6 +161,10 @@ def print_result(kind: TaskKind, result: dict[str, Any]) -> None:
         return
     if kind == "validate":
         print_validation(result)
+    elif kind == "sampler":
+        jobs = plural(result["jobs_done"], "job")
+        click.echo(f"{one_line(str(result['backend']))}: {jobs} done, {result['jobs_open']} open")
+        click.echo(_CONTINUES)
     else:
         print_calibration(result_values(kind, result))
         if result.get("file"):

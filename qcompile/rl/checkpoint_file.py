@@ -14,6 +14,7 @@ from pydantic import (
     JsonValue,
     TypeAdapter,
     ValidationError,
+    model_validator,
 )
 
 from qcompile.errors import TrainingError
@@ -70,9 +71,21 @@ class _Collected(BaseModel):
 
     rng: dict[str, Any]
     steps: _Whole
-    episodes: list[tuple[_Whole, Finite]]
+    decisions: _Whole
+    episodes: list[tuple[_Whole, Finite, _Whole]]
     walks: list[tuple[_Whole, list[_Whole]]]
     observations: list[list[Finite]]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _as_ever(cls, values: Any) -> Any:
+        """In a file without `decisions`, of version 0.1.0, every step was one."""
+        if not isinstance(values, dict) or "decisions" in values or "steps" not in values:
+            return values
+        episodes = values.get("episodes")
+        if isinstance(episodes, list):
+            episodes = [[*e, e[0]] if isinstance(e, list) and len(e) == 2 else e for e in episodes]
+        return values | {"decisions": values["steps"], "episodes": episodes}
 
 
 class _Scaled(BaseModel):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from copy import deepcopy
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -44,7 +45,7 @@ class Learner:
         self._learned = [FlatParameters(actor), FlatParameters(critic)]
         groups = [{"params": [flat.parameter]} for flat in self._learned]
         self._optimiser = torch.optim.Adam(groups, eps=1e-5, fused=True)
-        self._scale = ReturnScale(settings.environments, settings.gamma)
+        self._scale = ReturnScale(settings.environments, settings.gamma**settings.hold)
         self._memory = Memory(settings.rollouts)
 
     def learn(self, rollout: Rollout, left: float) -> tuple[float, ...]:
@@ -60,6 +61,8 @@ class Learner:
         actor, critic = self._optimiser.param_groups
         actor["lr"] = settings.actor_lr * max(left, _LEAST_RATE)
         critic["lr"] = settings.critic_lr * max(left, _LEAST_RATE)
+        if settings.decision_cost:
+            rollout = replace(rollout, rewards=rollout.rewards - settings.decision_cost)
         scale = self._scale.update(rollout.rewards, rollout.done) if settings.scale_rewards else 1.0
         residual = [] if self._noise is None else [self._noise.taken()]
         joined, residual = self._memory.joined(rollout, residual)
@@ -108,8 +111,9 @@ class Learner:
             outputs = (self._critic(self._seen(o).flatten(0, 1)).double() for o in both)
             values, next_values = (value.numpy().reshape(rewards.shape) for value in outputs)
         ended = rollout.terminated if settings.bootstrap_truncated else rollout.done
+        gamma = settings.gamma**settings.hold
         advantages = generalised_advantage(
-            rewards, values, next_values, ended, rollout.done, settings.gamma, settings.gae_lambda
+            rewards, values, next_values, ended, rollout.done, gamma, settings.gae_lambda
         )
         targets = torch.from_numpy(advantages + values).float().flatten()
         flat = torch.from_numpy(advantages).float().flatten()

@@ -18,7 +18,7 @@ class StartOrder:
     """Puts finished episodes of `environments` in the order in which they began.
 
     An episode is handed on once all that began before it have ended. Environments that began an
-    episode in the same step are ordered by their number.
+    episode at the same decision are ordered by their number.
     """
 
     def __init__(self, environments: int):
@@ -26,13 +26,13 @@ class StartOrder:
         """When each environment began the episode that it is in, and its number."""
         self._waiting: list[tuple[tuple[int, int], float]] = []
 
-    def add(self, steps: int, reward: float) -> Iterator[float]:
-        """The rewards that are next, now that an episode has ended after `steps` steps of all.
+    def add(self, decisions: int, reward: float) -> Iterator[float]:
+        """The rewards that are next, now that an episode has ended after `decisions` of all.
 
-        `steps` and `reward` are those of `FinishedEpisode`: environment i of n takes the steps
-        i + 1, i + 1 + n, ...
+        `decisions` and `reward` are those of `FinishedEpisode`: environment i of n takes the
+        decisions i + 1, i + 1 + n, ...
         """
-        time, lane = divmod(steps - 1, len(self._running))
+        time, lane = divmod(decisions - 1, len(self._running))
         heapq.heappush(self._waiting, (self._running[lane], reward))
         self._running[lane] = (time + 1, lane)
         first = min(self._running)
@@ -41,10 +41,10 @@ class StartOrder:
 
 
 def in_order_of_start(episodes: Iterable[tuple[int, float]], environments: int) -> Iterator[float]:
-    """The rewards of finished episodes, (steps, reward) each, in the order in which they began.
+    """The rewards of finished episodes, (decisions, reward) each, in the order in which they began.
 
     Those that began after the first that has not ended are left out.
     """
     order = StartOrder(environments)
-    for steps, reward in episodes:
-        yield from order.add(steps, reward)
+    for decisions, reward in episodes:
+        yield from order.add(decisions, reward)

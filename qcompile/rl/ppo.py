@@ -58,7 +58,7 @@ class Trainer:
         seeds = np.random.SeedSequence(seed).spawn(4)
         self.ansatz, bits = ansatz, reads_bits(settings, ansatz)
         self._collector = Collector(
-            environment, settings.environments, seeds[0], self.arguments, bits
+            environment, settings.environments, seeds[0], self.arguments, bits, settings.hold
         )
         self._rng = np.random.default_rng(seeds[1])
         self._generator = torch.Generator().manual_seed(int(seeds[2].generate_state(1)[0]))
@@ -92,6 +92,11 @@ class Trainer:
     def steps(self) -> int:
         """Environment steps taken."""
         return self._collector.steps
+
+    @property
+    def decisions(self) -> int:
+        """Decisions taken, each held for one step or more."""
+        return self._collector.decisions
 
     @property
     def history(self) -> list[FinishedEpisode]:
@@ -176,7 +181,7 @@ class Trainer:
             metadata["environment_kwargs"] = self.arguments
         name = self.environment.rsplit("-v", 1)[0].lower()
         policy = model.policy(name, self.environment, metadata)
-        policy = replace(policy, environment_kwargs=self.arguments)
+        policy = replace(policy, environment_kwargs=self.arguments, hold=self.settings.hold)
         return policy if self.normaliser is None else self.normaliser.deployed(policy)
 
     @property

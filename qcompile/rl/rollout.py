@@ -21,19 +21,24 @@ from qcompile.rl.environments import training_environments
 
 @dataclass(frozen=True)
 class FinishedEpisode:
-    """An episode of training: its number from 1, all steps taken by its end, its reward."""
+    """An episode of training: its number from 1 and its reward.
+
+    `steps` of the environments, and `decisions`, are all that were taken by its end; one of each
+    where nothing is held.
+    """
 
     episode: int
     steps: int
     reward: float
+    decisions: int
 
 
 @dataclass(frozen=True, eq=False)
 class Rollout:
-    """Steps of n environments: arrays (steps, n), observations (steps, n, features).
+    """Decisions in n environments: arrays (decisions, n), observations (decisions, n, features).
 
-
-    `next_observations` are those the actions led to, before any reset; no step of a reset is in it.
+    Rewards are sums over the steps that a decision is held for. `next_observations` are those the
+    actions led to, before any reset; no step of a reset is in it.
     """
 
     observations: NDArray[np.floating]
@@ -53,8 +58,9 @@ class Collector:
     """Steps `count` environments together and resets each one when its episode ends.
 
     Observations are of `dtype`: float32, or float64 where the environment declares what float32
-    cannot hold. `steps` counts every step taken, `history` has every finished episode. Every
-    episode has a seed of its own, so that an environment is rebuilt by playing its actions again.
+    cannot hold. A decision is held for `hold` steps; `steps` counts every step taken, `decisions`
+    every decision, `history` has every finished episode. Every episode has a seed of its own, so
+    that an environment is rebuilt by playing its actions again.
     """
 
     def __init__(
@@ -64,17 +70,18 @@ class Collector:
         seeds: np.random.SeedSequence,
         arguments: Mapping[str, Any] | None = None,
         bits: bool = False,
+        hold: int = 1,
     ):
         environments = training_environments(name, count, bits, arguments)
         self.features, self.actions = features_and_actions(environments[0])
         self._rng = np.random.default_rng(seeds)
-        self._steppers = [Stepper(environment) for environment in environments]
+        self._steppers = [Stepper(environment, hold) for environment in environments]
         self._taken: list[list[int]] = [[] for _ in environments]
         """The actions of the episode that each environment is in."""
         first = [stepper.reset(self._seed()) for stepper in self._steppers]
         self._observations: NDArray[np.floating] = np.stack(first)
         self.dtype = self._observations.dtype
-        self.steps = 0
+        self.steps = self.decisions = 0
         self.history: list[FinishedEpisode] = []
 
     @property
@@ -88,7 +95,7 @@ class Collector:
     def collect(
         self, act: Callable[[NDArray[np.floating]], IntArray], horizon: int | None
     ) -> Rollout:
-        """`horizon` steps of every environment, or without a horizon one whole episode of each.
+        """`horizon` decisions in every environment, or without a horizon one whole episode of each.
 
         `act` maps observations (n, features) to actions (n,).
 
@@ -103,27 +110,31 @@ class Collector:
             following = np.empty_like(self._observations)
             after = np.empty_like(self._observations)
             rewards, flags = np.empty(count), np.zeros((2, count), dtype=bool)
-            over: list[int] = []
+            over: list[tuple[int, int]] = []
+            steps = self.steps
             for i, (stepper, action) in enumerate(
                 zip(self._steppers, actions.tolist(), strict=True)
             ):
+                steps -= stepper.length
                 observation, rewards[i], terminated, truncated = stepper.step(action)
+                steps += stepper.length
                 following[i] = after[i] = observation
                 self._taken[i].append(action)
                 if terminated or truncated:
                     flags[:, i] = terminated, truncated
-                    over.append(i)
+                    over.append((i, steps))
             check_finite(self._steppers, following)
-            for i in over:
-                number, steps = len(self.history) + 1, self.steps + i + 1
-                self.history.append(FinishedEpisode(number, steps, self._steppers[i].reward))
+            for i, end in over:
+                number, decisions = len(self.history) + 1, self.decisions + i + 1
+                reward = self._steppers[i].reward
+                self.history.append(FinishedEpisode(number, end, reward, decisions))
                 after[i] = self._steppers[i].reset(self._seed())
                 self._taken[i].clear()
             row = (self._observations, actions, rewards, following, *flags)
             for column, values in zip(columns, row, strict=True):
                 column.append(values)
             self._observations = after
-            self.steps += count
+            self.steps, self.decisions = steps, self.decisions + count
             if horizon is None and len(self.history) > before:
                 break
         observations, taken, rewarded, successors, terminals, cuts = map(np.stack, columns)
@@ -135,7 +146,8 @@ class Collector:
         return {
             "rng": self._rng.bit_generator.state,
             "steps": self.steps,
-            "episodes": [[e.steps, e.reward] for e in self.history],
+            "decisions": self.decisions,
+            "episodes": [[e.steps, e.reward, e.decisions] for e in self.history],
             "walks": [
                 [stepper.seed, list(taken)]
                 for stepper, taken in zip(self._steppers, self._taken, strict=True)
@@ -150,10 +162,10 @@ class Collector:
             TrainingError: an environment does not come to where it was.
         """
         self._rng.bit_generator.state = state["rng"]
-        self.steps = int(state["steps"])
+        self.steps, self.decisions = int(state["steps"]), int(state["decisions"])
         self.history = [
-            FinishedEpisode(number, int(steps), float(reward))
-            for number, (steps, reward) in enumerate(state["episodes"], 1)
+            FinishedEpisode(number, int(steps), float(reward), int(decisions))
+            for number, (steps, reward, decisions) in enumerate(state["episodes"], 1)
         ]
         for i, (stepper, (seed, actions)) in enumerate(
             zip(self._steppers, state["walks"], strict=True)

@@ -43,7 +43,7 @@ def score(trainer: Trainer, episodes: int, first_seed: int) -> FloatArray:
     environments = make_environments(trainer.environment, episodes, arguments=trainer.arguments)
     try:
         act = _sampling(trainer, first_seed)
-        lockstep(act, environments, first_seed, on_episode=note)
+        lockstep(act, environments, first_seed, hold=settings.hold, on_episode=note)
     finally:
         close_environments(environments)
     return np.array([rewards[seed] for seed in sorted(rewards)])

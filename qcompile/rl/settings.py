@@ -11,6 +11,7 @@ from pydantic.dataclasses import dataclass
 
 from qcompile.catalogue import nearest
 from qcompile.errors import TrainingError
+from qcompile.policy.decision import MOST_HELD
 from qcompile.policy.encoder import BITS
 from qcompile.validation import explain
 
@@ -101,18 +102,21 @@ class Settings:
     backend: str = "ideal"
     """Device whose noise the policy acts under while it learns."""
     shots: Count | None = None
-    """Shots of each circuit and step; None is the expectation without shot noise."""
+    """Shots of each circuit and decision; None is the expectation without shot noise."""
     mitigation: Literal["none", "readout"] = "none"
     """What is done about readout errors."""
 
     # The experience
+    hold: Annotated[int, Field(ge=1, le=MOST_HELD)] = 1
+    """Steps of the environment that a decision is held for, which earn the sum of their rewards.
+    The policy keeps it."""
     normalise: bool = False
     """Whether the models see observations less their running mean and divided by their running
     standard deviation, which the policy keeps."""
     environments: Size = 1
     """Environments that step together."""
     horizon: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
-    """Steps of each environment between updates; None is one whole episode of one environment."""
+    """Decisions in each environment between updates; None is a whole episode of one environment."""
     steps: Count | None = None
     """Stop after this many environment steps."""
     episodes: Count | None = None
@@ -136,13 +140,15 @@ class Settings:
     anneal_episodes: Count | None = None
     """Episodes to fall within."""
     gamma: Fraction = 0.99
-    """Discount."""
+    """Discount of a step of the environment; that of a decision is gamma**hold."""
     gae_lambda: Fraction = 1.0
-    """Generalised advantage estimation; 1 is the discounted return less the value."""
+    """Generalised advantage estimation, by decision; 1 is the discounted return less the value."""
+    decision_cost: NotNegative = 0.0
+    """What is taken off the reward of each decision while learning; no score has it."""
     epochs: Size = 4
     """Passes over each rollout."""
     minibatch: Count | None = None
-    """Steps in one gradient; None is the whole rollout."""
+    """Decisions in one gradient; None is the whole rollout."""
     clip: Magnitude = 0.1
     """PPO clips the probability ratio to 1 +- this."""
     entropy: NotNegative = 0.0

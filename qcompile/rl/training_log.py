@@ -64,7 +64,7 @@ class Averages:
 
     def add(self, episode: FinishedEpisode) -> None:
         """Count one more episode."""
-        for reward in self._order.add(episode.steps, episode.reward):
+        for reward in self._order.add(episode.decisions, episode.reward):
             self._rewards.append(reward)
             self.last = sum(self._rewards) / len(self._rewards)
             if len(self._rewards) == AVERAGED:

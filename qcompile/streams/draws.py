@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from qcompile.arrays import CountArray, FloatArray, IntArray
+from qcompile.arrays import CircuitShots, CountArray, FloatArray, IntArray
 from qcompile.streams.quantile import binomial_quantiles
-from qcompile.streams.scores import ARRAYS
+from qcompile.streams.scores import ARRAYS, equal_shots
 from qcompile.streams.stream import Stream
 
 _DECISIONS = 64
@@ -35,7 +35,7 @@ class Draws:
         self.circuits = circuits
         self._counts, actions = Stream(seed, "shots"), Stream(seed, "actions")
         self._uniforms = _Ahead(lambda *places: actions.uniforms(*places)[None], 1)
-        self._shots = 1
+        self._shots: CircuitShots = 1
         self._scores = self._scores_ahead(self._shots)
 
     def actions(self, episode: PlaceArray, decision: PlaceArray) -> FloatArray:
@@ -44,27 +44,33 @@ class Draws:
         return uniforms
 
     def binomial(
-        self, shots: int, p: FloatArray, episode: PlaceArray, decision: PlaceArray
+        self, shots: CircuitShots, p: FloatArray, episode: PlaceArray, decision: PlaceArray
     ) -> CountArray:
         """The successes among `shots` trials of probability `p`, (rows, copies * circuits).
 
-        `episode` and `decision` are (rows, copies) integers. Each copy's circuits count from 0.
-        Otherwise as `Stream.binomial`.
+        `episode` and `decision` are (rows, copies) integers. Each copy's circuits count from 0, and
+        have the same `shots`, one number or (circuits,). Otherwise as `Stream.binomial`.
 
         Raises:
             ValueError: a probability is not a number, or shapes do not fit.
         """
-        if shots != self._shots:
+        if shots is not self._shots and not np.array_equal(shots, self._shots):
             self._shots, self._scores = shots, self._scores_ahead(shots)
         scores = self._scores.numbers(episode, decision)
         places = p.reshape(scores.shape[1], self.circuits)
-        return binomial_quantiles(shots, places, scores).reshape(p.shape)
+        if not isinstance(shots, np.ndarray):
+            return binomial_quantiles(shots, places, scores).reshape(p.shape)
+        counts = [
+            binomial_quantiles(equal, places[:, which], scores[:, :, which])
+            for equal, which in equal_shots(shots)
+        ]
+        return np.concatenate(counts, axis=1).reshape(p.shape)
 
     def rows(self, episode: PlaceArray, decision: PlaceArray) -> RowDraws:
         """A source of counts for these places, (rows, copies), in place of a Generator."""
         return RowDraws(self, episode, decision)
 
-    def _scores_ahead(self, shots: int) -> _Ahead:
+    def _scores_ahead(self, shots: CircuitShots) -> _Ahead:
         def draw(episode: PlaceArray, decision: PlaceArray) -> FloatArray:
             return self._counts.scores(shots, episode, decision, self.circuits)
 
@@ -78,7 +84,7 @@ class RowDraws(NamedTuple):
     episode: PlaceArray
     decision: PlaceArray
 
-    def binomial(self, shots: int, p: FloatArray) -> CountArray:
+    def binomial(self, shots: CircuitShots, p: FloatArray) -> CountArray:
         """As `Draws.binomial`: counts of `p`, (rows, copies * circuits)."""
         return self.draws.binomial(shots, p, self.episode, self.decision)
 

@@ -7,10 +7,12 @@ are the seven arrays of this file, and may be drawn long before their probabilit
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from scipy.special import ndtri
 
-from qcompile.arrays import FloatArray
+from qcompile.arrays import CircuitShots, FloatArray
 from qcompile.streams.philox import RoundKeys, WordArray, constant, philox
 
 ARRAYS = 7
@@ -32,19 +34,30 @@ _ELEVEN, _ODD = constant(11), constant(1)
 _SCALE = np.array(2.0**-53)
 
 
-def normal_scores(shots: int, row: WordArray, circuits: int, keys: RoundKeys) -> FloatArray:
+def equal_shots(shots: CircuitShots) -> list[tuple[int, slice]]:
+    """The neighbouring circuits with equal shots: how many, and which circuits."""
+    if not isinstance(shots, np.ndarray):
+        return [(shots, slice(None))]
+    borders = [0, *(np.flatnonzero(np.diff(shots)) + 1).tolist(), len(shots)]
+    return [(int(shots[start]), slice(start, stop)) for start, stop in pairwise(borders)]
+
+
+def normal_scores(
+    shots: CircuitShots, row: WordArray, circuits: int, keys: RoundKeys
+) -> FloatArray:
     """The arrays of counts in `shots` shots, (ARRAYS, rows, circuits).
 
     `row` (rows,) holds episode * 2**32 + decision. u is an odd multiple of 2**-53, so that neither
     u nor 1 - u is ever 0: 52 bits of the number c % 2 of counter (episode, decision, c // 2, 0),
     for circuit c.
     """
-    scores = np.empty((ARRAYS, len(row), circuits))
+    scores, alike = np.empty((ARRAYS, len(row), circuits)), equal_shots(shots)
     height = max(1, _BLOCK // max(circuits, 1))
     for start in range(0, len(row), height):
         block = scores[:, start : start + height]
         _uniforms(row[start : start + height], keys, block[0])
-        polynomials(shots, block)
+        for equal, which in alike:
+            polynomials(equal, block[:, :, which])
     return scores
 
 

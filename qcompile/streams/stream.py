@@ -8,7 +8,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from qcompile.arrays import CountArray, FloatArray
+from qcompile.arrays import CircuitShots, CountArray, FloatArray
 from qcompile.streams.philox import THIRTY_TWO, RoundKeys, WordArray, constant, philox, round_keys
 from qcompile.streams.quantile import binomial_quantiles
 from qcompile.streams.scores import normal_scores
@@ -52,7 +52,7 @@ class Stream:
         return np.asarray((bits >> _ELEVEN) * 2.0**-53).reshape(shape)
 
     def scores(
-        self, shots: int, episode: ArrayLike, decision: ArrayLike, circuits: int
+        self, shots: CircuitShots, episode: ArrayLike, decision: ArrayLike, circuits: int
     ) -> FloatArray:
         """What counts of `shots` shots take from the stream, (ARRAYS, B, circuits), as scores.py.
 

@@ -1,30 +1,49 @@
-"""Say what episodes cost on a machine: what `qcompile plan` does."""
+"""Say what episodes cost on a machine, and find the cheapest that keep the reward: `plan`."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from datetime import UTC, datetime
+from os import PathLike
+from pathlib import Path
+from typing import Any, Literal
 
+from qcompile.calibration import Calibration, age_words, load_calibration
 from qcompile.deploy.registration import import_modules
+from qcompile.deploy.settings import RunSettings
 from qcompile.device import Device
-from qcompile.errors import DeviceError, OptionError
+from qcompile.errors import BudgetError, DeviceError, OptionError
 from qcompile.execution import Backend, Executor, load_backend
+from qcompile.execution.backend import DeviceBackend
 from qcompile.limits import FREE_SECONDS, USD_PER_SECOND
 from qcompile.live.connection import Connection
 from qcompile.live.plan import copies_that_fit, forecast, strategies
 from qcompile.live.play import RunTask
+from qcompile.planning.command import run_command
+from qcompile.planning.point import Point
+from qcompile.planning.search import KEEP, Wanted, search
 from qcompile.policy import Policy, load_circuits
 from qcompile.policy.arguments import with_arguments
 from qcompile.policy.files import policy_values
+from qcompile.report import progress as bars
 from qcompile.report.figure import Figure
+from qcompile.report.frontier import draw_frontier
 from qcompile.report.seconds import draw_seconds
-from qcompile.sweep.arguments import Name, several, shots_of
+from qcompile.sweep.arguments import Name, Words, ignore, several, shots_of
 from qcompile.verbs.arguments import checked
 from qcompile.verbs.results import Result
+from qcompile.verbs.within import advice, frontier_table, within_values
+
+_SHOTS = 8192
+"""Of a plan that is not told another number, and of the paper."""
 
 
 class Plan(Result):
-    """What each way to run a policy takes: `strategies`, the paper's first."""
+    """What each way to run a policy takes: `strategies`, the paper's first.
+
+    With a limit of seconds, `frontier` has the settings of which none is cheaper and as good, and
+    `recommended` the cheapest that keep the reward and fit, or None.
+    """
 
     @property
     def strategies(self) -> list[dict[str, Any]]:
@@ -32,12 +51,42 @@ class Plan(Result):
         strategies: list[dict[str, Any]] = self.to_dict()["strategies"]
         return strategies
 
+    @property
+    def frontier(self) -> list[dict[str, Any]]:
+        """Settings, jobs, seconds and reward of the undominated points; empty without a limit."""
+        frontier: list[dict[str, Any]] = self.to_dict().get("frontier", [])
+        return frontier
+
+    @property
+    def recommended(self) -> dict[str, Any] | None:
+        """The cheapest point that keeps the reward and fits, with its `command`."""
+        chosen: dict[str, Any] | None = self.to_dict().get("recommended")
+        return chosen
+
     def plot(self) -> Figure:
-        """The QPU seconds of each way, on a logarithmic scale."""
-        return draw_seconds(self.to_dict())
+        """The QPU seconds of each way, or reward against seconds, on a logarithmic scale."""
+        values = self.to_dict()
+        return draw_frontier(values) if "frontier" in values else draw_seconds(values)
+
+    @property
+    def remark(self) -> str:
+        values = self.to_dict()
+        return advice(values) if "frontier" in values else ""
+
+    def check_fits(self) -> None:
+        """Nothing, if a limit of seconds is kept, or none was given.
+
+        Raises:
+            BudgetError: nothing fits; the message says what would.
+        """
+        values = self.to_dict()
+        if values.get("frontier") and self.recommended is None:
+            raise BudgetError(*advice(values).split("\n"))
 
     @property
     def table(self) -> tuple[list[str], list[list[str]]]:
+        if "frontier" in self.to_dict():
+            return frontier_table(self.to_dict())
         rows = [
             [
                 row["name"],
@@ -54,83 +103,148 @@ class Plan(Result):
 
 @checked
 def plan(
-    policy: Name | Policy = "lunarlander",
-    backend: Name | Device | Backend | Executor | Any = "ibm_lima",
+    policy: Name | Policy | Sequence[Name | Policy] = "lunarlander",
+    backend: Name | Device | Calibration | Backend | Executor | Any = "ibm_lima",
     *,
-    shots: int = 8192,
+    shots: int | None = None,
     episodes: int = 1,
     seed: int = 0,
     level: int = 2,
-    mitigation: str = "readout",
+    mitigation: str | None = None,
+    calibration: Name | Calibration | None = None,
+    calibration_shots: int | Literal["auto"] | None = None,
     copies: int | None = None,
+    split: bool | None = None,
     max_steps: int | None = None,
+    within: float | None = None,
+    keep: float = KEEP,
     imports: Name | Sequence[Name] = (),
     env: Mapping[str, Any] | None = None,
     usd_per_second: float = USD_PER_SECOND,
     live: bool = False,
     account: str | None = None,
     instance: str | None = None,
+    progress: bool = True,
+    on_note: Words = ignore,
 ) -> Plan:
-    """Say what episodes with a policy cost on a machine, in each way to run them.
+    """Say what episodes with a policy cost on a machine, and find the cheapest settings that fit.
 
-    They are played on the backend's noise model first: they may last longer or shorter on the
-    machine. Nothing is sent. The calibration of `mitigation` is counted, but for the paper's way;
-    `copies` None are as many episodes side by side as fit. `imports` are modules that register
-    environments, `env` arguments of the policy's. `usd_per_second` is the price of a QPU
-    second beyond the free plan, a third party's figure. With `live` IBM is asked for the machine's
-    qubits, which spends nothing; `account` and `instance` are names of IBM's own tools.
+    They are played on the backend's noise model first, or on a twin of the machine: they may last
+    longer or shorter on the machine. Nothing is sent. The calibration of `mitigation` (None:
+    readout, or what `calibration` has) is counted, but for the paper's way; one that is given, or
+    that of a twin, costs nothing. Where they are None, `shots` and `calibration_shots` are 8192 and
+    `copies` as many episodes side by side as fit.
+
+    With `within`, QPU seconds, the cheapest settings are found whose upper end of the 80 % interval
+    stays within and which keep the share `keep` of what the policy (the best of several) earns over
+    random actions without noise; what is not None among the settings is kept as given.
+
+    `imports` are modules that register environments, `env` arguments of the policy's.
+    `usd_per_second` is the price of a QPU second beyond the free plan, a third party's figure. With
+    `live` IBM is asked for the machine's qubits, which spends nothing; `account` and `instance` are
+    names of IBM's own tools. `on_note` is told what a person should read.
 
     Raises:
         OptionError: options contradict each other.
         QcompileError: a name, a file or a combination that cannot be played.
     """
-    if shots_of(shots) is None:
+    if shots_of(1 if shots is None else shots) is None:
         raise OptionError("A plan needs a number of shots: a machine gives nothing exact.")
     for option, value in (("account", account), ("instance", instance)):
         if value is not None and not live:
             raise OptionError(f"{option} is for live: nothing else asks IBM.")
-    device = _asked(backend, account, instance) if live else load_backend(backend).device
-    if device.is_ideal:
-        raise DeviceError(
-            "ideal is not a machine: it costs nothing.",
-            "Name a device; `qcompile backends` lists some.",
-        )
+    named = several(policy)
+    if within is None and (len(named) != 1 or keep != KEEP):
+        what = "keep is" if len(named) == 1 else f"{len(named)} policies are"
+        raise OptionError(f"{what} for a plan within a number of QPU seconds: give within.")
     import_modules(several(imports))
-    loaded = with_arguments(load_circuits(policy), env, kept=True)
+    policies = [with_arguments(load_circuits(name), env, kept=True) for name in named]
+    opened = _opened(backend, account, instance, live=live)
+    given = {
+        "shots": shots,
+        "copies": copies,
+        "split": split,
+        "calibration_shots": calibration_shots,
+        "max_steps": max_steps,
+    }
+    given = {name: value for name, value in given.items() if value is not None}
+    values_of = {"seed": seed, "level": level, "mitigation": mitigation}
+    settings = _settings(opened, calibration, on_note, **values_of)
+    found = None
+    if within is not None:
+        wanted = Wanted(settings, episodes, within, keep, given)
+        title = f"planning for {opened.device.name}"
+        with bars.progress_bar(title, 1.0, enabled=progress) as show:
+            found = search(policies, opened, wanted, show)
+    chosen = policies[0] if found is None or found.recommended is None else found.recommended.policy
     task = RunTask.model_validate(
         {
-            "backend": device.name,
-            "device": device,
-            "policy": policy_values(loaded),
-            "shots": shots,
+            **RunSettings.of(settings, **{"shots": _SHOTS, **given}).values,
+            "backend": opened.device.name,
+            "device": opened.device,
+            "policy": policy_values(chosen),
             "episodes": episodes,
-            "seed": seed,
-            "level": level,
-            "mitigation": mitigation,
-            "max_steps": max_steps,
             "copy_of": "episode",
         }
     )
     task = task.model_copy(update={"copies": copies or copies_that_fit(task)})
-    forecasted = forecast(task)
-    return Plan(
-        {
-            "policy": task.policy.name,
-            "backend": device.name,
-            "shots": shots,
-            "episodes": episodes,
-            "copies": task.copies,
-            "hold": loaded.hold,
-            "decisions": forecasted.decisions,
-            "env_steps": forecasted.env_steps,
-            "usd_per_second": usd_per_second,
-            "free_seconds": FREE_SECONDS,
-            "strategies": [way.values(usd_per_second) for way in strategies(task, forecasted)],
-        }
-    )
+    forecasted = forecast(task, opened)
+    values: dict[str, Any] = {
+        "policy": task.policy.name,
+        "backend": opened.device.name,
+        "shots": task.shots,
+        "episodes": episodes,
+        "copies": task.copies,
+        "hold": chosen.hold,
+        "decisions": forecasted.decisions,
+        "env_steps": forecasted.env_steps,
+        "usd_per_second": usd_per_second,
+        "free_seconds": FREE_SECONDS,
+        "strategies": [way.values(usd_per_second) for way in strategies(task, forecasted)],
+    }
+    if found is not None:
+        words = dict(zip(map(id, policies), named, strict=True))
+
+        def command(point: Point) -> str | None:
+            typed = words[id(point.policy)], backend
+            if not all(isinstance(word, str | PathLike) for word in typed):
+                return None
+            policy, machine = map(str, typed)
+            return run_command(point, policy, machine, [*map(str, several(imports))], env)
+
+        way, reward = values["strategies"][0], float(forecasted.rewards.mean())
+        values["paper"] = way | {"shots": task.shots, "mean_reward": reward}
+        values |= within_values(found, command)
+    return Plan(values)
 
 
-def _asked(backend: Any, account: str | None, instance: str | None) -> Device:
-    if not isinstance(backend, str):
+def _opened(
+    backend: Any, account: str | None, instance: str | None, *, live: bool
+) -> Backend | Executor:
+    """What is played on in place of the machine: its noise model, or its twin."""
+    if live and not isinstance(backend, str):
         raise OptionError("A live plan needs the name of a machine of IBM's.")
-    return Connection(backend, account, instance).device()
+    asked = Connection(backend, account, instance).device() if live else backend
+    opened: Backend | Executor = load_backend(asked)
+    if opened.calibration is None:  # no twin
+        opened = DeviceBackend(opened.device)
+    if opened.device.is_ideal:
+        raise DeviceError(
+            "ideal is not a machine: it costs nothing.",
+            "Name a device; `qcompile backends` lists some.",
+        )
+    return opened
+
+
+def _settings(
+    backend: Backend | Executor, calibration: Any, on_note: Words, **values: Any
+) -> RunSettings:
+    """The settings for the machine, with the calibration that is given or that of the twin."""
+    file = None
+    if isinstance(calibration, str | PathLike):
+        file, calibration = str(calibration), load_calibration(Path(calibration))
+        for words in age_words(file, calibration, datetime.now(UTC)):
+            on_note(words)
+    known = calibration or backend.calibration
+    settings = RunSettings.of(**values, calibration=known, calibration_file=file)
+    return settings.resolved(backend.device)

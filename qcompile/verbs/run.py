@@ -7,7 +7,7 @@ from contextlib import nullcontext
 from datetime import UTC, datetime
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from qcompile.calibration import Calibration, age_words, load_calibration
 from qcompile.deploy.depth import Speculate
@@ -22,6 +22,7 @@ from qcompile.errors import OptionError, QcompileError
 from qcompile.execution import Backend, Executor, load_backend
 from qcompile.live.plan import copies_that_fit, forecast
 from qcompile.live.play import RunTask
+from qcompile.mitigation import CALIBRATION_SHOTS
 from qcompile.mitigation.misfit import misfit_words
 from qcompile.notebook import reward_words
 from qcompile.policy import AnyPolicy, Network, Policy, load_circuits, load_policy
@@ -32,10 +33,14 @@ from qcompile.report.figure import Figure
 from qcompile.report.film import SUFFIXES, Film
 from qcompile.report.rewards import draw_rewards
 from qcompile.report.tables import interval_words, plural
-from qcompile.sweep.arguments import Name, Shots, Words, ignore, several, shots_of
+from qcompile.sweep.arguments import Name, Planned, Shots, Words, ignore, several, shots_of
 from qcompile.verbs.arguments import checked
 from qcompile.verbs.live import Live, check_live, spend
+from qcompile.verbs.proposal import given, live_settings, offline
 from qcompile.verbs.results import Result
+
+_SHOTS, _SPECULATE, _SPLIT = Planned(8192), Planned(1), Planned(False)
+_CALIBRATION_SHOTS = Planned(CALIBRATION_SHOTS)
 
 
 class RunResult(Result):
@@ -109,14 +114,16 @@ def run(
     backend: Name | Device | Backend | Executor | Any = "ideal",
     *,
     episodes: int = 20,
-    shots: Shots = 8192,
+    shots: Shots | Planned = _SHOTS,
     seed: int = 0,
     level: int = 2,
     mitigation: str | None = None,
     calibration: Name | Calibration | None = None,
     predistort: bool = False,
+    calibration_shots: int | Literal["auto"] | Planned = _CALIBRATION_SHOTS,
     copies: int | None = None,
-    speculate: Speculate = 1,
+    split: bool | Planned = _SPLIT,
+    speculate: Speculate | Planned = _SPECULATE,
     max_steps: int | None = None,
     greedy: bool = False,
     imports: Name | Sequence[Name] = (),
@@ -132,34 +139,43 @@ def run(
     Policy and backend are names, files or objects; a Qiskit backend is played on the noise model of
     its calibration, or through `sampler`, a SamplerV2. The settings are those of `RunSettings`:
     shots None or "exact" are exact expectations; mitigation None is `readout` on a noisy backend,
-    calibrated first unless `calibration` is given, and `none` on `ideal`. A network plays on
-    `ideal` alone, exactly, and takes none of the settings of circuits. `speculate` is the number of
-    decisions of each episode that a job measures, along predicted steps, or "auto". The same seed
-    gives the same result; episode i resets its environment with seed + i. `imports` are modules,
-    names or files, that register environments; `env` are arguments of the environment, over those
-    of the policy.
+    calibrated first with `calibration_shots` unless `calibration` is given, and `none` on `ideal`.
+    `split` spreads the shots of a row over `copies` of the circuits; `speculate` is the number of
+    decisions of each episode that a job measures, along predicted steps, or "auto". A network plays
+    on `ideal` alone, exactly, and takes none of the settings of circuits. The same seed gives the
+    same result; episode i resets its environment with seed + i. `imports` are modules, names or
+    files, that register environments; `env` are arguments of the environment, over those of the
+    policy.
     `video` films the first episode, .mp4 or .gif.
 
-    With `live` it is played on IBM's machine of that name, which costs money: see `Live`. `on_note`
-    is told what a person should read.
+    With `live` it is played on IBM's machine of that name, which costs money: see `Live`. Without
+    shots its settings then are the plan's, the cheapest within the limit that keep 97 % of the
+    reward; what is given is kept, and `speculate` and `calibration_shots` are "auto". `on_note` is
+    told what a person should read.
 
     Raises:
         OptionError: options contradict each other.
         QcompileError: a name, a file or a combination that cannot be played.
     """
+    planned = {
+        "shots": shots,
+        "calibration_shots": calibration_shots,
+        "copies": copies,
+        "split": split,
+        "speculate": speculate,
+        "max_steps": max_steps,
+    }
+    taken = offline(planned)
     settings = _settings(
         episodes,
         video,
         live,
         sampler,
-        shots=shots_of(shots),
+        **taken | {"shots": shots_of(taken["shots"])},
         seed=seed,
         level=level,
         mitigation=mitigation,
         predistort=predistort,
-        copies=copies,
-        speculate=speculate,
-        max_steps=max_steps,
         greedy=greedy,
     )
     import_modules(several(imports))
@@ -172,7 +188,8 @@ def run(
             on_note(words)
     settings = RunSettings.of(settings, calibration=calibration)
     if live is not None:
-        values = _run_live(load_circuits(loaded), backend, settings, episodes, live, on_note)
+        said = given(planned)
+        values = _run_live(load_circuits(loaded), backend, settings, said, episodes, live, on_note)
         return RunResult(values, episodes)
     if isinstance(loaded, Network) and sampler is not None:
         refuse_options(loaded, ["sampler"])
@@ -208,10 +225,11 @@ def _settings(
     settings = RunSettings.of(**values)
     if video is not None and Path(video).suffix not in SUFFIXES:
         raise OptionError(f"{video} must end with .mp4 or .gif.")
-    if settings.copies is not None and settings.copies > episodes:
+    if not settings.split and settings.copies is not None and settings.copies > episodes:
         raise OptionError(
             f"copies {settings.copies} are more than the {plural(episodes, 'episode')} there are "
-            "to share an execution."
+            "to share an execution.",
+            "--split spreads the shots of an episode over them.",
         )
     check_live(live)
     if live is not None:
@@ -242,6 +260,7 @@ def _run_live(
     policy: Policy,
     backend: Any,
     settings: RunSettings,
+    said: Mapping[str, Any],
     episodes: int,
     live: Live,
     on_note: Words,
@@ -251,9 +270,11 @@ def _run_live(
         raise OptionError("A live run needs the name of a machine of IBM's.")
     connection = live.connection(backend)
     device = connection.device()
+    limit_s = live.max_qpu_seconds
+    settings = live_settings(policy, device, settings, said, episodes, limit_s, on_note)
     task = RunTask.model_validate(
         {
-            **settings.resolved(device).values,
+            **settings.values,
             **live.where,
             "backend": backend,
             "device": device,
@@ -264,6 +285,8 @@ def _run_live(
     )
     task = task.model_copy(update={"copies": settings.copies or copies_that_fit(task)})
     forecasted = forecast(task)
+    if (counted := forecasted.player.calibration_shots) is not None:
+        task = task.model_copy(update={"calibration_shots": counted})  # as told, and as resumed
     if task.calibration is not None:
         for words in misfit_words(forecasted.player.misfits):
             on_note(f"{task.calibration_file or 'the calibration'}: {words}")

@@ -49,6 +49,7 @@ class TrainingRequest:
     backend: Name | None = None
     shots: int | Literal["exact"] | None = None
     mitigation: str | None = None
+    hold: int | None = None
     circuits: Any = None
     init: Name | AnyPolicy | None = None
     settings: Mapping[str, Any] = field(default_factory=dict)
@@ -74,12 +75,11 @@ class TrainingRequest:
             ansatz = Ansatz.of_policy(start, head=True)
         if start is not None and start.environment == self.environment:
             env = {**start.environment_kwargs, **env}
-        network = start if isinstance(start, Network) else None
-        settings, seed = self._settings(ansatz, network), SEED if self.seed is None else self.seed
+        settings, seed = self._settings(ansatz, start), SEED if self.seed is None else self.seed
         trainer = Trainer(self.environment, settings, seed, arguments=env, ansatz=ansatz)
-        if network is not None:
+        if isinstance(start, Network):
             assert isinstance(trainer.actor, NetworkModel)
-            trainer.actor.take(network)
+            trainer.actor.take(start)
         return trainer
 
     def _check_own(self, start: AnyPolicy | None) -> None:
@@ -97,10 +97,11 @@ class TrainingRequest:
                 f"What is trained is of model {model}.",
             )
 
-    def _settings(self, ansatz: Ansatz | None, network: Network | None) -> Settings:
+    def _settings(self, ansatz: Ansatz | None, start: AnyPolicy | None) -> Settings:
         from qcompile.rl.models import settings_of
         from qcompile.rl.presets import settings_for
 
+        network = start if isinstance(start, Network) else None
         model = self.model or (MODEL if network is None else network.model)
         settings = settings_for(
             self.preset or PRESET, self.environment, model, self.layout or LAYOUT
@@ -108,6 +109,8 @@ class TrainingRequest:
         if network is not None:
             settings = settings.changed(**settings_of(network))
         changed = self._named_settings()
+        if start is not None and start.hold > 1:
+            changed = {"hold": start.hold} | changed
         if ansatz is not None:  # a preset's scales are those of its layout
             changed = {"scales": (1.0,)} | changed | {"layout": "own"}
         if self.episodes is not None or self.steps is not None:
@@ -119,7 +122,7 @@ class TrainingRequest:
                 changed = {"shots": NOISY_SHOTS, "mitigation": "readout"} | changed
         if self.shots is not None:
             changed["shots"] = None if self.shots == "exact" else self.shots
-        for name in ("reuse", "mitigation"):
+        for name in ("reuse", "mitigation", "hold"):
             if (value := getattr(self, name)) is not None:
                 changed[name] = value
         return settings.changed(**changed)
@@ -145,11 +148,11 @@ class TrainingRequest:
 
         Raises:
             OptionError: something that is named would change settings.
-            TrainingError: it is not a checkpoint, or of another environment, model or seed.
+            TrainingError: it is not a checkpoint, or of another environment, model, seed or hold.
         """
         from qcompile.rl.checkpoint import load_checkpoint
 
-        names = ("environment", "model", "seed")
+        names = ("environment", "model", "seed", "hold")
         options = [name for name, value in vars(self).items() if value and name not in names]
         if options:
             raise OptionError(
@@ -157,7 +160,8 @@ class TrainingRequest:
                 "the checkpoint has the settings."
             )
         trainer, differ = load_checkpoint(checkpoint)
-        saved = (trainer.environment, trainer.settings.model, trainer.seed)
+        settings = trainer.settings
+        saved = (trainer.environment, settings.model, trainer.seed, settings.hold)
         for name, value in zip(names, saved, strict=True):
             asked = getattr(self, name)
             if asked is not None and asked != value:

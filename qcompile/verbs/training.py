@@ -55,8 +55,10 @@ class Training(Result):
                 "backend": settings.backend,
                 "shots": "exact" if settings.shots is None else settings.shots,
                 "mitigation": settings.mitigation,
+                "hold": settings.hold,
                 "episodes": len(trainer.history),
                 "steps": trainer.steps,
+                "decisions": trainer.decisions,
                 "parameters": count,
                 "last_20_mean_reward": watch.averages.last,
                 "best_20_mean_reward": watch.averages.best,
@@ -77,7 +79,7 @@ class Training(Result):
 
     @property
     def episodes(self) -> list[dict[str, Any]]:
-        """Number, reward and, of all environments, the steps by its end, of each episode."""
+        """Number, reward and, of all environments, the steps and decisions by its end."""
         return [vars(episode) for episode in self._history]
 
     @property
@@ -85,7 +87,7 @@ class Training(Result):
         """The reward of each episode, in the order in which they began."""
         from qcompile.rl.order import in_order_of_start
 
-        ended = [(episode.steps, episode.reward) for episode in self._history]
+        ended = [(episode.decisions, episode.reward) for episode in self._history]
         return list(in_order_of_start(ended, self._environments))
 
     def plot(self) -> Figure:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sqlite3
+from base64 import b64decode
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from live_runs import measured_ones
 
 from qcompile.live.journal import Journal
 from qcompile.live.records import Submission
@@ -42,7 +44,7 @@ def journal(kind: Any = "run", runs: str = "runs") -> Journal:
 
     done = sent(0, "job-a")
     made.charges.note_unexpected(0, 100, 3, datetime.now(UTC), "job-x")
-    made.note_done(done, np.array([[3, 97]]))
+    made.note_done(done, [measured_ones([[3, 97]], 100)])
     settle(made, "job-a", 2.25)
     made.note_failed(sent(1, "job-b"), "it rained")
     sent(1, "job-c")
@@ -145,7 +147,7 @@ def test_a_finished_run_is_shown_again_without_asking_anybody(
     made = Journal.create(Path("runs"), "validate", "cart", settings(), VERSIONS, 9.0)
     paid = made.note_sending(made.intend(0, "d", 100), 3)
     made.note_sent(paid, "job-a")
-    made.note_done(paid, np.array([[1]]))
+    made.note_done(paid, [])
     settle(made, "job-a", 2.25)
     made.charges.note_looked_over()
     made.finish(RESULT)
@@ -241,7 +243,13 @@ def test_all_that_a_run_holds(qcompile: Call) -> None:
         (1, 0, "failed"),
         (1, 1, "sent"),
     ]
-    assert values["jobs"][0]["ones"] == [[3, 97]]
+    [bits] = values["jobs"][0]["measured"]
+    packed = b64decode(bits["packed"])
+    assert [packed.count(byte) for byte in (0b00, 0b01, 0b10, 0b11)] == [3, 0, 94, 3]
+    own = {"pub": 0, "register": "c", "shape": [1, 100], "bits": 2, "ones": [[3, 97]]}
+    assert bits == own | {"packed": bits["packed"]}
+    assert values["jobs"][0]["ones"] is None
+    assert values["jobs"][2]["measured"] is None
     assert values["jobs"][1]["words"] == "it rained"
     assert [job["job_id"] for job in values["jobs"]] == ["job-a", "job-b", "job-c"]
     assert [job["qpu_seconds"] for job in values["jobs"]] == [2.25, None, None]

@@ -15,6 +15,10 @@ LIMIT = 10_000_000
 """IBM's, "Job limits": executions of one job."""
 
 
+def test_exact_expectations_take_no_executions() -> None:
+    assert Workload.of_batch(3, 2, 0) == Workload(1, 0)
+
+
 def test_seconds_by_hand() -> None:
     assert qpu_seconds(1, 0) == 2.0
     assert qpu_seconds(3, 100_000) == pytest.approx(6 + 35)
@@ -24,10 +28,11 @@ def test_seconds_by_hand() -> None:
 def test_every_round_of_every_row_lies_in_one_job_that_is_not_too_large(
     rows: int, rounds: int, shots: int
 ) -> None:
-    jobs = list(portions(rows, rounds, shots))
-    places = Counter((row, turn) for job in jobs for row in job.rows for turn in job.rounds)
-    assert places == {(row, turn): 1 for row in range(rows) for turn in range(rounds)}
-    sizes = [len(job.rows) * len(job.rounds) * shots for job in jobs]
+    jobs = portions([rows] * rounds, shots)
+    places = Counter((part.pub, row) for job in jobs for part in job for row in part.rows)
+    assert places == {(turn, row): 1 for row in range(rows) for turn in range(rounds)}
+    sizes = [shots * sum(len(part.rows) for part in job) for job in jobs]
+    assert all(size + shots > LIMIT for size in sizes[:-1]), "each but the last is full"
     assert max(sizes) <= LIMIT
     assert min(sizes) > 0
     if rows * rounds * shots <= LIMIT:
@@ -43,13 +48,20 @@ def test_every_round_of_every_row_lies_in_one_job_that_is_not_too_large(
         (11, 1, 1_000_000, [10_000_000, 1_000_000]),
         (3, 2, 2_500_000, [10_000_000, 5_000_000]),
         (1, 3, 4_000_000, [8_000_000, 4_000_000]),
-        (2, 3, 4_000_000, [8_000_000, 4_000_000] * 2),
+        (2, 3, 4_000_000, [8_000_000] * 3),
         (2, 1, 10_000_000, [10_000_000] * 2),
     ],
 )
 def test_jobs_by_hand(rows: int, rounds: int, shots: int, sizes: list[int]) -> None:
-    found = [len(p.rows) * len(p.rounds) * shots for p in portions(rows, rounds, shots)]
-    assert found == sizes
+    jobs = portions([rows] * rounds, shots)
+    assert [shots * sum(len(part.rows) for part in job) for job in jobs] == sizes
+
+
+def test_pubs_of_several_rows_by_hand() -> None:
+    found = portions([3, 0, 1, 2], 4_000_000)
+    expected = [[(0, [0, 1])], [(0, [2]), (2, [0])], [(3, [0, 1])]]
+    assert [[(part.pub, list(part.rows)) for part in job] for job in found] == expected
+    assert portions([0], 10) == []
 
 
 def test_workloads_add_up() -> None:

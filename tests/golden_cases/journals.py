@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 from filelock import Timeout
+from live_runs import measured_ones
 
 from qcompile.device import load_device
 from qcompile.live.journal import Journal
 from qcompile.live.play import RunTask
-from qcompile.live.records import to_bytes
 
 from .case import Command
 from .inputs import policy, setting, write
@@ -33,7 +33,9 @@ DAMAGES: dict[str, tuple[str, tuple[object, ...]]] = {
     "settings": ("UPDATE run SET settings = '[]'", ()),
     "limit": ("UPDATE run SET max_qpu_seconds = 'x'", ()),
     "state": ("UPDATE submission SET state = 'paid'", ()),
-    "counts": ("UPDATE submission SET ones = ?", (b"\x93NUMPY\x01\x00",)),
+    "counts": ("UPDATE measured SET packed = ?", (b"\x93NUMPY\x01\x00",)),
+    "shape": ("UPDATE measured SET shape = '[100, true]'", ()),
+    "earlier-counts": ("UPDATE submission SET ones = ?", (b"\x93NUMPY\x01\x00",)),
     "sent-at": ("UPDATE submission SET sent_at = 'soon'", ()),
     "charge": ("UPDATE charge SET charged_s = -1.0", ()),
     "charge-time": ("UPDATE charge SET sent_at = 'soon'", ()),
@@ -70,7 +72,7 @@ def journal(name: str, runs: Path = RUNS, kind: Any = "run", **values: Any) -> J
     made = Journal.create(runs, kind, name, {"backend": "somewhere"} | values, {"numpy": "2"}, 9.0)
     for number, job_id in enumerate(("job-a", "job-b", "job-c")):
         made.note_sent(made.note_sending(made.intend(number, "d", 100), 3), job_id)
-    made.note_done(made.attempts(0)[0], np.array([[3, 97]]))
+    made.note_done(made.attempts(0)[0], [measured_ones([[3, 97]], 100)])
     made.note_failed(made.attempts(1)[0], "it rained")
     charge = made.charges.of_job("job-a")
     assert charge is not None
@@ -114,7 +116,7 @@ def files() -> None:
     with journal("another", Path("another"), **settings()) as made:
         execute(made, "DELETE FROM step")
     with journal("changed", Path("changed"), **settings()) as made:
-        execute(made, "UPDATE submission SET state = 'done', ones = ?", to_bytes(np.array([[1]])))
+        execute(made, "UPDATE submission SET state = 'done'")
 
 
 def elsewhere(patch: pytest.MonkeyPatch) -> None:

@@ -33,7 +33,7 @@ PAUSES_S: dict[str, Any] = {
     "qcompile.live.words.PATIENCE_S": 0.3,
     "qcompile.live.sending.SETTLE_S": 0.02,
     "qcompile.live.jobs._FETCH_PAUSE_S": 0.0,
-    "qcompile.live.jobs._CHARGE_PAUSES_S": (0.02,),
+    "qcompile.live.billing._CHARGE_PAUSES_S": (0.02,),
 }
 """How long a run waits for the service."""
 
@@ -153,7 +153,7 @@ def cases(service: StandIn) -> list[Command]:
         return lambda patch: faults.chance(fault, 1.0, **more)
 
     def counts(_: object) -> bytes:
-        return to_bytes(np.full((2, 4), 257))
+        return bytes(511)
 
     def actions(_: object) -> bytes:
         return to_bytes(np.array([5, 5]))
@@ -188,7 +188,7 @@ def cases(service: StandIn) -> list[Command]:
         said(
             "resume last",
             "other counts are in the journal",
-            change_journal("submission.ones", counts),
+            change_journal("measured.packed", counts),
         ),
         said(f"{YES} 60"),
         said("resume last --out a.json"),

@@ -14,10 +14,10 @@ import qcompile
 from qcompile.deploy.deployment import Deployment
 from qcompile.deploy.environments import make_environments
 from qcompile.deploy.play import play
+from qcompile.execution import PrimitiveExecutor
 from qcompile.ir import Gate, LateAngle
 from qcompile.ir.angle import check_symbol
 from qcompile.live.connection import Connection
-from qcompile.live.executor import IBMExecutor
 from qcompile.live.journal import Journal
 from qcompile.mitigation import measure_drift
 from qcompile.mitigation.fits import fit_readout, fit_response
@@ -63,7 +63,7 @@ def names() -> dict[str, Any]:
         "make_environments": make_environments,
         "settings_for": settings_for,
         "Deployment": Deployment,
-        "IBMExecutor": IBMExecutor,
+        "PrimitiveExecutor": PrimitiveExecutor,
         "replace": replace,
         "play": play,
         "Journal": Journal,
@@ -170,7 +170,8 @@ CASES = tuple(
         "predistorted(executable, readout)",
         "fit_readout(np.zeros((2, 1), int), ones, 10, np.array([0]))",
         "fit_response(np.zeros(2), ones, 10, np.array([0]))",
-        "IBMExecutor(executor.device, None).expectation(executable, x, theta)",
+        "PrimitiveExecutor(executor.device, sampler=executor).expectation(executable, x, theta)",
+        "PrimitiveExecutor(executor.device)",
         "replace(policy, bias=np.zeros(3))",
         "replace(policy, bias=np.array([0.0, np.nan]))",
         "replace(policy, encoder=replace(policy.encoder, scale=np.full(4, 1e30)))",

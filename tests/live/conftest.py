@@ -10,12 +10,13 @@ import pytest
 from live_runs import LIMIT_S, Runs, played
 from standin import StandIn
 
+from qcompile.execution import PrimitiveExecutor
 from qcompile.live.connection import Connection
-from qcompile.live.executor import IBMExecutor
 from qcompile.live.jobs import Jobs
 from qcompile.live.journal import Journal
 from qcompile.live.perform import begin, complete
 from qcompile.live.play import RunTask
+from qcompile.live.sampler import JobsSampler
 from qcompile.policy import load_policy
 from qcompile.policy.files import policy_values
 
@@ -77,12 +78,13 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, 
 
 
 @pytest.fixture
-def executor_on(service: StandIn) -> Callable[..., IBMExecutor]:
+def executor_on(service: StandIn) -> Callable[..., PrimitiveExecutor]:
     """An executor of a backend, with a journal of its own."""
 
-    def make(backend: str, limit_s: float = 600.0, **settings: Any) -> IBMExecutor:
+    def make(backend: str, limit_s: float = 600.0, **settings: Any) -> PrimitiveExecutor:
         connection = Connection(backend)
         journal = Journal.create(Path("runs"), "run", backend, {}, {}, limit_s)
-        return IBMExecutor(connection.device(), Jobs(journal, connection, **settings))
+        sampler = JobsSampler(Jobs(journal, connection, **settings))
+        return PrimitiveExecutor(connection.device(), sampler=sampler, kind="hardware")
 
     return make

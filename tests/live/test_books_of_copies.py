@@ -21,7 +21,7 @@ SUBMIT = "POST /jobs"
 @pytest.fixture(autouse=True)
 def short_waits(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("QCOMPILE_DOUBT_SECONDS", "0")
-    monkeypatch.setattr("qcompile.live.jobs._CHARGE_PAUSES_S", (0.02, 0.02))
+    monkeypatch.setattr("qcompile.live.billing._CHARGE_PAUSES_S", (0.02, 0.02))
 
 
 def stopped_after_its_first_job_was_sent(runs: Runs) -> str:

@@ -16,7 +16,6 @@ from qcompile.live.journal import Journal
 from qcompile.live.records import Submission
 
 ESTIMATE_S = 5.5
-ONES = np.zeros((1, 1), dtype=np.int64)
 
 
 @pytest.fixture
@@ -41,7 +40,7 @@ def charge(journal: Journal, job_id: str, charged_s: float) -> None:
 
 
 def done(journal: Journal, charged_s: float | None, number: int = 0, cap_s: int = 15) -> None:
-    journal.note_done(sent(journal, cap_s, number), ONES)
+    journal.note_done(sent(journal, cap_s, number), [])
     if charged_s is not None:
         charge(journal, f"job-{number}", charged_s)
 
@@ -147,7 +146,7 @@ def test_the_worst_ratio_of_charge_to_estimate_is_expected_of_the_next(
     def end(number: int, charged_s: float | None) -> None:
         made = sent(journal, 100, number)
         if ended == "done":
-            journal.note_done(made, ONES)
+            journal.note_done(made, [])
         else:
             journal.note_failed(made, "no")
         if charged_s is not None:
@@ -287,7 +286,7 @@ def test_whatever_ibm_charges_below_the_caps_the_limit_holds(
                 continue
             charged_s = min(factor * (2 + 0.00035 * executions), cap_s)
             journal.note_sent(journal.note_sending(made, cap_s), f"job-{number}")
-            journal.note_done(made, ONES)
+            journal.note_done(made, [])
             if says:
                 charge(journal, f"job-{number}", charged_s)
             else:

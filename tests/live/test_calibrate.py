@@ -22,7 +22,6 @@ from qcompile.execution import OfflineExecutor
 from qcompile.ir import Circuit, Program
 from qcompile.live.connection import Connection
 from qcompile.live.measure import CalibrateTask
-from qcompile.live.task import Context
 from qcompile.mitigation.measure import LIVE_ANGLES_RAD
 from qcompile.noise import usable
 from qcompile.passes import compile
@@ -177,24 +176,30 @@ def test_misfits_are_told_before_anything_is_spent(runs: Runs) -> None:
 
 
 class Counted:
-    """Jobs that are answered at once from the noise model; `requests` is what was asked for."""
+    """A run whose executor is the noise model; `asked` is what it was asked for."""
 
-    journal = SimpleNamespace(latest=lambda number: None)
+    jobs = SimpleNamespace(journal=SimpleNamespace(latest=lambda number: None))
 
-    def __init__(self, device: Device):
-        self.requests: list[Any] = []
-        self._machine = OfflineExecutor(device, 0)
+    def __init__(self) -> None:
+        self.asked: list[Any] = []
 
-    def ones(self, request: Any) -> np.ndarray:
-        self.requests.append(request)
-        made = request.executable
-        assert made.native.inputs == ("x0",)
-        return self._machine.run(made, request.angles[:, :1], np.zeros(0), request.shots)
+    def say(self, words: str) -> None:
+        pass
+
+    def executor(self, device: Device) -> OfflineExecutor:
+        asked = self.asked
+
+        class Noted(OfflineExecutor):
+            def run(self, executable: Any, x: Any, theta: Any, shots: int) -> Any:
+                asked.append((executable.native.inputs, x))
+                return super().run(executable, x, theta, shots)
+
+        return Noted(device, 0)
 
 
 def test_a_journal_of_version_0_1_goes_on_with_its_own_circuits() -> None:
     """One angle for each circuit, the same on all qubits."""
-    device, jobs = load_device("fake_lima"), Counted(load_device("fake_lima"))
+    device, context = load_device("fake_lima"), Counted()
     task = CalibrateTask.model_validate(
         {
             "backend": "fake_lima",
@@ -206,9 +211,10 @@ def test_a_journal_of_version_0_1_goes_on_with_its_own_circuits() -> None:
             "out": None,
         }
     )
-    found = task.perform(Context(jobs, lambda words: None))["calibration"]  # type: ignore[arg-type]
-    (request,) = jobs.requests
-    np.testing.assert_array_equal(request.angles, LIVE_ANGLES_RAD[:, None].repeat(2, 1))
+    found = task.perform(context)["calibration"]  # type: ignore[arg-type]
+    ((inputs, x),) = context.asked
+    assert inputs == ("x0", "x1")
+    np.testing.assert_array_equal(x, LIVE_ANGLES_RAD[:, None].repeat(2, 1))
     assert found["unfitted"] == []
 
 

@@ -16,7 +16,7 @@ from qcompile.live.runs import find_journal
 @pytest.fixture(autouse=True)
 def short_waits(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("QCOMPILE_DOUBT_SECONDS", "0")
-    monkeypatch.setattr("qcompile.live.jobs._CHARGE_PAUSES_S", (0.02, 0.02))
+    monkeypatch.setattr("qcompile.live.billing._CHARGE_PAUSES_S", (0.02, 0.02))
 
 
 def attempts(runs: Runs) -> list[tuple[int, int]]:

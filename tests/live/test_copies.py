@@ -60,7 +60,7 @@ def test_a_copy_whose_charges_are_pending_is_counted_with_caps(
     runs: Runs, undisturbed: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Its journal has no cap of a job that it finds: IBM's is taken, 19 s of each."""
-    monkeypatch.setattr("qcompile.live.jobs._CHARGE_PAUSES_S", (0.01,))
+    monkeypatch.setattr("qcompile.live.billing._CHARGE_PAUSES_S", (0.01,))
     runs.service.settings.usage_lag_seconds = 3600
     runs.run()
     copy_before_the_first_job(runs)
@@ -80,7 +80,7 @@ def test_a_job_without_a_cap_of_ibms_gets_one_of_its_estimate(
     runs: Runs, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """4 times 2.1792 s, rounded up, and 10 s."""
-    monkeypatch.setattr("qcompile.live.jobs._CHARGE_PAUSES_S", (0.01,))
+    monkeypatch.setattr("qcompile.live.billing._CHARGE_PAUSES_S", (0.01,))
     runs.service.settings.usage_lag_seconds = 3600
     runs.run()
     copy_before_the_first_job(runs)

@@ -111,7 +111,7 @@ def test_the_limit_holds_in_what_is_told_where_most_answers_are_lost(
     runs: Runs, monkeypatch: pytest.MonkeyPatch, seed: int
 ) -> None:
     """Listings are late by several settling times; charges come late as well."""
-    monkeypatch.setattr("qcompile.live.jobs._CHARGE_PAUSES_S", (0.05, 0.2))
+    monkeypatch.setattr("qcompile.live.billing._CHARGE_PAUSES_S", (0.05, 0.2))
     runs.service.faults._rng = np.random.default_rng(seed)
     runs.service.faults.listing_lag_seconds = 0.4
     runs.service.settings.usage_lag_seconds = 0.1

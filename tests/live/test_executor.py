@@ -12,22 +12,23 @@ from standin import StandIn
 
 from qcompile.device import load_device
 from qcompile.errors import CircuitError, CountsError, DeviceError
-from qcompile.execution import OfflineExecutor
+from qcompile.execution import OfflineExecutor, PrimitiveExecutor
 from qcompile.ir import Circuit, Program
-from qcompile.live.executor import IBMExecutor
 from qcompile.noise import usable
 from qcompile.passes import Executable, compile
 
 SHOTS = 4000
 NOTHING = np.zeros((1, 0)), np.zeros(0)
-Make = Callable[..., IBMExecutor]
+Make = Callable[..., PrimitiveExecutor]
 
 
 def p_one(executable: Executable, x: np.ndarray, theta: np.ndarray) -> np.ndarray:
     return (1 - OfflineExecutor(executable.device).expectation(executable, x, theta)) / 2
 
 
-def turns(circuits: int, executor: IBMExecutor, level: int = 2) -> tuple[Executable, np.ndarray]:
+def turns(
+    circuits: int, executor: PrimitiveExecutor, level: int = 2
+) -> tuple[Executable, np.ndarray]:
     """Circuits ry(x0) rz(theta0) ry(x1), and inputs that point everywhere."""
     program = Program.of([Circuit.parse("ry(x0) rz(theta0) ry(x1)")] * circuits, 2, 1)
     return compile(program, executor.device, level), np.array([0.8])
@@ -130,7 +131,7 @@ def test_what_cannot_be_run_is_refused_before_it_is_sent(
         executor.run(executable, X[:, :1], theta, 10)
     with pytest.raises(DeviceError):
         executor.run(compile(executable.source, load_device("fake_toronto")), X, theta, 10)
-    with pytest.raises(CountsError, match="fake_lima is a machine, which only has shots"):
+    with pytest.raises(CountsError, match="fake_lima runs through a sampler, which only has shots"):
         executor.expectation(executable, X, theta)
     assert not service.ledger().jobs
     assert executor.kind == "hardware"

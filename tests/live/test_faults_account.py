@@ -101,7 +101,7 @@ def test_an_unknown_backend_is_answered_with_the_known_ones(runs: Runs) -> None:
     assert answer.code == 1
     assert answer.err == (
         "Error: The account has no backend 'ibm_nowhere'.\n"
-        "  It has: fake_lima, fake_sherbrooke, fake_toronto.\n"
+        "  It has: fake_fez, fake_lima, fake_sherbrooke, fake_toronto.\n"
         "  A backend that was there may be retired; what it measured is kept.\n"
     )
 

@@ -101,7 +101,7 @@ def test_one_that_is_resumed_holds_what_it_held() -> None:
         assert [doubt.cap_s for doubt in journal.charges.doubts()] == [9, 9, 3]
     with sqlite3.connect(folder / "journal.sqlite") as db:
         tables = {name for (name,) in db.execute("SELECT name FROM sqlite_master")}
-        assert db.execute("SELECT format FROM run").fetchone() == ("qcompile-journal-2",)
+        assert db.execute("SELECT format FROM run").fetchone() == ("qcompile-journal-3",)
     assert "charge" in tables
     assert "extra" not in tables
 

@@ -147,7 +147,7 @@ def test_the_limit_holds_whatever_is_charged_and_whenever_ibm_says_it(
     runs: Runs, monkeypatch: pytest.MonkeyPatch, lag_s: float, factor: float, limit_s: float
 ) -> None:
     """By the ledger: jobs whose charge comes late, and takes longer than the plan."""
-    monkeypatch.setattr("qcompile.live.jobs._CHARGE_PAUSES_S", (0.05, 0.15))
+    monkeypatch.setattr("qcompile.live.billing._CHARGE_PAUSES_S", (0.05, 0.15))
     runs.service.settings.usage_lag_seconds = lag_s
     runs.service.settings.usage_factor = factor
     answer = runs.run(max_qpu_seconds=limit_s)
@@ -167,7 +167,7 @@ def test_charges_that_never_come_stop_a_run_and_are_learnt_later(
     runs: Runs, undisturbed: dict[str, object], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The first job may take all of 9 s, as long as nobody knows that it took 2.2."""
-    monkeypatch.setattr("qcompile.live.jobs._CHARGE_PAUSES_S", (0.01,))
+    monkeypatch.setattr("qcompile.live.billing._CHARGE_PAUSES_S", (0.01,))
     runs.service.settings.usage_lag_seconds = 3600
     answer = runs.run(max_qpu_seconds=9)
     assert answer.code == 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import pytest
 
 from qcompile.errors import LiveError
 from qcompile.live.journal import Journal
+from qcompile.live.records import Register
 
 RUNS = Path("runs")
 SETTINGS = {"backend": "somewhere", "shots": 3, "angles": [0.1, None]}
@@ -45,13 +47,15 @@ def test_a_new_run_has_a_folder_named_by_time_and_name() -> None:
 
 
 def test_a_submission_is_there_from_before_it_is_sent_until_its_counts() -> None:
-    journal, ones = new(), np.array([[3, 5], [0, 8]])
-    made = journal.intend(4, "digest", 800)
+    journal = new()
+    asked = [Register(0, "c", (2, 8), 3), Register(1, "more", (1, 1, 8), 9)]
+    made = journal.intend(4, "digest", 800, asked)
     seen = again(journal).latest(4)
     assert seen == made
     assert seen is not None
     assert (seen.number, seen.attempt, seen.digest, seen.executions) == (4, 0, "digest", 800)
     assert (seen.state, seen.job_id, seen.charged_s, seen.ones) == ("intended", None, None, None)
+    assert again(journal).registers(4) == asked
     assert (seen.sent_at, seen.cap_s) == (None, None)
 
     before = datetime.now(UTC)
@@ -69,14 +73,17 @@ def test_a_submission_is_there_from_before_it_is_sent_until_its_counts() -> None
     assert (sent.state, sent.job_id, sent.charged_s) == ("sent", "job-a", None)
     assert (sent.sent_at, sent.cap_s) == (noted.sent_at, 17)
 
-    journal.note_done(made, ones)
+    bits = [replace(asked[0], packed=bytes(range(16))), replace(asked[1], packed=b"ab" * 8)]
+    journal.note_done(made, bits)
     charge(journal, "job-a", 2.25)
     done = again(journal).latest(4)
     assert done is not None
     assert (done.state, done.job_id, done.charged_s) == ("done", "job-a", 2.25)
-    np.testing.assert_array_equal(done.ones, ones)
-    assert done.ones is not None
-    assert done.ones.dtype == np.int64
+    found = again(journal).registers(4)
+    assert found == bits
+    np.testing.assert_array_equal(found[0].bits, np.arange(16).reshape(2, 8, 1))
+    np.testing.assert_array_equal(found[1].bits, np.array([[[[97, 98]] * 8]]))
+    assert again(journal).registers(3) == []
 
 
 def test_attempts_count_up_and_every_tag_is_its_own() -> None:
@@ -123,7 +130,7 @@ def several() -> Journal:
     done = journal.note_sending(journal.intend(0, "d", 11), 6)
     journal.note_sent(done, "job-b")
     journal.charges.note_unexpected(0, 11, 6, datetime.now(UTC), "job-x")
-    journal.note_done(done, np.zeros((1, 1), np.int64))
+    journal.note_done(done, [])
     sent = journal.note_sending(journal.intend(1, "e", 20), 7)
     journal.note_sent(sent, "job-c")
     journal.note_sending(journal.intend(2, "f", 30), 8)
@@ -166,7 +173,7 @@ def test_a_run_is_settled_once_it_was_looked_over_and_nothing_is_open() -> None:
     assert again(journal).charges.are_settled
     journal.note_sending(made, 5)
     journal.note_sent(made, "job-a")
-    journal.note_done(made, np.zeros((1, 1), np.int64))
+    journal.note_done(made, [])
     charge(journal, "job-a", 1.0)
     assert not again(journal).charges.are_settled  # something was sent since
     journal.charges.note_looked_over()

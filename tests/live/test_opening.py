@@ -8,6 +8,7 @@ import shutil
 import sqlite3
 import stat
 import tracemalloc
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,27 +19,28 @@ from qcompile.errors import LiveError
 from qcompile.live.journal import Journal
 from qcompile.live.opening import FILE, NeverBegunError
 from qcompile.live.perform import finished
-from qcompile.live.records import to_array, to_bytes
+from qcompile.live.records import Register, to_array, to_bytes
 from qcompile.live.runs import find_journal, journals
 from qcompile.report.live import exported, overview
 
 RUNS = Path("runs")
+BITS = Register(0, "c", (1, 100), 12)
 
 
 def new() -> Journal:
     """A closed journal with something in every table."""
     with Journal.create(RUNS, "run", "cart", {"backend": "b"}, {"numpy": "2"}, 60.0) as journal:
         for number in range(3):
-            sent = journal.note_sending(journal.intend(number, "d" * 64, 100), 17)
+            sent = journal.note_sending(journal.intend(number, "d" * 64, 100, [BITS]), 17)
             journal.note_sent(sent, f"job-{number}")
-            journal.note_done(sent, np.array([[3, 5]]))
+            journal.note_done(sent, [replace(BITS, packed=bytes(200))])
             charge = journal.charges.of_job(f"job-{number}")
             assert charge is not None
             journal.charges.settle(charge, 2.25)
             journal.steps.note_actions(number, np.zeros((2, 4)), np.array([1, 0]))
             journal.steps.note_rewards(number, [1.0, 1.0])
         journal.note_sending(sent, 17)  # in doubt
-        journal.note_done(sent, np.array([[3, 5]]))
+        journal.note_done(sent, [replace(BITS, packed=bytes(200))])
         journal.note_failed(journal.intend(3, "e", 1), "it rained")
     return journal
 
@@ -90,6 +92,12 @@ WRONG: list[tuple[str, str, object]] = [
     *[("submission", "executions", value) for value in (None, "x", -1, 0.5)],
     *[("submission", "sent_at", value) for value in ("soon", 3, b"x")],
     *[("submission", "ones", value) for value in ("text", b"", b"\x93NUMPY\x01\x00")],
+    *[("measured", "packed", value) for value in ("text", 3, b"", bytes(199))],
+    *[("measured", "shape", value) for value in (None, "", "[]", "3", "[-1]", "[0.5]", "[" * 5000)],
+    *[("measured", "shape", value) for value in ("[true]", "[99999999999999]", "[1e400]", b"[2]")],
+    *[("measured", "width", value) for value in (None, "x", -1, 0.5, 2**62)],
+    *[("measured", "pub", value) for value in (None, "x", -1)],
+    *[("measured", "name", value) for value in (None, b"c")],
     ("submission", "job_id", b"x"),
     ("submission", "tag", None),
     ("submission", "cap_s", "x"),
@@ -198,7 +206,7 @@ def test_an_array_comes_back_as_it_was(array: np.ndarray[Any, Any]) -> None:
 @pytest.mark.parametrize(
     "result", [{}, {"passed": True}, {"calibration": {}}, {"qubits": [1], "degrees": []}]
 )
-@pytest.mark.parametrize("kind", ["run", "calibrate", "validate"])
+@pytest.mark.parametrize("kind", ["run", "calibrate", "validate", "sampler"])
 def test_a_result_of_another_shape_is_explained(kind: Any, result: dict[str, Any]) -> None:
     with Journal.create(RUNS, kind, "cart", {}, {}, 60.0) as journal:
         journal.finish(result)
@@ -282,11 +290,12 @@ def test_nobody_else_can_read_a_run() -> None:
 def test_the_list_reads_no_counts(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nor steps: a run of a hundred thousand jobs has hundreds of megabytes of them."""
 
-    def read(contents: bytes) -> Any:
+    def read(*contents: Any) -> Any:
         raise AssertionError("an array was read")
 
     new()
     monkeypatch.setattr("qcompile.live.records.to_array", read)
+    monkeypatch.setattr("qcompile.live.records.Register.of_row", read)
     [row] = [overview(journal) for journal in journals(RUNS)]
     assert (row["jobs_done"], row["jobs_open"], row["steps"]) == (3, 0, 3)
     with find_journal(RUNS, "last") as run, pytest.raises(AssertionError, match="was read"):

@@ -9,12 +9,11 @@ import pytest
 from live_runs import Runs
 from standin import StandIn
 
-from qcompile.execution import OfflineExecutor
-from qcompile.live.executor import IBMExecutor
+from qcompile.execution import OfflineExecutor, PrimitiveExecutor
 from qcompile.passes import compile
 from qcompile.policy import load_policy
 
-Make = Callable[..., IBMExecutor]
+Make = Callable[..., PrimitiveExecutor]
 
 
 @pytest.mark.parametrize(("backend", "circuits"), [("fake_toronto", 1), ("fake_lima", 5)])
@@ -68,14 +67,39 @@ def test_a_batch_above_the_limit_of_a_job_is_split(
 def test_a_split_batch_keeps_its_rows_and_columns(
     executor_on: Make, service: StandIn, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Rounds of one row in jobs of their own: as many shots as tell circuits from each other."""
+    """Two circuits in a job, of one round or of two: as many shots as tell them from each other."""
     monkeypatch.setattr("qcompile.execution.cost.MAX_EXECUTIONS_PER_JOB", 40_000)
     policy, executor = load_policy("lunarlander"), executor_on("fake_lima")
     executable = compile(policy.trained_program, executor.device, 2, policy.importance)
     x = policy.encode(np.linspace(-1, 1, 16).reshape(2, 8))
     shots = 20_000
     ones = executor.run(executable, x, np.zeros(0), shots)
-    assert [job.circuits for job in service.ledger().jobs] == [2, 2, 1] * 2
+    assert [job.circuits for job in service.ledger().jobs] == [2] * 5
     expected = OfflineExecutor(executor.device).expectation(executable, x, np.zeros(0))
     assert np.abs(1 - 2 * ones / shots - expected).max() < 6 / np.sqrt(shots)
     assert np.ptp(expected) > 0.5
+
+
+@pytest.mark.parametrize("shots", [20, 24])
+def test_a_split_row_is_an_execution_of_all_places(runs: Runs, shots: int) -> None:
+    """Six places of cartpole's four circuits on the 25 good qubits of 27: 4 shots for 20 or 24.
+
+    Two episodes of three steps, and a readout of 24 qubits in 2 + 2 * 5 patterns.
+    """
+    words = ("--split", "--calibration-shots", 100)
+    settings = {"shots": shots, "mitigation": "readout"}
+    result = runs.run(*words, backend="fake_toronto", **settings).json()
+    jobs = runs.service.ledger().jobs
+    assert [(job.shots, job.executions) for job in jobs] == [(100, 1200), *[(4, 8)] * 3]
+    known = {"copies": 6, "split": True, "calibration_shots": 100, "jobs": 4, "executions": 1224}
+    assert {name: result[name] for name in known} == known
+
+
+def test_auto_is_settled_before_a_run_begins(runs: Runs) -> None:
+    words = ("--split", "--calibration-shots", "auto")
+    result = runs.run(*words, backend="fake_toronto", shots=20, mitigation="readout").json()
+    calibration, *_ = runs.service.ledger().jobs
+    assert (calibration.shots, calibration.executions) == (256, 12 * 256)
+    assert result["calibration_shots"] == 256
+    again = runs.call("resume", "last", "--json").json()
+    assert again["episodes"] == result["episodes"]

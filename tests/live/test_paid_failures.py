@@ -38,7 +38,7 @@ def test_one_ends_the_run_and_is_sent_again_on_request(
     lag_s: float,
 ) -> None:
     """Whether IBM has said already what it charges, or may say it yet."""
-    monkeypatch.setattr("qcompile.live.jobs._CHARGE_PAUSES_S", (0.01,))
+    monkeypatch.setattr("qcompile.live.billing._CHARGE_PAUSES_S", (0.01,))
     runs.service.settings.usage_lag_seconds = lag_s
     fail_charged(runs, monkeypatch, 0, outcome=outcome)
     answer = runs.run()

@@ -15,13 +15,14 @@ from live_runs import Runs, check_paid_once, played
 from standin import StandIn
 
 from qcompile.errors import ReplayError
+from qcompile.execution import PrimitiveExecutor
 from qcompile.ir import Circuit, Program
 from qcompile.live.connection import Connection
-from qcompile.live.executor import IBMExecutor
 from qcompile.live.jobs import Jobs
 from qcompile.live.journal import Journal
-from qcompile.live.perform import _versions
+from qcompile.live.perform import run_versions
 from qcompile.live.runs import find_journal
+from qcompile.live.sampler import JobsSampler
 from qcompile.passes import compile
 
 
@@ -112,7 +113,9 @@ def test_an_angle_that_another_processor_rounds_otherwise_is_the_same(
     x = np.array([[0.0, 0.3], [1.1, 2.0]])
 
     def run(x: Any) -> Any:
-        return IBMExecutor(device, Jobs(journal, connection)).run(executable, x, np.zeros(0), 100)
+        sampler = JobsSampler(Jobs(journal, connection))
+        executor = PrimitiveExecutor(device, sampler=sampler, kind="hardware")
+        return executor.run(executable, x, np.zeros(0), 100)
 
     ones = run(x)
     if same:
@@ -128,7 +131,7 @@ def test_versions_that_differ_are_named(runs: Runs) -> None:
     runs.run()
     with find_journal(Path("runs"), "last") as journal:
         was, settings = dict(journal.versions), dict(journal.settings)
-    assert was == _versions()
+    assert was == run_versions()
     assert set(was) == {
         *("machine", "qcompile", "numpy", "gymnasium", "qiskit", "qiskit-ibm-runtime")
     }
@@ -187,7 +190,8 @@ def test_counts_of_the_journal_are_what_actions_come_from(
     """
     runs.run()
     change("DELETE FROM step WHERE number = 2")
-    change("UPDATE submission SET state = 'sending', job_id = NULL, ones = NULL WHERE number = 2")
+    change("UPDATE measured SET packed = NULL WHERE number = 2")
+    change("UPDATE submission SET state = 'sending', job_id = NULL WHERE number = 2")
     answer = runs.call("resume", "last", "--json")
     assert played(answer.json()) == undisturbed
     check_paid_once(runs.service, 3)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sqlite3
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -17,29 +16,32 @@ COUNTS, ACTIONS = "the counts of a job are wrong", "the actions of step 1 are wr
 
 
 @pytest.mark.parametrize(
-    ("table", "column", "array", "words"),
+    ("table", "column", "value", "words"),
     [
-        ("submission", "ones", np.zeros((8, 4), np.int64), COUNTS),
-        ("submission", "ones", np.zeros((1, 1), np.int64), COUNTS),
-        ("submission", "ones", np.full((2, 4), -1), COUNTS),
-        ("submission", "ones", np.full((2, 4), 257), COUNTS),
-        ("submission", "ones", np.full((2, 4), np.nan), COUNTS),
-        ("step", "actions", np.array([2, 0]), ACTIONS),
-        ("step", "actions", np.array([0, -1]), ACTIONS),
-        ("step", "actions", np.array([1, 0, 1]), ACTIONS),
-        ("step", "actions", np.array([0.5, np.nan]), ACTIONS),
+        ("measured", "packed", None, COUNTS),
+        ("measured", "packed", b"", COUNTS),
+        ("measured", "packed", bytes(511), COUNTS),
+        ("measured", "shape", "[2, 255]", COUNTS),
+        ("measured", "shape", "[512]", COUNTS),
+        ("measured", "width", 5, COUNTS),
+        ("measured", "pub", 1, COUNTS),
+        ("measured", "name", "d", COUNTS),
+        ("step", "actions", to_bytes(np.array([2, 0])), ACTIONS),
+        ("step", "actions", to_bytes(np.array([0, -1])), ACTIONS),
+        ("step", "actions", to_bytes(np.array([1, 0, 1])), ACTIONS),
+        ("step", "actions", to_bytes(np.array([0.5, np.nan])), ACTIONS),
     ],
 )
 def test_an_array_that_cannot_be(
-    runs: Runs, table: str, column: str, array: np.ndarray[Any, Any], words: str
+    runs: Runs, table: str, column: str, value: object, words: str
 ) -> None:
-    """Of two CartPole episodes at 256 shots: counts (2, 4) in [0, 256], actions 0 and 1."""
+    """Of two CartPole episodes at 256 shots: bits (2, 256, 4), actions 0 and 1."""
     assert runs.run().code == 0
     with find_journal(Path("runs"), "last") as journal:
         pass
     with sqlite3.connect(journal.path) as db:
         db.execute("UPDATE run SET result = NULL")
-        db.execute(f"UPDATE {table} SET {column} = ? WHERE number = 1", (to_bytes(array),))
+        db.execute(f"UPDATE {table} SET {column} = ? WHERE number = 1", (value,))
     db.close()
     sent = len(runs.service.ledger().jobs)
     answer = runs.call("resume", "last")

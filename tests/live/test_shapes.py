@@ -140,7 +140,7 @@ def test_a_charge_that_cannot_be_is_not_believed(
     runs: Runs, undisturbed: dict[str, Any], monkeypatch: pytest.MonkeyPatch, charge: int
 ) -> None:
     """The cap counts instead."""
-    monkeypatch.setattr("qcompile.live.jobs._CHARGE_PAUSES_S", (0.01,))
+    monkeypatch.setattr("qcompile.live.billing._CHARGE_PAUSES_S", (0.01,))
     said = {"qpu_charge_time_seconds": CHARGES[charge], "status": "complete"}
     reshape(monkeypatch, "GET /jobs/{id}/metrics", lambda body: body | {"usage": said})
     found = runs.run().json()
@@ -166,7 +166,7 @@ def test_metrics_of_another_shape_leave_the_counts(
     monkeypatch: pytest.MonkeyPatch,
     change: Callable[[Any], Any],
 ) -> None:
-    monkeypatch.setattr("qcompile.live.jobs._CHARGE_PAUSES_S", (0.01,))
+    monkeypatch.setattr("qcompile.live.billing._CHARGE_PAUSES_S", (0.01,))
     with monkeypatch.context() as patch:
         reshape(patch, "GET /jobs/{id}/metrics", change)
         found = runs.run().json()
@@ -183,7 +183,7 @@ def test_metrics_that_are_not_there_leave_the_counts(
     def metrics(self: Service, job: Any) -> Any:
         raise ApiError(status, 1291, "Not found.")
 
-    monkeypatch.setattr("qcompile.live.jobs._CHARGE_PAUSES_S", (0.01,))
+    monkeypatch.setattr("qcompile.live.billing._CHARGE_PAUSES_S", (0.01,))
     with monkeypatch.context() as patch:
         patch.setattr(Service, "metrics", metrics)
         found = runs.run().json()

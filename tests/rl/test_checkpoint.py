@@ -54,6 +54,7 @@ RUNS: dict[str, tuple[str, Settings]] = {
     "surrogate": ("CartPole-v1", TUNED.changed(model="surrogate", theta_spread_rad=0.0)),
     "ibm_lima": ("CartPole-v1", LIMA),
     "memory": ("CartPole-v1", LIMA.changed(rollouts=3)),
+    "held": ("CartPole-v1", LIMA.changed(rollouts=2, hold=3, decision_cost=0.1, steps=5000)),
     "episodes in memory": ("Match-v0", Settings(episodes=20, rollouts=4)),
     "average": ("CartPole-v1", NETWORK.changed(average_share=0.3)),
 }

@@ -9,7 +9,7 @@ from qcompile.rl.rollout import Collector
 
 
 def played(lengths: list[list[int]]) -> list[tuple[int, float]]:
-    """(steps, reward) of environments that play episodes of these lengths, in the order of ends.
+    """(decisions, reward) of environments that play these lengths, in the order of ends.
 
     The reward is 100 times when the episode began, and its environment.
     """
@@ -73,7 +73,7 @@ def test_the_shortest_episodes_do_not_come_first() -> None:
     assert np.mean(ended) < 20
 
 
-def test_the_steps_of_a_collector_tell_the_order() -> None:
+def test_the_decisions_of_a_collector_tell_the_order() -> None:
     """CartPole pays 1 a step: each reward is the length of the episode that began next."""
     made = Collector("CartPole-v1", 3, np.random.SeedSequence(0))
     rng = np.random.default_rng(2)
@@ -88,6 +88,6 @@ def test_the_steps_of_a_collector_tell_the_order() -> None:
     begun.sort()
     whole = [reward for _, _, reward in begun]
     expected = whole[: int(np.flatnonzero(np.isnan(whole))[0])]
-    finished = [(episode.steps, episode.reward) for episode in made.history]
+    finished = [(episode.decisions, episode.reward) for episode in made.history]
     assert [*in_order_of_start(finished, 3)] == expected
     made.close()

@@ -38,10 +38,10 @@ def test_resets_leave_no_trace() -> None:
     assert rollout.observations.dtype == np.float32
     # rewards of episode e: 3 * 10 e + 1 + 2 + 3, and 3 * 1 more where the action is 2
     assert rollout.finished == [
-        FinishedEpisode(1, 5, 36.0),
-        FinishedEpisode(2, 6, 39.0),
-        FinishedEpisode(3, 11, 66.0),
-        FinishedEpisode(4, 12, 69.0),
+        FinishedEpisode(1, 5, 36.0, 5),
+        FinishedEpisode(2, 6, 39.0, 6),
+        FinishedEpisode(3, 11, 66.0, 11),
+        FinishedEpisode(4, 12, 69.0, 12),
     ]
     assert (made.steps, len(made.history)) == (14, 4)
     made.close()
@@ -53,7 +53,7 @@ def test_the_next_rollout_goes_on_where_the_last_one_stopped() -> None:
     second = made.collect(lambda seen: np.array([0]), 2)
     assert first.finished == []
     np.testing.assert_array_equal(second.observations[:, 0], [[1, 2], [2, 0]])
-    assert second.finished == [FinishedEpisode(1, 3, 36.0)]
+    assert second.finished == [FinishedEpisode(1, 3, 36.0, 3)]
     made.close()
 
 
@@ -62,7 +62,9 @@ def test_without_a_horizon_one_whole_episode_is_collected() -> None:
     for episode in (1, 2, 3):
         rollout = made.collect(lambda seen: np.array([1]), None)
         assert rollout.rewards.shape == (3, 1)
-        assert rollout.finished == [FinishedEpisode(episode, 3 * episode, 30.0 * episode + 7.5)]
+        assert rollout.finished == [
+            FinishedEpisode(episode, 3 * episode, 30.0 * episode + 7.5, 3 * episode)
+        ]
         assert bool(rollout.terminated[-1, 0]) == (episode % 2 == 1)
         assert rollout.done.sum() == 1
     made.close()

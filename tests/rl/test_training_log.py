@@ -13,7 +13,7 @@ from qcompile.rl.training_log import Averages, EpisodeLog
 
 def finished(rewards: list[float]) -> list[FinishedEpisode]:
     """Episodes of ten steps, one after the other."""
-    return [FinishedEpisode(i, 10 * i, reward) for i, reward in enumerate(rewards, 1)]
+    return [FinishedEpisode(i, 10 * i, reward, 10 * i) for i, reward in enumerate(rewards, 1)]
 
 
 def test_averages_by_hand() -> None:
@@ -47,9 +47,9 @@ def test_episodes_count_in_the_order_in_which_they_began() -> None:
     """
     averages = Averages(21)
     for i in reversed(range(1, 21)):  # the ends in another order than the numbers
-        averages.add(FinishedEpisode(21 - i, 21 * i + i + 1, float(i + 1)))
+        averages.add(FinishedEpisode(21 - i, 21 * i + i + 1, float(i + 1), 21 * i + i + 1))
         assert averages.last is None
-    averages.add(FinishedEpisode(21, 21 * 50 + 1, 51.0))
+    averages.add(FinishedEpisode(21, 21 * 50 + 1, 51.0, 21 * 50 + 1))
     # In the order of their numbers: 51, 2, 3, ..., 21; 20 in a row are 51 to 20 and 2 to 21.
     assert averages.best == pytest.approx((51 + sum(range(2, 21))) / 20)
     assert averages.last == pytest.approx(sum(range(2, 22)) / 20)
@@ -57,7 +57,7 @@ def test_episodes_count_in_the_order_in_which_they_began() -> None:
 
 def test_a_row_is_in_the_file_at_once_and_only_once(tmp_path: Path) -> None:
     path = tmp_path / "logs" / "a.csv"
-    first, second = FinishedEpisode(1, 20, 1.5), FinishedEpisode(2, 41, -100.0)
+    first, second = FinishedEpisode(1, 20, 1.5, 20), FinishedEpisode(2, 41, -100.0, 41)
     with EpisodeLog(path, [first]) as log:
         assert path.read_text() == "episode,steps,reward\n1,20,1.5\n"
         log.add_missing([second])

@@ -21,7 +21,7 @@ from .stand_in import StandIn
     "backends",
     multiple=True,
     metavar="NAME=FAKE",
-    help="A machine and the fake whose data it has; the usual three where none is given.",
+    help="A machine and the fake whose data it has; the usual ones where none is given.",
 )
 def main(port: int, backends: tuple[str, ...], **changes: Any) -> None:
     """Serve on 127.0.0.1 until interrupted, after the export lines that point a client at it."""

@@ -16,8 +16,9 @@ DEFAULT_BACKENDS: Mapping[str, str] = {
     "fake_lima": "FakeLimaV2",
     "fake_toronto": "FakeTorontoV2",
     "fake_sherbrooke": "FakeSherbrooke",
+    "fake_fez": "FakeFez",
 }
-"""5, 27 and 127 qubits."""
+"""5, 27, 127 and 156 qubits."""
 
 
 @dataclass(frozen=True)

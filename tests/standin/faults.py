@@ -23,7 +23,7 @@ class Fault(StrEnum):
     BAD_GATEWAY = "bad_gateway"
     """502, before the request is handled."""
     UNAVAILABLE = "unavailable"
-    """503, before the request is handled."""
+    """503 with Retry-After, before the request is handled."""
     GATEWAY_TIMEOUT = "gateway_timeout"
     """504, before the request is handled."""
     NOT_FOUND = "not_found"
@@ -87,7 +87,7 @@ OF_RESULTS = (Fault.RESULTS_TRUNCATED, Fault.RESULTS_MISSHAPEN, Fault.RESULTS_EM
 
 _SETTINGS = (
     *("listing_lag_seconds", "wait_seconds", "retry_after_seconds"),
-    *("echo_secrets", "suffix"),
+    *("retry_after_is_a_date", "echo_secrets", "suffix"),
 )
 
 
@@ -125,6 +125,7 @@ class Orders(_Record):
     listing_lag_seconds: float | None = Field(default=None, ge=0)
     wait_seconds: float | None = Field(default=None, ge=0)
     retry_after_seconds: int | None = Field(default=None, ge=0)
+    retry_after_is_a_date: bool | None = None
     echo_secrets: bool | None = None
     suffix: str | None = None
     expire_tokens: bool = False
@@ -142,6 +143,8 @@ class Faults:
         self.wait_seconds = 3600.0
         """How much longer JOB_WAITS keeps a job in the queue."""
         self.retry_after_seconds = 1
+        """What 429 and 503 say in Retry-After."""
+        self.retry_after_is_a_date = False
         self.echo_secrets = False
         """Whether what is said of an error repeats the headers that came with the request."""
         self.suffix = ""
@@ -212,6 +215,7 @@ class Faults:
             self._once, self._chance, self._reshape = [], [], []
             self.listing_lag_seconds, self.key_refused = 0.0, False
             self.echo_secrets, self.suffix = False, ""
+            self.retry_after_is_a_date = False
             self.retired.clear()
 
     def order(self, orders: Orders) -> None:

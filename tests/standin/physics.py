@@ -2,7 +2,8 @@
 
 A circuit without entangling gates is a product of qubits. Each qubit is a Bloch vector that the
 affine maps of `qcompile.noise` move, for all parameter values at once; its bits are independent
-from shot to shot.
+from shot to shot. A circuit that entangles may have a few qubits; they are free of noise until they
+are read.
 """
 
 from __future__ import annotations
@@ -20,12 +21,15 @@ from sympy import lambdify
 from qcompile.device import Device
 from qcompile.noise import noise_after, readout_row, rotation_map
 
+from .entangled import MOST_QUBITS, outcomes, reduced, words_of
+
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 Angle = Callable[[FloatArray], Any]
 """An angle of parameter values (P, B): a number or (B,)."""
 
 PLAYED = ("rz", "rx", "sx", "x", "id", "reset", "measure", "barrier")
+"""Instructions of a product of qubits, of which there may be any number."""
 _PULSES = {"sx": math.pi / 2, "x": math.pi}
 
 
@@ -46,13 +50,16 @@ class Step:
 class Plan:
     """A circuit as it is played: its gates in order, and the qubit that each bit reads.
 
-    `registers` holds the qubits of each classical register, None where a bit is never written.
+    `registers` holds the qubits of each classical register, None where a bit is never written. One
+    that entangles has no steps, but the circuit `entangled` of its gates on the qubits `on`.
     """
 
     qubits: int
     parameters: int
     steps: tuple[Step, ...]
     registers: dict[str, tuple[int | None, ...]]
+    entangled: Any = None
+    on: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -80,32 +87,42 @@ def plan(circuit: Any, basis_gates: Sequence[str], width: int) -> Plan:
     """The plan of a QuantumCircuit for a machine with these gates and `width` qubits.
 
     Raises:
-        RefusedError: the machine lacks a gate or a qubit, or the circuit entangles, branches, or
-            goes on after a measurement.
+        RefusedError: the machine lacks a gate or a qubit, or the circuit entangles many qubits,
+            branches, or goes on after a measurement.
     """
     if circuit.num_qubits > width:
         raise RefusedError(f"The circuit has {circuit.num_qubits} qubits, the machine {width}.")
     parameters = list(circuit.parameters)
     steps: list[Step] = []
     written: dict[Any, int] = {}
+    entangles = any(instruction.operation.name not in PLAYED for instruction in circuit.data)
     for instruction in circuit.data:
         name = instruction.operation.name
         if name not in (*basis_gates, "measure", "barrier", "reset"):
             raise RefusedError(f"The instruction {name} is not supported by the machine.")
-        if name not in PLAYED:
-            raise RefusedError(f"The stand-in plays {', '.join(PLAYED)}; {name} is not among them.")
         qubits = [circuit.find_bit(qubit).index for qubit in instruction.qubits]
         if name == "barrier":
             continue
-        if qubits[0] in written.values():
-            raise RefusedError(f"Qubit {qubits[0]} is used after its measurement.")
+        if used := set(qubits) & set(written.values()):
+            raise RefusedError(f"Qubit {min(used)} is used after its measurement.")
         if name == "measure":
             written[instruction.clbits[0]] = qubits[0]
+            continue
+        if entangles:
+            _check_entangled(name)
             continue
         angles = [_angle(value, parameters) for value in instruction.operation.params]
         steps.append(Step(name, qubits[0], *angles))
     registers = {reg.name: tuple(written.get(bit) for bit in reg) for reg in circuit.cregs}
-    return Plan(circuit.num_qubits, circuit.num_parameters, tuple(steps), registers)
+    small, on = reduced(circuit) if entangles else (None, ())
+    if len(on) > MOST_QUBITS:
+        raise RefusedError(f"The stand-in entangles {MOST_QUBITS} qubits at most, not {len(on)}.")
+    return Plan(circuit.num_qubits, circuit.num_parameters, tuple(steps), registers, small, on)
+
+
+def _check_entangled(name: str) -> None:
+    if name in ("reset", "if_else", "while_loop", "for_loop", "switch_case"):
+        raise RefusedError(f"The stand-in does not play {name} where qubits are entangled.")
 
 
 def _angle(value: Any, parameters: Sequence[Any]) -> Angle:
@@ -138,14 +155,16 @@ def draw(items: Sequence[Item], device: Device, seed: int) -> list[dict[str, Boo
     ]
     digest = hashlib.sha256(f"{seed} {device.name}".encode())
     for item, turned in zip(items, angles, strict=True):
-        gates = [(step.gate, step.qubit) for step in item.plan.steps]
+        gates: list[Any] = [(step.gate, step.qubit) for step in item.plan.steps]
+        if item.plan.entangled is not None:
+            gates = [words_of(item.plan.entangled), item.plan.on, item.values.tobytes()]
         what = (item.plan.qubits, item.shape, item.shots, gates, item.plan.registers)
         digest.update(repr(what).encode())
         for angle in turned:
             digest.update(b"-" if angle is None else angle.tobytes())
     rng = np.random.default_rng(int.from_bytes(digest.digest()))
     return [
-        _bits(item, p_one(item, turned, device), rng)
+        _registers(item, _drawn(item, turned, device, rng))
         for item, turned in zip(items, angles, strict=True)
     ]
 
@@ -182,18 +201,26 @@ def _after(step: Step, angle: Any, vector: FloatArray) -> FloatArray:
     return np.stack(np.broadcast_arrays(one, x, y, z))
 
 
-def _bits(
-    item: Item, chances: dict[int, FloatArray], rng: np.random.Generator
-) -> dict[str, BoolArray]:
-    drawn = {
+def _drawn(
+    item: Item, angles: Sequence[Any], device: Device, rng: np.random.Generator
+) -> dict[int, BoolArray]:
+    """The bits of the measured qubits, (circuits, shots) each."""
+    if item.plan.entangled is not None:
+        values = item.values.reshape(item.circuits, item.plan.parameters)
+        return outcomes(item.plan.entangled, item.plan.on, values, item.shots, device, rng)
+    chances = p_one(item, angles, device)
+    return {
         qubit: rng.random((item.circuits, item.shots)) < chances[qubit][:, np.newaxis]
         for qubit in sorted(chances)
     }
+
+
+def _registers(item: Item, drawn: dict[int, BoolArray]) -> dict[str, BoolArray]:
     result = {}
     for name, qubits in item.plan.registers.items():
         bits = np.zeros((item.circuits, item.shots, len(qubits)), dtype=np.bool_)
         for index, qubit in enumerate(qubits):
             if qubit is not None:
-                bits[:, :, index] = drawn[qubit]
+                bits[:, :, index] = drawn.get(qubit, False)
         result[name] = bits.reshape(*item.shape, item.shots, len(qubits))
     return result

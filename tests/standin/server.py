@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import math
 import socket
 import threading
+import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from http import HTTPStatus
@@ -12,6 +14,7 @@ from typing import Any
 
 from pydantic import ValidationError
 from werkzeug.exceptions import HTTPException
+from werkzeug.http import http_date
 from werkzeug.routing import Map, Rule
 from werkzeug.wrappers import Request, Response
 
@@ -105,10 +108,10 @@ class Application:
 
     def _failure(self, request: Request, fault: Fault) -> Response:
         status = (STATUS | ACCEPTED_STATUS)[fault]
-        response = self._refusal(request, ApiError(status, status, f"The service failed: {fault}."))
-        if status == HTTPStatus.TOO_MANY_REQUESTS:
-            response.headers["Retry-After"] = str(self._faults.retry_after_seconds)
-        return response
+        told = status in (HTTPStatus.TOO_MANY_REQUESTS, HTTPStatus.SERVICE_UNAVAILABLE)
+        seconds = self._faults.retry_after_seconds if told else None
+        error = ApiError(status, status, f"The service failed: {fault}.", seconds)
+        return self._refusal(request, error)
 
     def _refusal(self, request: Request, error: ApiError) -> Response:
         """The answer of an error, with what `Faults` adds to its words."""
@@ -118,7 +121,16 @@ class Application:
             words += [f"You sent {name}: {value}" for name, value in request.headers.items()]
             words += [f"{name}={value}" for name, value in request.form.items()]
         said = ApiError(error.status, error.code, " ".join(filter(None, words)))
-        return _json(said.body(), error.status)
+        response = _json(said.body(), error.status)
+        if error.retry_after_seconds is not None:
+            response.headers["Retry-After"] = self._retry_after(error.retry_after_seconds)
+        return response
+
+    def _retry_after(self, seconds: float) -> str:
+        """Whole seconds, or an HTTP date; never a time too early."""
+        if not self._faults.retry_after_is_a_date:
+            return str(math.ceil(seconds))
+        return http_date(math.ceil(time.time() + seconds))
 
     def _handle(self, request: Request, name: str, found: Mapping[str, Any]) -> Response:
         try:

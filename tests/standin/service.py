@@ -6,6 +6,7 @@ import json
 import math
 import threading
 import time
+from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -33,6 +34,7 @@ class Service:
         self._faults = faults
         self._jobs: dict[str, Job] = {}
         self._batches: dict[str, Batch] = {}
+        self._accepted: deque[float] = deque()
         self._lock = threading.RLock()
 
     def backends(self) -> dict[str, Any]:
@@ -90,6 +92,7 @@ class Service:
             session_id = body.get("session_id")
             if session_id is not None and not self._batch(session_id).takes_jobs(now):
                 raise ApiError(400, 1211, f"The session {session_id} is closed.")
+            self._check_rate(now)
             usage = usage_seconds(work.executions, self._settings.usage_factor)
             starts = now + self._settings.queue_seconds
             if self._consumed(now) >= self._settings.usage_limit_seconds:
@@ -121,6 +124,21 @@ class Service:
                 self._faults.record(fault)
             self._jobs[job.id] = job
         return job
+
+    def _check_rate(self, now: float) -> None:
+        """Take one more job of this minute.
+
+        Raises:
+            ApiError: 429, the minute has had as many as it may.
+        """
+        most, minute_seconds = self._settings.jobs_per_minute, self._settings.minute_seconds
+        while self._accepted and self._accepted[0] <= now - minute_seconds:
+            self._accepted.popleft()
+        if most and len(self._accepted) >= most:
+            self._faults.record("too_many_jobs")
+            again = self._accepted[len(self._accepted) - int(most)] + minute_seconds
+            raise ApiError(429, 429, "Too many jobs in a minute.", again - now)
+        self._accepted.append(now)
 
     def job(self, job_id: str) -> Job:
         with self._lock:

@@ -21,3 +21,7 @@ class Settings:
     token_seconds: float = 3600.0
     batch_seconds: float = 28800.0
     """The longest life of a batch."""
+    jobs_per_minute: float = 0.0
+    """More are answered with 429 and Retry-After; 0 takes any number."""
+    minute_seconds: float = 60.0
+    """How long such a minute lasts."""

@@ -16,6 +16,7 @@ from qiskit_ibm_runtime.executor_sampler import Sampler
 from qiskit_ibm_runtime.fake_provider import FakeLimaV2
 from scipy.stats import binom
 from standin import StandIn
+from standin.physics import RefusedError, plan
 
 SHOTS = 20_000
 FALSE_ALARMS = 1e-7
@@ -121,3 +122,36 @@ def test_the_same_work_gives_the_same_counts(backend: Any, make_sampler: Any) ->
     other = make_sampler(backend).run([(circuit, [0.71])], shots=200).result()[0].data.c
     assert first == again == fixed
     assert first != other
+
+
+def test_entangled_qubits_agree_but_for_their_readout(backend: Any, make_sampler: Any) -> None:
+    a = Parameter("a")
+    circuit = QuantumCircuit(
+        QuantumRegister(5, "q"), ClassicalRegister(1, "first"), ClassicalRegister(2, "others")
+    )
+    circuit.sx(0)
+    circuit.rz(a, 0)
+    circuit.sx(0)  # P(1) = cos(a / 2)^2
+    circuit.cx(0, 1)
+    circuit.cx(1, 2)
+    circuit.measure([0, 1, 2], [0, 1, 2])
+    values = np.array([0.0, np.pi / 2, np.pi])
+    if make_sampler.program == "executor":
+        values = values[:, np.newaxis]
+    data = make_sampler(backend).run([(circuit, values)], shots=4000).result()[0].data
+    first = data.first.to_bool_array(order="little")[..., 0]
+    others = data.others.to_bool_array(order="little")
+    assert first.shape == (3, 4000)
+    assert others.shape == (3, 4000, 2)
+    assert first.mean(axis=1) == pytest.approx([1, 0.5, 0], abs=0.08)
+    agree = (first == others[..., 0]) & (first == others[..., 1])
+    assert agree.mean() > 0.85  # the readout errors of three qubits of this machine
+    assert not agree.all()
+
+
+def test_many_entangled_qubits_are_refused() -> None:
+    circuit = QuantumCircuit(27)
+    for qubit in range(20):
+        circuit.cx(qubit, qubit + 1)
+    with pytest.raises(RefusedError, match="entangles 12 qubits at most, not 21"):
+        plan(circuit, ("cx",), 27)

@@ -8,6 +8,7 @@ import sys
 import time
 import urllib.request
 from datetime import datetime, timedelta
+from email.utils import parsedate_to_datetime
 from typing import Any
 
 import numpy as np
@@ -235,12 +236,13 @@ def test_gates_that_the_machine_lacks_are_refused(stand_in: StandIn, backend: An
     assert stand_in.ledger().jobs == []
 
 
-def test_entangled_and_continued_circuits_are_refused(backend: Any) -> None:
+def test_reset_and_continued_circuits_are_refused(backend: Any) -> None:
     entangled, continued = QuantumCircuit(2, 1), QuantumCircuit(1, 1)
     entangled.cx(0, 1)
+    entangled.reset(0)
     continued.measure(0, 0)
     continued.x(0)
-    for circuit, why in ((entangled, "cx is not among"), (continued, "after its measurement")):
+    for circuit, why in ((entangled, "does not play reset"), (continued, "after its measurement")):
         with pytest.raises(IBMRuntimeError, match=why):
             Sampler(backend).run([circuit])
 
@@ -272,3 +274,23 @@ def test_a_process_of_its_own(flip: QuantumCircuit, monkeypatch: pytest.MonkeyPa
 def _post(url: str, body: dict[str, Any]) -> None:
     with urllib.request.urlopen(urllib.request.Request(url, json.dumps(body).encode())) as answer:
         assert answer.status == 200
+
+
+@pytest.mark.parametrize("as_date", [False, True])
+def test_more_jobs_in_a_minute_are_told_when_to_come_back(
+    as_date: bool, stand_in: StandIn, backend: Any, flip: QuantumCircuit
+) -> None:
+    stand_in.settings.jobs_per_minute, stand_in.settings.minute_seconds = 2, 30.0
+    stand_in.faults.retry_after_is_a_date = as_date
+    sampler = Sampler(backend)
+    for _ in range(2):
+        sampler.run([flip])
+    with pytest.raises(IBMRuntimeError) as refused:
+        sampler.run([flip])
+    told = refused.value.__context__.__context__.response.headers["Retry-After"]
+    seconds = parsedate_to_datetime(told).timestamp() - time.time() if as_date else int(told)
+    assert 28 < seconds <= 31
+    assert len(stand_in.ledger().jobs) == 2
+    stand_in.settings.minute_seconds = 0.01
+    time.sleep(0.01)
+    sampler.run([flip])

@@ -32,7 +32,10 @@ def first_at(averages: NDArray[np.float64], target: float) -> int | None:
 
 
 class CellResult(BaseModel):
-    """What one training gave; `steps` and `rewards` have an entry for each episode."""
+    """What one training gave; `steps` and `rewards` have an entry for each episode.
+
+    So have `decisions`, where they are not the steps.
+    """
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
@@ -45,14 +48,17 @@ class CellResult(BaseModel):
     versions: dict[str, str]
     parameters: int
     steps: list[Steps]
+    decisions: list[Steps] | None = None
     rewards: Annotated[list[float], Field(min_length=1)]
     evaluation: list[float]
     wall_seconds: float
 
     @model_validator(mode="after")
     def _same_length(self) -> CellResult:
-        if len(self.steps) != len(self.rewards):
-            raise ValueError(f"{len(self.steps)} steps for {len(self.rewards)} rewards")
+        for name in ("steps", "decisions"):
+            entries = getattr(self, name)
+            if entries is not None and len(entries) != len(self.rewards):
+                raise ValueError(f"{len(entries)} {name} for {len(self.rewards)} rewards")
         return self
 
     @cached_property
@@ -62,7 +68,7 @@ class CellResult(BaseModel):
         Episodes count in the order in which they began; those that began after the first that the
         end of the training cut off are left out.
         """
-        finished = zip(self.steps, self.rewards, strict=True)
+        finished = zip(self.decisions or self.steps, self.rewards, strict=True)
         rewards = [*in_order_of_start(finished, self.settings.get("environments", 1))]
         total = np.cumsum([0.0, *rewards])
         end = np.arange(1, len(rewards) + 1)
@@ -122,6 +128,9 @@ def run_cell(cell: Cell, evaluation: int = EVALUATION_EPISODES) -> CellResult:
         versions=versions(*PACKAGES),
         parameters=trainer.parameter_count if policy is None else policy.parameter_count,
         steps=[episode.steps for episode in result.episodes],
+        decisions=None
+        if row.settings.hold == 1
+        else [episode.decisions for episode in result.episodes],
         rewards=[round(episode.reward, 2) for episode in result.episodes],
         evaluation=[round(float(reward), 2) for reward in rewards],
         wall_seconds=round(time.perf_counter() - started, 1),

@@ -82,6 +82,7 @@ class _RowTable(_Table):
     target: float | None = None
     episodes: Natural | None = None
     steps: Natural | None = None
+    hold: Natural | None = None
     claim: Line | None = None
     claim_episodes: Natural | None = None
     claim_seed: ClaimSeed = "mean"
@@ -193,14 +194,15 @@ def _changes(table: _RowTable) -> dict[str, Any]:
     budget = {"episodes": table.episodes, "steps": table.steps}
     if budget == {"episodes": None, "steps": None}:
         budget = {}
+    hold = {} if table.hold is None else {"hold": table.hold}
     for key in table.settings:
-        if key in _PRESET_OF or key in budget:
+        if key in _PRESET_OF or key in budget or key in hold:
             raise TrainingError(
                 f"settings has {key!r}, which is a key of the row.",
                 f"Write it beside settings: {key} = ...",
             )
     layout = {} if table.layout == "parallel" else {"layout": table.layout}
-    return layout | budget | table.settings
+    return layout | budget | hold | table.settings
 
 
 def _check_names(path: Path, study: Rows) -> None:

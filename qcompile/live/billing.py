@@ -1,0 +1,79 @@
+"""What IBM charges for the jobs of a run, asked for and waited for."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from qcompile.errors import BudgetError, LiveError
+from qcompile.live.budget import Budget
+from qcompile.live.journal import Journal
+from qcompile.live.records import Charge
+from qcompile.live.remote import RemoteJobs
+
+_CHARGE_PAUSES_S = (0.1, 0.3, 1.0, 3.0)
+_MOST_UNCHARGED = 20
+
+
+class Billing:
+    """Asks what ended jobs were charged, and writes it into the journal; `say` gets words."""
+
+    def __init__(
+        self, journal: Journal, remote: RemoteJobs, budget: Budget, say: Callable[[str], None]
+    ):
+        self._charges, self._remote, self._budget, self._say = journal.charges, remote, budget, say
+
+    def cap_s(self, executions: int) -> int:
+        """What a job may take; charges that are not known yet are waited for where they matter.
+
+        Raises:
+            BudgetError: what is charged, or may yet be, leaves no room for it.
+        """
+        if len(self._charges.uncharged()) >= _MOST_UNCHARGED:
+            self._wait(0.0)
+        for pause_s in _CHARGE_PAUSES_S:
+            try:
+                return self._budget.cap_s(executions)
+            except BudgetError:
+                if not self._charges.uncharged():
+                    raise
+            self._wait(pause_s)
+        return self._budget.cap_s(executions)
+
+    def settle(self) -> None:
+        """Ask for every charge that is not known; what IBM does not say within seconds stays so."""
+        for pause_s in _CHARGE_PAUSES_S:
+            if not self._charges.uncharged():
+                return
+            self._wait(pause_s)
+
+    def charge_s(self, job_id: str) -> float | None:
+        """What an ended job was charged, waited for some seconds; None if IBM has not said it."""
+        for pause_s in (0.0, *_CHARGE_PAUSES_S):
+            charge = self._charges.of_job(job_id)
+            if charge is None or charge.charged_s is not None:
+                break
+            time.sleep(pause_s)
+            self.ask(charge)
+        charge = self._charges.of_job(job_id)
+        return None if charge is None else charge.charged_s
+
+    def ask(self, charge: Charge | None) -> bool:
+        """Ask what a job was charged and write it down; False where the service does not answer."""
+        if charge is None or charge.job_id is None:
+            return True
+        try:
+            charged_s = self._remote.charged_s(charge.job_id, charge.cap_s)
+        except LiveError:
+            return False
+        if charged_s is not None:
+            self._charges.settle(charge, charged_s)
+        return True
+
+    def _wait(self, pause_s: float) -> None:
+        """Wait, then ask for every charge that is not known yet, as long as the service answers."""
+        self._say("waiting for what IBM charges")
+        time.sleep(pause_s)
+        for charge in self._charges.uncharged():
+            if not self.ask(charge):
+                return

@@ -1,0 +1,131 @@
+"""From the PUBs of a call to the jobs that they take, and from their bits to a sampler's result."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from qcompile.errors import OptionError
+from qcompile.execution import check_shots, portions
+from qcompile.execution.cost import Portion
+from qcompile.live.records import Register
+from qcompile.live.request import Request
+from qcompile.terminal import first_line
+
+DEFAULT_SHOTS = 4096
+"""Where neither a PUB nor the call names any; IBM's own default."""
+
+
+class Call:
+    """The PUBs of one call, and the `requests` for their jobs, in order.
+
+    A job has PUBs of the same shots, as IBM's sampler wants it, and no more executions than IBM
+    takes: so PUBs of several shots are several jobs, and large ones are cut, by PUBs and then by
+    rows of their values.
+
+    Raises:
+        CountsError: the shots of a PUB are out of range.
+        OptionError: something is not a PUB, or measures nothing.
+    """
+
+    def __init__(self, pubs: Iterable[Any], shots: int | None = None):
+        self.pubs = [_pub(index, pub, shots) for index, pub in enumerate(_several(pubs))]
+        if not self.pubs:
+            raise OptionError("There is no PUB to run.", "run([circuit]) has one.")
+        self._places: list[list[Portion]] = []
+        self.requests: list[Request] = []
+        for of_shots in dict.fromkeys(pub.shots for pub in self.pubs):
+            chosen = [index for index, pub in enumerate(self.pubs) if pub.shots == of_shots]
+            for job in portions([self.pubs[index].size for index in chosen], of_shots):
+                places = [Portion(chosen[place.pub], place.rows) for place in job]
+                pieces = tuple(_piece(self.pubs[place.pub], place.rows) for place in places)
+                self._places.append(places)
+                self.requests.append(Request(pieces, of_shots))
+
+    def result(self, parts: Sequence[Sequence[Register]]) -> Any:
+        """The PrimitiveResult, of what each request has measured."""
+        from qiskit.primitives import BitArray, DataBin, PrimitiveResult, SamplerPubResult
+
+        arrays = [
+            {
+                register.name: np.zeros((pub.size, pub.shots, -(-register.size // 8)), np.uint8)
+                for register in pub.circuit.cregs
+            }
+            for pub in self.pubs
+        ]
+        for places, registers in zip(self._places, parts, strict=True):
+            for register in registers:
+                place = places[register.pub]
+                rows = slice(place.rows.start, place.rows.stop)
+                array = arrays[place.pub][register.name]
+                array[rows] = register.bits.reshape(len(place.rows), *array.shape[1:])
+        results = []
+        for pub, of_pub in zip(self.pubs, arrays, strict=True):
+            bits = {
+                register.name: BitArray(
+                    of_pub[register.name].reshape(*pub.shape, *of_pub[register.name].shape[1:]),
+                    register.size,
+                )
+                for register in pub.circuit.cregs
+            }
+            metadata = {"circuit_metadata": pub.circuit.metadata}
+            results.append(SamplerPubResult(DataBin(**bits, shape=pub.shape), metadata))
+        return PrimitiveResult(results, {"version": 2})
+
+
+def _several(pubs: Any) -> list[Any]:
+    """PUBs in a list, as `run` takes them.
+
+    Raises:
+        OptionError: they are in none.
+    """
+    from qiskit import QuantumCircuit
+
+    if isinstance(pubs, QuantumCircuit) or not isinstance(pubs, Iterable):
+        raise OptionError("PUBs come in a list.", "run([circuit]), or run([(circuit, values)]).")
+    return list(pubs)
+
+
+def _pub(index: int, pub: Any, shots: int | None) -> Any:
+    """A SamplerPub with shots of its own, with a parameter wherever it has more than one row."""
+    from qiskit.exceptions import QiskitError
+    from qiskit.primitives.containers.sampler_pub import SamplerPub
+
+    try:
+        made = SamplerPub.coerce(pub, DEFAULT_SHOTS if shots is None else shots)
+        made.validate()
+        made.parameter_values.as_array(made.circuit.parameters)  # they are those of the circuit
+    except (TypeError, ValueError, QiskitError) as error:
+        raise OptionError(
+            f"PUB {index} is not one: {first_line(str(error))}",
+            "A PUB is a circuit, or (circuit, values), or (circuit, values, shots).",
+        ) from error
+    check_shots(made.shots)
+    if not made.circuit.cregs:
+        raise OptionError(
+            f"PUB {index} measures nothing: its circuit has no classical register.",
+            "circuit.measure_all() adds one.",
+        )
+    return made if made.circuit.num_parameters or not made.shape else _with_phase(made)
+
+
+def _with_phase(pub: Any) -> Any:
+    """The same with its global phase as a parameter: samplers take the rows from parameters."""
+    from qiskit.circuit import Parameter
+    from qiskit.primitives.containers.sampler_pub import SamplerPub
+
+    circuit = pub.circuit.copy()
+    circuit.global_phase = phase = Parameter("phase")
+    return SamplerPub.coerce((circuit, {phase: np.zeros(pub.shape)}, pub.shots))
+
+
+def _piece(pub: Any, rows: range) -> Any:
+    """Some rows of a PUB; all of them keep their shape."""
+    from qiskit.primitives.containers.sampler_pub import SamplerPub
+
+    if len(rows) == pub.size:
+        return pub
+    values = pub.parameter_values.ravel()[rows.start : rows.stop]
+    return SamplerPub(pub.circuit, values, pub.shots)

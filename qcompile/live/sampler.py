@@ -1,0 +1,362 @@
+"""Samplers whose jobs pass the guard: of a live task, and of a program of anybody's.
+
+Source: qiskit.primitives, BaseSamplerV2 and BasePrimitiveJob, whose interfaces they have.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+import weakref
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+from qiskit.primitives import BasePrimitiveJob, BaseSamplerV2
+
+from qcompile.errors import LiveError, OptionError, QcompileError
+from qcompile.foreign import what_it_is
+from qcompile.live.charges import check_limit
+from qcompile.live.commands import resume_command
+from qcompile.live.connection import Connection
+from qcompile.live.jobs import Jobs
+from qcompile.live.journal import Journal
+from qcompile.live.opening import FILE
+from qcompile.live.perform import costs, explained, run_versions, strangeness
+from qcompile.live.pubs import Call
+from qcompile.live.sampling import SamplerTask
+
+_OPEN: weakref.WeakValueDictionary[Path, GuardedSampler] = weakref.WeakValueDictionary()
+"""The samplers of this process by folder: a notebook makes its own anew."""
+
+
+class SamplerJob(BasePrimitiveJob[Any, str]):  # type: ignore[misc]
+    """The jobs of one call, which IBM has, or the journal."""
+
+    def __init__(self, jobs: Jobs, call: Call, numbers: list[int]):
+        super().__init__(f"{jobs.journal.id}-{numbers[0]}" if numbers else jobs.journal.id)
+        self._jobs, self._call, self.numbers = jobs, call, numbers
+
+    def result(self) -> Any:
+        """The PrimitiveResult, waited for: a BitArray for each PUB and register.
+
+        Raises:
+            LiveError: a job cannot be had now, or gave no counts; it can be asked for again.
+        """
+        parts = [
+            self._jobs.bits(number, request)
+            for number, request in zip(self.numbers, self._call.requests, strict=True)
+        ]
+        return self._call.result(parts)
+
+    def job_ids(self) -> list[str]:
+        """IBM's names of its jobs, as far as it has them."""
+        found = [self._jobs.journal.latest(number) for number in self.numbers]
+        return [made.job_id for made in found if made is not None and made.job_id is not None]
+
+    def status(self) -> str:
+        """DONE, ERROR or RUNNING, as the journal knows it; `result` asks IBM."""
+        found = [self._jobs.journal.latest(number) for number in self.numbers]
+        states = {"failed" if made is None else made.state for made in found}
+        if states <= {"done"}:
+            return "DONE"
+        return "ERROR" if "failed" in states else "RUNNING"
+
+    def done(self) -> bool:
+        return self.status() == "DONE"
+
+    def running(self) -> bool:
+        return self.status() == "RUNNING"
+
+    def cancelled(self) -> bool:
+        return False
+
+    def in_final_state(self) -> bool:
+        return not self.running()
+
+    def cancel(self) -> None:
+        """Refused: a job that may have begun is charged, and its counts would be lost.
+
+        Raises:
+            LiveError: always.
+        """
+        raise LiveError(
+            "A job of the guard is not cancelled: what may be charged is fetched.",
+            f"IBM's own tools cancel it: {', '.join(self.job_ids()) or 'none is known'}.",
+        )
+
+
+class JobsSampler(BaseSamplerV2):  # type: ignore[misc]
+    """A sampler on the jobs of a run, in the order in which they are asked for."""
+
+    def __init__(self, jobs: Jobs):
+        self._jobs = jobs
+
+    def run(self, pubs: Iterable[Any], *, shots: int | None = None) -> SamplerJob:
+        """The job of PUBs, once IBM or the journal has it. Where it fails, nothing was asked for.
+
+        Raises:
+            CountsError, OptionError: what is asked for cannot be run.
+            LiveError: a job cannot be sent.
+        """
+        call, first = Call(pubs, shots), self._jobs.next
+        try:
+            numbers = [self._jobs.send(request) for request in call.requests]
+        except BaseException:
+            self._jobs.go_back(first)
+            raise
+        return SamplerJob(self._jobs, call, numbers)
+
+
+class GuardedJob(SamplerJob):
+    """The jobs of one call of a GuardedSampler."""
+
+    def __init__(self, sampler: GuardedSampler, job: SamplerJob):
+        super().__init__(job._jobs, job._call, job.numbers)
+        self._sampler = sampler
+
+    def result(self) -> Any:
+        """The PrimitiveResult, waited for: a BitArray for each PUB and register.
+
+        Raises:
+            LiveError: a job cannot be had now, or gave no counts. Asked for again, here or by the
+                same PUBs, it is the same job.
+        """
+        with self._sampler.asked_by_owner():
+            self._sampler.note_missing(self._call, self.numbers)
+            result = super().result()
+            self._sampler.note_had(self._call, self.numbers)
+            return result
+
+
+class GuardedSampler(JobsSampler):
+    """IBM's machine `backend` as a SamplerV2, by the guard of `qcompile run --live`.
+
+    `backend` is the name of a machine, or an IBMBackend. No job is sent that might pass
+    `max_qpu_seconds` in all; each is sent once, and what it gave is kept in the folder `journal`. A
+    program that is run again, with the same journal, gets what is recorded and goes on from there:
+    it has to ask for the same PUBs in the same order. One process and one thread asks at a time.
+
+    `account` and `instance` are names of IBM's own tools, by default theirs; without an instance
+    only those of the Open Plan are used. With `batch` jobs go as a batch of IBM's; at most
+    `jobs_per_minute` are sent. A job is waited for `max_wait_s`, or as long as it takes. One that
+    was charged and gave no counts is sent again only with `pay_again`. `say` gets words on what
+    happens.
+
+    Raises:
+        BudgetError: the limit is no number of seconds that may be spent.
+        LiveError: the account has no such machine, or the journal is another's, or in use.
+        MissingExtraError: qiskit-ibm-runtime is not installed.
+        OptionError: `backend` is no machine of IBM's.
+    """
+
+    def __init__(
+        self,
+        backend: Any,
+        max_qpu_seconds: float = 60,
+        journal: str | Path = "runs/mine",
+        *,
+        account: str | None = None,
+        instance: str | None = None,
+        batch: bool = False,
+        jobs_per_minute: int | None = None,
+        max_wait_s: float | None = None,
+        pay_again: bool = False,
+        say: Callable[[str], None] = lambda words: None,
+    ):
+        check_limit(max_qpu_seconds)
+        name, given = _machine(backend)
+        folder = Path(journal)
+        connection = Connection(name, account, instance, given=given)
+        if not (folder / FILE).is_file():
+            _begin(folder, connection, account, max_qpu_seconds)
+        self.journal = Journal(folder)
+        self._owner = os.getpid(), threading.get_ident()
+        self._missing: dict[tuple[str, ...], list[list[int]]] = {}
+        with ExitStack() as stack:
+            stack.callback(self.journal.__exit__)
+            task = _task(self.journal, name, account)
+            if given is None:
+                connection = Connection(name, account, task.instance)
+            if (before := _OPEN.get(folder.resolve())) is not None:
+                before.close()
+            stack.enter_context(self.journal.held())
+            self.journal.allow(max_qpu_seconds)
+            super().__init__(
+                Jobs(
+                    self.journal,
+                    connection,
+                    batch=batch,
+                    jobs_per_minute=jobs_per_minute,
+                    max_wait_s=max_wait_s,
+                    pay_again=pay_again,
+                    say=say,
+                )
+            )
+            self._stack = stack.pop_all()
+        _OPEN[folder.resolve()] = self
+
+    def __enter__(self) -> GuardedSampler:
+        return self
+
+    def __exit__(self, raised: object, *more: object) -> None:
+        if raised is None and not self.is_closed and not self.journal.charges.are_settled:
+            self.settle()
+        self.close()
+
+    def close(self) -> None:
+        """Nothing more is asked for: the batch and the journal are closed."""
+        if not self.is_closed and self._owner == _caller():
+            self._jobs.close()
+            self._stack.close()
+            self._owner = 0, 0
+
+    @property
+    def is_closed(self) -> bool:
+        return self._owner == (0, 0)
+
+    @property
+    def costs(self) -> dict[str, Any]:
+        """What it costs up to now, as results of `run --live` tell it."""
+        self.check_owner()
+        return costs(self.journal)
+
+    def settle(self) -> dict[str, Any]:
+        """Look over all that IBM has of the journal, and what it charges for it; the costs."""
+        self.check_owner()
+        self._jobs.settle()
+        return costs(self.journal)
+
+    def run(self, pubs: Iterable[Any], *, shots: int | None = None) -> GuardedJob:
+        """The job of PUBs, once IBM or the journal has it; `shots` are those of PUBs without.
+
+        PUBs are anybody's: circuits of the machine's instructions, values of their parameters, in
+        arrays of any shape, and shots, by default 4096. Where this fails nothing was asked for; the
+        same PUBs may be asked for again.
+
+        Raises:
+            BudgetError: the limit might be passed. Nothing was sent.
+            CountsError, OptionError: what is asked for cannot be run.
+            LiveError: a job cannot be sent.
+            ReplayError: the journal has other PUBs in this place.
+        """
+        with self.asked_by_owner():
+            call = Call(pubs, shots)
+            if missing := self._missing.get(_name(call)):
+                return GuardedJob(self, SamplerJob(self._jobs, call, missing.pop(0)))
+            return GuardedJob(self, super().run(call.pubs))
+
+    def note_missing(self, call: Call, numbers: list[int]) -> None:
+        """Until the result of a call is had, the same call means the same jobs."""
+        missing = self._missing.setdefault(_name(call), [])
+        if numbers not in missing:
+            missing.append(numbers)
+            missing.sort()
+
+    def note_had(self, call: Call, numbers: list[int]) -> None:
+        """The result of a call is had: the same call is another one."""
+        self._missing[_name(call)].remove(numbers)
+
+    @contextmanager
+    def asked_by_owner(self) -> Iterator[None]:
+        """What is asked by the owner, with words for a program on what goes wrong."""
+        self.check_owner()
+        try:
+            yield
+        except QcompileError as error:
+            raise explained(error, self.journal) from error
+
+    def check_owner(self) -> None:
+        """Nothing, if the process and the thread that made it ask.
+
+        Raises:
+            LiveError: others do, or it is closed.
+        """
+        if self.is_closed:
+            raise LiveError(
+                f"The sampler of {self.journal.folder} is closed.",
+                "Make another one with the same journal: it goes on from there.",
+            )
+        if self._owner != _caller():
+            raise LiveError(
+                "A GuardedSampler is asked by the process and the thread that made it.",
+                "The journal knows its jobs by their order. Make one with a journal for each.",
+            )
+
+    def __repr__(self) -> str:
+        return f"GuardedSampler({self.journal.settings['backend']}, {self.journal.folder})"
+
+
+def _caller() -> tuple[int, int]:
+    return os.getpid(), threading.get_ident()
+
+
+def _name(call: Call) -> tuple[str, ...]:
+    return tuple(request.digest for request in call.requests)
+
+
+def _machine(backend: Any) -> tuple[str, Any]:
+    """The name of a machine, and its IBMBackend where that is given.
+
+    Raises:
+        OptionError: it is neither.
+    """
+    if isinstance(backend, str):
+        return backend, None
+    homes = {base.__module__ for base in type(backend).__mro__}
+    if "qiskit_ibm_runtime.ibm_backend" in homes:
+        return backend.name, backend
+    raise OptionError(
+        f"GuardedSampler found {what_it_is(backend)}.",
+        "It takes the name of a machine, or the IBMBackend of QiskitRuntimeService.backend(name).",
+        "Sessions and batches are not taken; batch=True makes one.",
+        "A simulator costs nothing and needs no guard: use its own sampler.",
+    )
+
+
+def _begin(folder: Path, connection: Connection, account: str | None, limit_s: float) -> None:
+    """Make the journal; nothing is sent.
+
+    Raises:
+        LiveError: it cannot be written, or the account has no such machine.
+    """
+    if folder.is_dir() and any(folder.iterdir()):
+        raise LiveError(
+            f"{folder} holds other things and no journal.",
+            f"Name a folder of its own: journal={str(folder / 'mine')!r}.",
+        )
+    task = SamplerTask(backend=connection.name, account=account, instance=connection.crn)
+    settings = task.model_dump(mode="json")
+    versions = run_versions()
+    try:
+        with Journal.create(
+            folder.parent, task.kind, task.name, settings, versions, limit_s, folder=folder
+        ):
+            pass
+    except LiveError:
+        if not (folder / FILE).is_file():  # and no other process was faster
+            raise
+
+
+def _task(journal: Journal, backend: str, account: str | None) -> SamplerTask:
+    """What the journal is of, if this sampler may go on with it.
+
+    Raises:
+        LiveError: it is another run's, another machine's, or not at home here.
+    """
+    if journal.kind != "sampler":
+        raise LiveError(
+            f"{journal.folder} is the journal of a {journal.kind}, not of a sampler.",
+            f"`{resume_command(journal)}` resumes that. Name another folder.",
+        )
+    task = SamplerTask.model_validate(journal.settings)
+    if (task.backend, task.account) != (backend, account):
+        raise LiveError(
+            f"{journal.folder} is of {task.backend}, account {task.account or 'the usual one'}.",
+            f"This sampler asks {backend}, account {account or 'the usual one'}. "
+            "Name another folder.",
+        )
+    if words := strangeness(journal):
+        raise LiveError(words, f"`{resume_command(journal)}` asks whether to resume it here.")
+    return task

@@ -1,0 +1,1 @@
+"""Planning: the cheapest settings that keep a policy's reward, found before anything is sent."""

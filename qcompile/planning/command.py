@@ -1,0 +1,55 @@
+"""The command that plays what a plan found, as it is typed."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from shlex import join
+from typing import Any
+
+from qcompile.deploy.settings import RunSettings
+from qcompile.planning.point import Point
+
+
+def option_words(point: Point) -> list[str]:
+    """The options of `qcompile run` that the plan has found."""
+    settings = point.settings
+    measures = point.simulated.calibration.jobs > 0
+    options: dict[str, Any] = {
+        "shots": settings.shots,
+        "copies": settings.copies if (settings.copies or 1) > 1 else None,
+        "speculate": settings.speculate,
+        "calibration-shots": settings.calibration_shots if measures else None,
+        "max-steps": settings.max_steps,
+    }
+    words = [f"--{name} {value}" for name, value in options.items() if value is not None]
+    return " ".join([*words, *["--split"] * settings.split]).split()
+
+
+def run_command(
+    point: Point,
+    policy: str,
+    backend: str,
+    imports: Sequence[str] = (),
+    env: Mapping[str, Any] | None = None,
+) -> str:
+    """`qcompile run` with the settings of the point; `policy` and `backend` as they were named.
+
+    Nothing in it needs quotes, but names of files with blanks or the like, which have them.
+    """
+    settings = point.settings
+    usual = RunSettings.of(settings, mitigation=None).resolved(point.device)
+    options: dict[str, Any] = {
+        "seed": settings.seed or None,
+        "mitigation": None if usual.mitigation == settings.mitigation else settings.mitigation,
+        "calibration": settings.calibration_file,
+        "level": None if settings.level == 2 else settings.level,
+    }
+    words = ["qcompile", "run", policy, "--backend", backend, "--episodes", str(point.episodes)]
+    words += option_words(point)
+    for name, value in options.items():
+        words += [] if value is None else [f"--{name}", str(value)]
+    words += [word for module in imports for word in ("--import", module)]
+    for name, value in (env or {}).items():
+        words += ["--env", f"{name}={value if isinstance(value, str) else json.dumps(value)}"]
+    return join(words)

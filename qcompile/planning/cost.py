@@ -1,0 +1,102 @@
+"""What the rows of jobs cost on a machine, and the seconds of runs with other seeds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from qcompile.arrays import BoolArray, FloatArray, IntArray
+from qcompile.deploy.depth import Depth, Speculate
+from qcompile.execution import Workload
+from qcompile.execution.cost import job_counts
+from qcompile.planning.chains import Chains
+
+RESAMPLES = 100
+"""Runs that are resampled for an interval of seconds."""
+_PERCENT = 10.0, 90.0
+
+
+@dataclass(frozen=True)
+class Packing:
+    """How rows are measured: `shots` in each execution of a program of so many `rounds`.
+
+    Rows of up to `copies` episodes share an execution, each in the place of its episode modulo
+    `copies`; a row whose shots are split over all places has one of its own.
+    """
+
+    rounds: int
+    shots: int
+    copies: int = 1
+
+    def programs(self, rows: IntArray) -> IntArray:
+        """Executions of the program in each job, (jobs,), for rows (jobs, episodes)."""
+        if self.copies == 1:
+            return np.asarray(rows.sum(axis=1))
+        jobs, episodes = rows.shape
+        full = np.zeros((jobs, -(-episodes // self.copies) * self.copies), dtype=np.intp)
+        full[:, :episodes] = rows
+        return np.asarray(full.reshape(jobs, -1, self.copies).sum(axis=1).max(axis=1))
+
+    def load(self, rows: IntArray) -> Workload:
+        """Jobs and executions of rows (jobs, episodes)."""
+        circuits = self.programs(rows) * self.rounds
+        jobs = int(job_counts(circuits, self.shots).sum())
+        return Workload(jobs, int(circuits.sum()) * self.shots)
+
+
+@dataclass(frozen=True, eq=False)
+class Price:
+    """What the first `episodes` of the chains take, at a depth, and others like them.
+
+    `calibration` is what is measured before the first episode.
+    """
+
+    chains: Chains
+    episodes: int
+    packing: Packing
+    speculate: Speculate
+    calibration: Workload
+
+    @cached_property
+    def load(self) -> Workload:
+        """Jobs and executions of the first episodes, and of the calibration."""
+        return self._load_of(np.arange(self.episodes)) + self.calibration
+
+    def seconds_80(self, seed: int = 0) -> tuple[float, float]:
+        """The 80 % interval of the QPU seconds of runs with other seeds.
+
+        From runs of as many episodes, drawn with replacement from all of the chains.
+        """
+        rng = np.random.default_rng(seed)
+        drawn = rng.integers(len(self.chains.decisions), size=(RESAMPLES, self.episodes))
+        seconds = [(self._load_of(some) + self.calibration).qpu_seconds for some in drawn]
+        low, high = np.percentile(seconds, _PERCENT)
+        return float(low), float(high)
+
+    @cached_property
+    def _rows(self) -> IntArray:
+        assert isinstance(self.speculate, int)
+        return self.chains.rows(self.speculate)
+
+    def _load_of(self, episodes: IntArray) -> Workload:
+        if self.speculate == "auto":
+            rows = self.chains.take(episodes).rows_of(Depth("auto"), self._one_row_each)
+        else:
+            rows = self._rows[:, episodes]
+            rows = rows[rows.any(axis=1)]
+        return self.packing.load(rows)
+
+    def _one_row_each(self, living: BoolArray) -> Workload:
+        return self.packing.load(living.astype(np.intp)[None])
+
+
+def at_sub_jobs(load: Workload, sub_jobs: int = 4) -> float:
+    """QPU seconds, were every job counted as so many sub-jobs."""
+    return (load * 1).qpu_seconds + Workload((sub_jobs - 1) * load.jobs).qpu_seconds
+
+
+def spread(values: FloatArray) -> float:
+    """The variance of the mean of values (n,)."""
+    return float(values.var(ddof=1) / len(values)) if len(values) > 1 else 0.0

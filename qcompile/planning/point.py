@@ -1,0 +1,141 @@
+"""A point of the frontier: a policy with its settings, its reward and its price."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from qcompile.deploy.depth import Speculate
+from qcompile.deploy.intervals import bootstrap_ci95
+from qcompile.deploy.settings import RunSettings
+from qcompile.device import Device
+from qcompile.limits import MOST_AHEAD
+from qcompile.planning.cost import Packing, Price, at_sub_jobs
+from qcompile.planning.share import Baseline
+from qcompile.planning.simulation import Simulated
+from qcompile.policy import Policy
+
+DEPTHS: tuple[int, ...] = (1, 2, 4, 8, 16, 32, MOST_AHEAD)
+_AUTO_MARGIN = 1.05
+"""`auto` is taken where it costs no more than this much of the best depth: it adapts on the
+machine, where predictions may fail more often than on a model of it."""
+_MOST_CUT = 0.02
+"""The share of the episodes that a recommended cut may touch."""
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """`policy` as it was simulated, with what `episodes` of it cost at a depth.
+
+    `cut` is the number of environment steps after which an episode is stopped, in its price alone:
+    rewards are those of whole episodes.
+    """
+
+    policy: Policy
+    simulated: Simulated
+    baseline: Baseline
+    episodes: int
+    speculate: Speculate
+    cut: int | None = None
+
+    @cached_property
+    def packing(self) -> Packing:
+        settings = self.settings
+        copies = 1 if settings.split else settings.copies or 1
+        return Packing(self.simulated.rounds, settings.program_shots, copies)
+
+    @cached_property
+    def price(self) -> Price:
+        chains = self.simulated.chains
+        if self.cut is not None:
+            chains = chains.cut(-(-self.cut // self.policy.hold))
+        calibration = self.simulated.calibration
+        return Price(chains, self.episodes, self.packing, self.speculate, calibration)
+
+    @cached_property
+    def settings(self) -> RunSettings:
+        """What plays it."""
+        changes = {"speculate": self.speculate, "max_steps": self.cut}
+        return RunSettings.of(self.simulated.settings, **changes)
+
+    @property
+    def device(self) -> Device:
+        """What it is planned for."""
+        return self.simulated.device
+
+    @property
+    def seconds(self) -> float:
+        """QPU seconds of the episodes of the seed itself."""
+        return self.price.load.qpu_seconds
+
+    @cached_property
+    def seconds_80(self) -> tuple[float, float]:
+        """The 80 % interval of the QPU seconds with other seeds."""
+        return self.price.seconds_80(self.settings.seed)
+
+    @property
+    def most_seconds(self) -> float:
+        """What a limit must allow: the seed's own seconds, and the upper end of the interval."""
+        return max(self.seconds, self.seconds_80[1])
+
+    @property
+    def mean_reward(self) -> float:
+        return float(self.simulated.rewards.mean())
+
+    @cached_property
+    def share(self) -> float:
+        """What it keeps of the ideal reward over random actions."""
+        return self.baseline.share(self.simulated.rewards)
+
+    def shortened(self) -> Point | None:
+        """With the shortest cut that touches at most 2 % of the episodes; None if it saves none."""
+        steps = np.sort(self.simulated.steps)
+        cut = int(steps[len(steps) - 1 - int(_MOST_CUT * len(steps))])
+        return replace(self, cut=cut) if cut < steps[-1] else None
+
+    def with_episodes(self, episodes: int) -> Point:
+        """The same for another number of episodes."""
+        return replace(self, episodes=episodes)
+
+    @cached_property
+    def values(self) -> dict[str, Any]:
+        """The plain values of `qcompile plan --json`."""
+        settings, load = self.settings, self.price.load
+        rewards = self.simulated.rewards
+        return {
+            "policy": self.policy.name,
+            "hold": self.policy.hold,
+            "shots": settings.shots,
+            "copies": settings.copies or 1,
+            "split": settings.split,
+            "speculate": self.speculate,
+            "max_steps": self.cut,
+            "mitigation": settings.mitigation,
+            "calibration_shots": settings.calibration_shots,
+            "episodes": self.episodes,
+            "jobs": load.jobs,
+            "executions": load.executions,
+            "qpu_seconds": load.qpu_seconds,
+            "qpu_seconds_80": list(self.seconds_80),
+            "qpu_seconds_at_4_sub_jobs": at_sub_jobs(load),
+            "mean_reward": self.mean_reward,
+            "ci95": bootstrap_ci95(rewards, settings.seed),
+            "judged_episodes": len(rewards),
+            "share": self.share,
+            "share_95": list(self.baseline.share_95(rewards)),
+        }
+
+
+def best_depth(point: Point, speculate: Speculate | None = None) -> Point:
+    """The point at the cheapest depth, or at `auto` where that costs hardly more.
+
+    `speculate` is the depth where it is given.
+    """
+    if speculate is not None:
+        return replace(point, speculate=speculate)
+    auto = replace(point, speculate="auto")
+    fixed = min((replace(point, speculate=depth) for depth in DEPTHS), key=lambda p: p.seconds)
+    return auto if auto.seconds <= _AUTO_MARGIN * fixed.seconds else fixed

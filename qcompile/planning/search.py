@@ -1,0 +1,286 @@
+"""The cheapest settings that keep a policy's reward, within a number of QPU seconds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from qcompile.deploy.settings import RunSettings
+from qcompile.errors import OptionError
+from qcompile.execution import Backend, Executor
+from qcompile.passes import copies_that_fit
+from qcompile.planning.point import Point, best_depth
+from qcompile.planning.share import Baseline
+from qcompile.planning.simulation import ideal_rewards, random_rewards, simulate
+from qcompile.policy import Policy
+
+KEEP = 0.97
+LADDER = tuple(2**k for k in range(3, 14))
+"""Numbers of shots that are tried: 8, 16, ..., 8192."""
+_FIRST = 256
+_LEAST, _MOST = 200, 1000
+"""Episodes that settings are judged by: at least, and at most to confirm them."""
+
+Show = Callable[[float, str], None]
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What is asked of a plan: `episodes` from `settings.seed` on, `within` so many QPU seconds.
+
+    `settings` say level, mitigation and calibration. What stands in `given` (shots, copies, split,
+    speculate, calibration_shots, max_steps) is kept; the others are found.
+    """
+
+    settings: RunSettings
+    episodes: int
+    within: float
+    keep: float = KEEP
+    given: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def judged(self) -> int:
+        """How many episodes settings are looked at with."""
+        return max(_LEAST, self.episodes)
+
+    @property
+    def confirmed(self) -> int:
+        """How many episodes the recommended settings are judged by.
+
+        The longest of n new episodes is longer than all of m others in n / (m + n) of all cases:
+        m = 9 n leave one in ten above the interval, as they should.
+        """
+        return max(self.judged, min(9 * self.episodes, _MOST))
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """All points that were looked at, and the recommended one, if one fits."""
+
+    wanted: Wanted
+    points: list[Point]
+    recommended: Point | None
+
+    @property
+    def frontier(self) -> list[Point]:
+        """The points of which none is cheaper and as good, the cheapest first; and the chosen."""
+        points = sorted(self.points, key=lambda point: (point.seconds, -point.mean_reward))
+        best, frontier = -np.inf, list[Point]()
+        for point in points:
+            if point.mean_reward > best:
+                best = point.mean_reward
+                frontier.append(point)
+        chosen = self.recommended
+        if chosen is not None and chosen not in frontier:
+            frontier.append(chosen)
+        return sorted(frontier, key=lambda point: point.seconds)
+
+    @property
+    def closest(self) -> Point:
+        """What comes nearest where nothing fits: the cheapest that keeps enough, or the best."""
+        keeping = [point for point in self.points if point.share >= self.wanted.keep]
+        if keeping:
+            return min(keeping, key=lambda point: point.most_seconds)
+        return max(self.points, key=lambda point: point.share)
+
+    def nearest(self) -> dict[str, Any]:
+        """What would fit: fewer episodes, more seconds, a smaller share; None: nothing."""
+        within, points = self.wanted.within, _with_cuts(self.points, self.wanted)
+        keeping = [point for point in points if point.share >= self.wanted.keep]
+        cheapest = min(keeping, key=lambda point: point.most_seconds, default=None)
+        fitting = [point.share for point in points if point.most_seconds <= within]
+        return {
+            "episodes": cheapest and _episodes_that_fit(cheapest, within),
+            "within": cheapest and float(np.ceil(cheapest.most_seconds)),
+            "keep": _floor(max(fitting)) if fitting else None,
+        }
+
+
+def search(
+    policies: Sequence[Policy],
+    backend: Backend | Executor,
+    wanted: Wanted,
+    show: Show = lambda done, words: None,
+) -> Found:
+    """Play the policies with fewer and fewer shots, and choose the cheapest that keep the reward.
+
+    A policy keeps it where the mean over whole episodes has at least `keep` of what the best of the
+    policies earns over random actions without noise. Points are judged from 256 shots downwards
+    until one fails, or upwards until one passes; what is to be recommended is judged again by more
+    episodes. An episode is cut only where nothing fits without.
+
+    Raises:
+        OptionError: the policies are of different environments, or no better than random.
+    """
+    _check(policies)
+    show(0, "random actions")
+    judge = Judge(policies, wanted)
+    points: list[Point] = []
+    for number, policy in enumerate(policies):
+        shown = _Shown(show, 0.8 * number / len(policies), 0.8 / len(policies))
+        points += Ladder(policy, backend, wanted, judge, shown).points()
+
+    while (chosen := _candidate(points, wanted)) is not None:
+        if len(chosen.simulated.rewards) >= wanted.confirmed:
+            break
+        words = f"{chosen.policy.name}, {chosen.settings.shots} shots"
+        show(0.9, f"{words}, {wanted.confirmed} episodes")
+        again = judge.again(replace(chosen, cut=wanted.given.get("max_steps")), backend)
+        points = [again if p.simulated is chosen.simulated else p for p in points]
+    if chosen is not None and chosen not in points:
+        points.append(chosen)
+    return Found(wanted, points, chosen)
+
+
+def _candidate(points: Sequence[Point], wanted: Wanted) -> Point | None:
+    """The cheapest point that keeps the reward and fits, cut only where none does without."""
+    keeping = [point for point in points if point.share >= wanted.keep]
+    found = _cheapest(keeping, wanted.within)
+    return found or _cheapest(_with_cuts(keeping, wanted), wanted.within)
+
+
+def _with_cuts(points: Sequence[Point], wanted: Wanted) -> list[Point]:
+    """The points, and where no cut is given each with one that touches few of its episodes."""
+    if "max_steps" in wanted.given:
+        return [*points]
+    cut = [short for point in points if (short := point.shortened()) is not None]
+    return [*points, *cut]
+
+
+def _check(policies: Sequence[Policy]) -> None:
+    made = {(policy.environment, repr(policy.environment_kwargs)) for policy in policies}
+    if len(made) > 1:
+        names = ", ".join(sorted({environment for environment, _ in made}))
+        raise OptionError(
+            f"The policies play in different environments: {names}.",
+            "A plan chooses among policies of one environment.",
+        )
+
+
+def _cheapest(points: Sequence[Point], within: float) -> Point | None:
+    fitting = [point for point in points if point.most_seconds <= within]
+    return min(fitting, key=lambda point: point.seconds, default=None)
+
+
+def _floor(share: float) -> float:
+    """Two digits that the share reaches."""
+    return float(np.floor(100 * share) / 100)
+
+
+def _episodes_that_fit(point: Point, within: float) -> int | None:
+    """The most episodes whose seconds stay within, at the point's settings."""
+    low, high = 0, point.episodes
+    while high - low > 1:
+        middle = (low + high) // 2
+        if point.with_episodes(middle).most_seconds <= within:
+            low = middle
+        else:
+            high = middle
+    return low or None
+
+
+@dataclass(frozen=True)
+class _Shown:
+    show: Show
+    start: float
+    share: float
+
+    def __call__(self, done: float, words: str) -> None:
+        self.show(self.start + self.share * done, words)
+
+
+class Judge:
+    """What the rewards of some policies are held to: random actions, and the best one's ideal."""
+
+    def __init__(self, policies: Sequence[Policy], wanted: Wanted):
+        self._wanted = wanted
+        self._random = random_rewards(policies[0], wanted.settings.seed)
+        ideal = [ideal_rewards(policy, wanted.settings, wanted.judged) for policy in policies]
+        best = int(np.argmax([rewards.mean() for rewards in ideal]))
+        self._best = policies[best]
+        self.baseline = Baseline(self._random, ideal[best])
+
+    @cached_property
+    def _confirming(self) -> Baseline:
+        wanted = self._wanted
+        ideal = ideal_rewards(self._best, wanted.settings, wanted.confirmed)
+        return Baseline(self._random, ideal)
+
+    def again(self, point: Point, backend: Backend | Executor) -> Point:
+        """The point, judged by as many episodes as a recommended one is."""
+        settings, episodes = point.simulated.settings, self._wanted.confirmed
+        simulated = simulate(point.policy, backend, settings, episodes)
+        return replace(point, simulated=simulated, baseline=self._confirming)
+
+
+@dataclass(frozen=True, eq=False)
+class Ladder:
+    """One policy with more and fewer shots."""
+
+    policy: Policy
+    backend: Backend | Executor
+    wanted: Wanted
+    judge: Judge
+    show: Show
+
+    def points(self) -> list[Point]:
+        """A point for each number of shots: the best way to measure them."""
+        if "shots" in self.wanted.given:
+            return [self.point(self.wanted.given["shots"])]
+        start = LADDER.index(_FIRST)
+        points = [self.point(_FIRST)]
+        keeps = points[0].share >= self.wanted.keep
+        for shots in LADDER[start - 1 :: -1] if keeps else LADDER[start + 1 :]:
+            points.append(self.point(shots))
+            if (points[-1].share >= self.wanted.keep) != keeps:
+                break
+        return points
+
+    def point(self, shots: int) -> Point:
+        """The cheapest place and depth for so many shots, simulated as they are."""
+        self.show(1 - np.log2(shots) / 14, f"{self.policy.name}, {shots} shots")
+        ways = self._ways(shots)
+        simulated = self._simulated(shots, *ways[0])
+        first = self._depth(Point(self.policy, simulated, self.judge.baseline, self._episodes, 1))
+        best = first
+        for copies, split in ways[1:]:  # priced by the same episodes, and simulated if it is best
+            settings = RunSettings.of(simulated.settings, copies=copies, split=split)
+            other = self._depth(replace(first, simulated=replace(simulated, settings=settings)))
+            best = min(best, other, key=lambda point: point.seconds)
+        if best is first:
+            return first
+        copies, split = best.settings.copies or 1, best.settings.split
+        played = replace(best, simulated=self._simulated(shots, copies, split))
+        return min(first, self._depth(played), key=lambda point: point.seconds)
+
+    @property
+    def _episodes(self) -> int:
+        return self.wanted.episodes
+
+    def _depth(self, point: Point) -> Point:
+        given = self.wanted.given
+        cut = replace(point, cut=given.get("max_steps"))
+        return best_depth(cut, given.get("speculate"))
+
+    def _ways(self, shots: int) -> list[tuple[int, bool]]:
+        """Numbers of copies, and whether a row is split over them; the first is played."""
+        given = self.wanted.given
+        fit = copies_that_fit(len(self.policy.program), self.backend.device)
+        copies = {
+            False: given.get("copies", min(fit, self._episodes)),
+            True: given.get("copies", min(fit, shots)),
+        }
+        splits = [given["split"]] if "split" in given else [False, True]
+        ways = [(copies[split], split) for split in splits]
+        return [ways[0], *(way for way in ways[1:] if way[0] > 1)]
+
+    def _simulated(self, shots: int, copies: int, split: bool) -> Any:
+        changes = {"shots": shots, "copies": copies, "split": split}
+        shots_of_calibration = self.wanted.given.get("calibration_shots", "auto")
+        changes["calibration_shots"] = shots_of_calibration
+        settings = RunSettings.of(self.wanted.settings, **changes)
+        return simulate(self.policy, self.backend, settings, self.wanted.judged)

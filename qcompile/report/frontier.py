@@ -1,0 +1,93 @@
+"""Reward against QPU seconds, as a picture."""
+
+from __future__ import annotations
+
+from io import BytesIO
+from typing import Any
+
+from qcompile.report.figure import COLOURS, Figure
+
+_GREY = "0.45"
+
+
+def draw_frontier(plan: dict[str, Any]) -> Figure:
+    """The mean reward of each point of a plan against its QPU seconds, on a logarithmic scale.
+
+    `plan` is the document of `qcompile plan --within --json`. Bars are the 80 % interval of the
+    seconds and the 95 % interval of the mean; the recommended point is ringed. Lines mark the limit
+    and what the ideal policy and random actions earn; a cross is the paper's way.
+    """
+    from matplotlib.figure import Figure as Drawing
+
+    drawing = Drawing(figsize=(7.2, 4.2), layout="constrained")
+    axes = drawing.subplots()
+    points, names = plan["frontier"], list(dict.fromkeys(p["policy"] for p in plan["frontier"]))
+    seconds, rewards = ([p[key] for p in points] for key in ("qpu_seconds", "mean_reward"))
+    axes.plot(seconds, rewards, color=_GREY, linewidth=1, zorder=1)
+    for number, name in enumerate(names):
+        own = [point for point in points if point["policy"] == name]
+        x, y = ([p[key] for p in own] for key in ("qpu_seconds", "mean_reward"))
+        axes.errorbar(
+            x,
+            y,
+            xerr=_ends(x, [p["qpu_seconds_80"] for p in own]),
+            yerr=_ends(y, [p["ci95"] or [p["mean_reward"]] * 2 for p in own]),
+            fmt="o",
+            markersize=4,
+            color=COLOURS[number % len(COLOURS)],
+            elinewidth=1,
+            label=name,
+        )
+        for point in own:
+            place = point["qpu_seconds"], point["mean_reward"]
+            axes.annotate(
+                f" {point['shots']}", place, (3, -9), textcoords="offset points", fontsize=7
+            )
+    if (chosen := plan["recommended"]) is not None:
+        axes.scatter(
+            chosen["qpu_seconds"],
+            chosen["mean_reward"],
+            s=130,
+            facecolors="none",
+            edgecolors=COLOURS[-1],
+            zorder=3,
+            label="recommended",
+        )
+    paper = plan["paper"]
+    axes.scatter(
+        paper["qpu_seconds"],
+        paper["mean_reward"],
+        marker="x",
+        color=COLOURS[-1],
+        label=f"as in the paper, {paper['shots']} shots",
+    )
+    axes.axvline(plan["within"], color=_GREY, linestyle=":", linewidth=1)
+    for key, words in (("ideal_reward", "without noise"), ("random_reward", "random actions")):
+        axes.axhline(plan[key], color=_GREY, linestyle="--", linewidth=0.8)
+        axes.annotate(
+            words,
+            (1, plan[key]),
+            (-4, 3),
+            xycoords=("axes fraction", "data"),
+            textcoords="offset points",
+            ha="right",
+            fontsize=7,
+            color=_GREY,
+        )
+    axes.set_xscale("log")
+    axes.set_xlabel("QPU seconds, by IBM's published estimate")
+    axes.set_ylabel("mean reward")
+    title = f"{points[0]['episodes']} episodes on {plan['backend']}; numbers are shots"
+    axes.set_title(title, loc="left", fontsize=10)
+    axes.legend(frameon=False, fontsize=8, loc="center right")
+    axes.spines[["top", "right"]].set_visible(False)
+    stream = BytesIO()
+    drawing.savefig(stream, format="png", dpi=120, metadata={"Software": None})
+    return Figure(stream.getvalue())
+
+
+def _ends(middle: list[float], intervals: list[list[float]]) -> list[list[float]]:
+    """How far the ends of intervals lie below and above the middle."""
+    pairs = list(zip(middle, intervals, strict=True))
+    below = [max(value - low, 0.0) for value, (low, _) in pairs]
+    return [below, [max(high - value, 0.0) for value, (_, high) in pairs]]
