@@ -97,7 +97,7 @@ def test_episodes_that_finish_first_are_others() -> None:
     policy = coins(misses=STEPS + 1)
     settings: dict[str, Any] = {"shots": SHOTS, "mitigation": "none", "speculate": 8}
     run = play(Deployment(policy, machine(1), **settings), EPISODES, on_episode=note)
-    assert surprise_of_mean(run) < CAUGHT
+    assert surprise_of_mean(run) < 1e-4
     assert run.summary()["mean_reward"] is None
     assert run.decisions == run.env_steps < run.measured_rows
     whole = play(Deployment(policy, machine(2), **settings), EPISODES)
