@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 EPISODES ?= 20
 
 .DEFAULT_GOAL := help
-.PHONY: help run study test lint types bench calibrations coverage chaos fuzz frontier policies docs clean
+.PHONY: help run study test lint types bench calibrations coverage chaos fuzz frontier policies speculation docs clean
 
 help:  ## Show this help
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -49,6 +49,9 @@ frontier: $(VENV)/run.stamp  ## Measure reward against QPU seconds over shots, h
 
 policies: $(VENV)/run.stamp  ## Train the shipped policies by their cards, and compare every number (a quarter of an hour)
 	$(BIN)/python benchmarks/shipped.py
+
+speculation: $(VENV)/dev.stamp  ## Hold runs that measure ahead to the law of those that do not (half an hour)
+	$(BIN)/python -W ignore benchmarks/speculation.py
 
 docs: $(VENV)/docs.stamp  ## Build the documentation into site/
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
