@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 EPISODES ?= 20
 
 .DEFAULT_GOAL := help
-.PHONY: help run study test lint types bench calibrations coverage chaos fuzz policies docs clean
+.PHONY: help run study test lint types bench calibrations coverage chaos fuzz frontier policies docs clean
 
 help:  ## Show this help
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -43,6 +43,9 @@ chaos: $(VENV)/dev.stamp  ## Break live runs in every known way, and check what 
 
 fuzz: $(VENV)/dev.stamp  ## Feed a million damaged files to all readers (minutes)
 	$(BIN)/python -W ignore benchmarks/fuzz.py --inputs 1000000
+
+frontier: $(VENV)/run.stamp  ## Measure reward against QPU seconds over shots, holds and devices (minutes)
+	$(BIN)/python -W ignore benchmarks/frontier.py
 
 policies: $(VENV)/run.stamp  ## Train the shipped policies by their cards, and compare every number (a quarter of an hour)
 	$(BIN)/python benchmarks/shipped.py

@@ -30,6 +30,7 @@ ORDER = (
     {"policy"},
     {"deploy"},
     {"jobs", "rl", "live"},
+    {"planning"},
     {"report"},
     {"sweep"},
     {"verbs"},

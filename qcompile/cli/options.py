@@ -193,6 +193,16 @@ class Several(click.ParamType[tuple[Any, ...]]):
         return tuple(self.inner.convert(part, param, ctx) for part in parts)
 
 
+def said(**values: Any) -> dict[str, Any]:
+    """Those of the values, by option, that the command line or a variable has said."""
+    source = click.get_current_context().get_parameter_source
+    return {
+        name: value
+        for name, value in values.items()
+        if source(name) is not click.core.ParameterSource.DEFAULT
+    }
+
+
 def once(
     ctx: click.Context, param: click.Parameter, values: tuple[tuple[Any, ...], ...]
 ) -> tuple[Any, ...]:

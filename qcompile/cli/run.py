@@ -20,6 +20,7 @@ from qcompile.cli.options import (
     json_option,
     level_option,
     max_steps_option,
+    said,
     split_option,
 )
 from qcompile.limits import MAX_EPISODES
@@ -32,7 +33,10 @@ if TYPE_CHECKING:
 @click.argument("policy", default="lunarlander", metavar="[POLICY]")
 @backend_option()
 @click.option(
-    "--shots", type=Shots(), default=8192, show_default=True, help="Shots of each circuit."
+    "--shots",
+    type=Shots(),
+    default=8192,
+    help="Shots of each circuit.  [default: 8192; with --live as planned, within the limit]",
 )
 @click.option("--episodes", type=click.IntRange(1, MAX_EPISODES), default=20, show_default=True)
 @click.option(
@@ -73,9 +77,8 @@ if TYPE_CHECKING:
     "--speculate",
     type=Depth(),
     default=1,
-    show_default=True,
     help="Measure up to D decisions of each episode in a job, along predicted steps; those whose "
-    "predictions were right count. auto: as many as pay.",
+    "predictions were right count. auto: as many as pay.  [default: 1; with --live auto]",
 )
 @max_steps_option
 @click.option("--greedy", is_flag=True, help="Take the most probable action; default: sample.")
@@ -123,22 +126,19 @@ def command(
         policy,
         backend,
         episodes=episodes,
-        shots=shots,
         seed=seed,
         level=level,
         mitigation=mitigation,
         calibration=calibration_file,
         predistort=predistort,
-        calibration_shots=calibration_shots,
         copies=copies,
-        split=split,
-        speculate=speculate,
         max_steps=max_steps,
         greedy=greedy,
         imports=imports,
         env=env,
         video=video,
         live=live,
+        **said(shots=shots, calibration_shots=calibration_shots, split=split, speculate=speculate),
         on_note=echo_note,
     )
     if as_json:

@@ -47,11 +47,12 @@ def portions(rows: Sequence[int], shots: int) -> list[list[Portion]]:
     return jobs
 
 
-def job_counts(rows: IntArray, rounds: int, shots: int) -> IntArray:
-    """How many jobs `portions` makes of batches of so many rows, for an array of any shape."""
-    if together := MAX_EXECUTIONS_PER_JOB // (rounds * shots):
-        return np.maximum(-(-rows // together), 1)
-    return np.maximum(rows * -(-rounds // (MAX_EXECUTIONS_PER_JOB // shots)), 1)
+def job_counts(circuits: IntArray, shots: int) -> IntArray:
+    """How many jobs `portions` makes of so many circuits with values, for an array of any shape.
+
+    Exact expectations, without shots, count as one shot each.
+    """
+    return np.asarray(-(-circuits // (MAX_EXECUTIONS_PER_JOB // max(shots, 1))))
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,8 @@ class Workload:
     @classmethod
     def of_batch(cls, rows: int, rounds: int, shots: int) -> Workload:
         """That of `rounds` circuits, each with `rows` rows of values, by `portions`."""
-        return cls(len(portions([rows] * rounds, shots)), rows * rounds * shots)
+        circuits = rows * rounds
+        return cls(int(job_counts(np.array(circuits), shots)), circuits * shots)
 
     def __add__(self, other: Workload) -> Workload:
         return Workload(self.jobs + other.jobs, self.executions + other.executions)

@@ -4,11 +4,26 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from shlex import quote
+from shlex import join
 from typing import Any
 
 from qcompile.deploy.settings import RunSettings
 from qcompile.planning.point import Point
+
+
+def option_words(point: Point) -> list[str]:
+    """The options of `qcompile run` that the plan has found."""
+    settings = point.settings
+    measures = point.simulated.calibration.jobs > 0
+    options: dict[str, Any] = {
+        "shots": settings.shots,
+        "copies": settings.copies if (settings.copies or 1) > 1 else None,
+        "speculate": settings.speculate,
+        "calibration-shots": settings.calibration_shots if measures else None,
+        "max-steps": settings.max_steps,
+    }
+    words = [f"--{name} {value}" for name, value in options.items() if value is not None]
+    return " ".join([*words, *["--split"] * settings.split]).split()
 
 
 def run_command(
@@ -24,25 +39,17 @@ def run_command(
     """
     settings = point.settings
     usual = RunSettings.of(settings, mitigation=None).resolved(point.device)
-    words = ["qcompile", "run", policy, "--backend", backend]
     options: dict[str, Any] = {
-        "episodes": point.episodes,
         "seed": settings.seed or None,
-        "shots": settings.shots,
-        "copies": settings.copies if (settings.copies or 1) > 1 else None,
-        "speculate": point.speculate,
-        "calibration-shots": settings.calibration_shots,
         "mitigation": None if usual.mitigation == settings.mitigation else settings.mitigation,
         "calibration": settings.calibration_file,
-        "max-steps": settings.max_steps,
-        "level": settings.level if settings.level != 2 else None,
+        "level": None if settings.level == 2 else settings.level,
     }
-    if not point.simulated.calibration.jobs:
-        options["calibration-shots"] = None
+    words = ["qcompile", "run", policy, "--backend", backend, "--episodes", str(point.episodes)]
+    words += option_words(point)
     for name, value in options.items():
         words += [] if value is None else [f"--{name}", str(value)]
-    words += ["--split"] if settings.split else []
     words += [word for module in imports for word in ("--import", module)]
     for name, value in (env or {}).items():
         words += ["--env", f"{name}={value if isinstance(value, str) else json.dumps(value)}"]
-    return " ".join(map(quote, words))
+    return join(words)

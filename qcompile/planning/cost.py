@@ -20,25 +20,19 @@ _PERCENT = 10.0, 90.0
 
 @dataclass(frozen=True)
 class Packing:
-    """How rows are measured: `shots` of each, in a program of `rounds` with `copies` places.
+    """How rows are measured: `shots` in each execution of a program of so many `rounds`.
 
-    With `split` the shots of a row are spread over all places, otherwise a row is measured in the
-    place of its episode, modulo `copies`.
+    Rows of up to `copies` episodes share an execution, each in the place of its episode modulo
+    `copies`; a row whose shots are split over all places has one of its own.
     """
 
     rounds: int
     shots: int
     copies: int = 1
-    split: bool = False
-
-    @property
-    def program_shots(self) -> int:
-        """Shots of one execution of the program for its rows."""
-        return -(-self.shots // self.copies) if self.split else self.shots
 
     def programs(self, rows: IntArray) -> IntArray:
         """Executions of the program in each job, (jobs,), for rows (jobs, episodes)."""
-        if self.split or self.copies == 1:
+        if self.copies == 1:
             return np.asarray(rows.sum(axis=1))
         jobs, episodes = rows.shape
         full = np.zeros((jobs, -(-episodes // self.copies) * self.copies), dtype=np.intp)
@@ -47,10 +41,9 @@ class Packing:
 
     def load(self, rows: IntArray) -> Workload:
         """Jobs and executions of rows (jobs, episodes)."""
-        programs = self.programs(rows)
-        jobs = job_counts(programs, self.rounds, self.program_shots)
-        executions = int(programs.sum()) * self.rounds * self.program_shots
-        return Workload(int(jobs.sum()), executions)
+        circuits = self.programs(rows) * self.rounds
+        jobs = int(job_counts(circuits, self.shots).sum())
+        return Workload(jobs, int(circuits.sum()) * self.shots)
 
 
 @dataclass(frozen=True, eq=False)

@@ -44,9 +44,8 @@ class Point:
     @cached_property
     def packing(self) -> Packing:
         settings = self.settings
-        assert settings.shots is not None
-        copies = settings.copies or 1
-        return Packing(self.simulated.rounds, settings.shots, copies, settings.split)
+        copies = 1 if settings.split else settings.copies or 1
+        return Packing(self.simulated.rounds, settings.program_shots, copies)
 
     @cached_property
     def price(self) -> Price:

@@ -12,7 +12,7 @@ import numpy as np
 from qcompile.deploy.settings import RunSettings
 from qcompile.errors import OptionError
 from qcompile.execution import Backend, Executor
-from qcompile.passes import compile
+from qcompile.passes import copies_that_fit
 from qcompile.planning.point import Point, best_depth
 from qcompile.planning.share import Baseline
 from qcompile.planning.simulation import ideal_rewards, random_rewards, simulate
@@ -78,6 +78,14 @@ class Found:
         if chosen is not None and chosen not in frontier:
             frontier.append(chosen)
         return sorted(frontier, key=lambda point: point.seconds)
+
+    @property
+    def closest(self) -> Point:
+        """What comes nearest where nothing fits: the cheapest that keeps enough, or the best."""
+        keeping = [point for point in self.points if point.share >= self.wanted.keep]
+        if keeping:
+            return min(keeping, key=lambda point: point.most_seconds)
+        return max(self.points, key=lambda point: point.share)
 
     def nearest(self) -> dict[str, Any]:
         """What would fit: fewer episodes, more seconds, a smaller share; None: nothing."""
@@ -189,9 +197,9 @@ class Judge:
     """What the rewards of some policies are held to: random actions, and the best one's ideal."""
 
     def __init__(self, policies: Sequence[Policy], wanted: Wanted):
-        self._wanted, seed = wanted, wanted.settings.seed
-        self._random = random_rewards(policies[0], seed)
-        ideal = [ideal_rewards(policy, seed, wanted.judged) for policy in policies]
+        self._wanted = wanted
+        self._random = random_rewards(policies[0], wanted.settings.seed)
+        ideal = [ideal_rewards(policy, wanted.settings, wanted.judged) for policy in policies]
         best = int(np.argmax([rewards.mean() for rewards in ideal]))
         self._best = policies[best]
         self.baseline = Baseline(self._random, ideal[best])
@@ -199,7 +207,7 @@ class Judge:
     @cached_property
     def _confirming(self) -> Baseline:
         wanted = self._wanted
-        ideal = ideal_rewards(self._best, wanted.settings.seed, wanted.confirmed)
+        ideal = ideal_rewards(self._best, wanted.settings, wanted.confirmed)
         return Baseline(self._random, ideal)
 
     def again(self, point: Point, backend: Backend | Executor) -> Point:
@@ -260,9 +268,8 @@ class Ladder:
 
     def _ways(self, shots: int) -> list[tuple[int, bool]]:
         """Numbers of copies, and whether a row is split over them; the first is played."""
-        given, settings = self.wanted.given, self.wanted.settings
-        program = self.policy.trained_program
-        fit = compile(program, self.backend.device, settings.level).copies_that_fit
+        given = self.wanted.given
+        fit = copies_that_fit(len(self.policy.program), self.backend.device)
         copies = {
             False: given.get("copies", min(fit, self._episodes)),
             True: given.get("copies", min(fit, shots)),

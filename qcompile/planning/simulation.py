@@ -89,9 +89,10 @@ def simulate(
     )
 
 
-def ideal_rewards(policy: Policy, seed: int, episodes: int) -> FloatArray:
-    """The rewards of the policy on exact `<Z>` without noise, from the same resets."""
-    run = play(Deployment(policy, "ideal", shots=None, seed=seed), episodes)
+def ideal_rewards(policy: Policy, settings: RunSettings, episodes: int) -> FloatArray:
+    """The rewards of the policy on exact `<Z>` without noise, from the resets of the settings."""
+    exact = RunSettings(shots=None, seed=settings.seed, greedy=settings.greedy)
+    run = play(Deployment(policy, "ideal", exact), episodes)
     if run.interrupted:
         raise KeyboardInterrupt
     return run.rewards

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from numbers import Integral
 from os import PathLike
 from typing import Any, Literal
@@ -15,6 +16,17 @@ Name = str | PathLike[str]
 """A bare name or a path."""
 Words = Callable[[str], None]
 """What is told something that a person should read."""
+
+
+@dataclass(frozen=True, repr=False)
+class Planned:
+    """The default of a setting: `offline`, and with `live` what the plan proposes."""
+
+    offline: Any
+
+    def __repr__(self) -> str:
+        return f"{self.offline!r} (live: planned)"
+
 
 Shots = int | None | Literal["exact"]
 """A number of shots; None or "exact" are expectations without shot noise."""

@@ -15,7 +15,7 @@ import numpy as np
 
 from qcompile.errors import OptionError
 from qcompile.limits import MAX_EPISODES
-from qcompile.sweep.arguments import is_several, several
+from qcompile.sweep.arguments import Planned, is_several, several
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -144,6 +144,7 @@ _KINDS: Mapping[str, Callable[[Any], bool]] = {
     "Part": lambda value: isinstance(value, str),
     "Shots": lambda value: value is None or _is_exact(value) or _is_whole(value),
     "Live": _is_live,
+    "Planned": lambda value: isinstance(value, Planned),
     "Words": callable,
     "Callback": callable,
     "Callable[[str], None]": callable,

@@ -33,10 +33,14 @@ from qcompile.report.figure import Figure
 from qcompile.report.film import SUFFIXES, Film
 from qcompile.report.rewards import draw_rewards
 from qcompile.report.tables import interval_words, plural
-from qcompile.sweep.arguments import Name, Shots, Words, ignore, several, shots_of
+from qcompile.sweep.arguments import Name, Planned, Shots, Words, ignore, several, shots_of
 from qcompile.verbs.arguments import checked
 from qcompile.verbs.live import Live, check_live, spend
+from qcompile.verbs.proposal import given, live_settings, offline
 from qcompile.verbs.results import Result
+
+_SHOTS, _SPECULATE, _SPLIT = Planned(8192), Planned(1), Planned(False)
+_CALIBRATION_SHOTS = Planned(CALIBRATION_SHOTS)
 
 
 class RunResult(Result):
@@ -110,16 +114,16 @@ def run(
     backend: Name | Device | Backend | Executor | Any = "ideal",
     *,
     episodes: int = 20,
-    shots: Shots = 8192,
+    shots: Shots | Planned = _SHOTS,
     seed: int = 0,
     level: int = 2,
     mitigation: str | None = None,
     calibration: Name | Calibration | None = None,
     predistort: bool = False,
-    calibration_shots: int | Literal["auto"] = CALIBRATION_SHOTS,
+    calibration_shots: int | Literal["auto"] | Planned = _CALIBRATION_SHOTS,
     copies: int | None = None,
-    split: bool = False,
-    speculate: Speculate = 1,
+    split: bool | Planned = _SPLIT,
+    speculate: Speculate | Planned = _SPECULATE,
     max_steps: int | None = None,
     greedy: bool = False,
     imports: Name | Sequence[Name] = (),
@@ -144,28 +148,34 @@ def run(
     policy.
     `video` films the first episode, .mp4 or .gif.
 
-    With `live` it is played on IBM's machine of that name, which costs money: see `Live`. `on_note`
-    is told what a person should read.
+    With `live` it is played on IBM's machine of that name, which costs money: see `Live`. Without
+    shots its settings then are the plan's, the cheapest within the limit that keep 97 % of the
+    reward; what is given is kept, and `speculate` and `calibration_shots` are "auto". `on_note` is
+    told what a person should read.
 
     Raises:
         OptionError: options contradict each other.
         QcompileError: a name, a file or a combination that cannot be played.
     """
+    planned = {
+        "shots": shots,
+        "calibration_shots": calibration_shots,
+        "copies": copies,
+        "split": split,
+        "speculate": speculate,
+        "max_steps": max_steps,
+    }
+    taken = offline(planned)
     settings = _settings(
         episodes,
         video,
         live,
         sampler,
-        shots=shots_of(shots),
+        **taken | {"shots": shots_of(taken["shots"])},
         seed=seed,
         level=level,
         mitigation=mitigation,
         predistort=predistort,
-        calibration_shots=calibration_shots,
-        copies=copies,
-        split=split,
-        speculate=speculate,
-        max_steps=max_steps,
         greedy=greedy,
     )
     import_modules(several(imports))
@@ -178,7 +188,8 @@ def run(
             on_note(words)
     settings = RunSettings.of(settings, calibration=calibration)
     if live is not None:
-        values = _run_live(load_circuits(loaded), backend, settings, episodes, live, on_note)
+        said = given(planned)
+        values = _run_live(load_circuits(loaded), backend, settings, said, episodes, live, on_note)
         return RunResult(values, episodes)
     if isinstance(loaded, Network) and sampler is not None:
         refuse_options(loaded, ["sampler"])
@@ -249,6 +260,7 @@ def _run_live(
     policy: Policy,
     backend: Any,
     settings: RunSettings,
+    said: Mapping[str, Any],
     episodes: int,
     live: Live,
     on_note: Words,
@@ -258,9 +270,11 @@ def _run_live(
         raise OptionError("A live run needs the name of a machine of IBM's.")
     connection = live.connection(backend)
     device = connection.device()
+    limit_s = live.max_qpu_seconds
+    settings = live_settings(policy, device, settings, said, episodes, limit_s, on_note)
     task = RunTask.model_validate(
         {
-            **settings.resolved(device).values,
+            **settings.values,
             **live.where,
             "backend": backend,
             "device": device,

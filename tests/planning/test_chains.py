@@ -8,7 +8,7 @@ import pytest
 from qcompile.arrays import IntArray
 from qcompile.deploy.depth import Depth
 from qcompile.execution import Workload
-from qcompile.execution.cost import job_counts
+from qcompile.execution.cost import job_counts, portions
 from qcompile.planning.chains import Chains
 from qcompile.planning.cost import Packing, Price, at_sub_jobs
 
@@ -26,7 +26,7 @@ def chains(*episodes: str) -> Chains:
     ("depth", "rows"),
     [
         (1, [[1, 1], [1, 1], [1, 1], [1, 0], [1, 0], [1, 0], [1, 0]]),
-        # the first: 1 1 | 0 | 1 1 | 1 1, each row but those behind the 0 counts; the second: 0 | 1 1
+        # the first: 1 1 | 0 | 1 1 | 1 1, and one row behind the 0; the second: 0 | 1 1
         (2, [[2, 2], [2, 2], [2, 0], [2, 0]]),
         # 1 1 0 | 1 1 1 1, the fourth row of the first job lies behind the 0; 0 | 1 1, two of the
         # first job's three lie behind it
@@ -67,8 +67,7 @@ def test_auto_is_told_of_each_job_what_counted_and_what_was_right() -> None:
         (Packing(2, 10), [7, 2], Workload(2, 9 * 20)),
         # the fullest of two copies: episodes 0 and 2 share one
         (Packing(1, 10, 2), [5, 2], Workload(2, 70)),
-        # ceil(10 / 3) = 4 shots an execution, a row each
-        (Packing(1, 10, 3, split=True), [7, 2], Workload(2, 36)),
+        (Packing(1, 4), [7, 2], Workload(2, 36)),
     ],
 )
 def test_executions_by_hand(packing: Packing, programs: list[int], load: Workload) -> None:
@@ -80,8 +79,8 @@ def test_executions_by_hand(packing: Packing, programs: list[int], load: Workloa
 @pytest.mark.parametrize(("rounds", "shots"), [(1, 8192), (5, 8192), (3, 4_000_000), (1, 10**7)])
 def test_jobs_are_those_of_the_portions(rounds: int, shots: int) -> None:
     rows = np.array([1, 2, 3, 250, 5000])
-    expected = [Workload.of_batch(int(count), rounds, shots).jobs for count in rows]
-    assert job_counts(rows, rounds, shots).tolist() == expected
+    expected = [len(portions([count] * rounds, shots)) for count in rows.tolist()]
+    assert job_counts(rows * rounds, shots).tolist() == expected
 
 
 def test_the_price_counts_the_first_episodes_and_the_calibration() -> None:

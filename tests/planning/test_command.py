@@ -1,0 +1,67 @@
+"""The command that a plan names plays what it has found."""
+
+from __future__ import annotations
+
+import shlex
+from typing import Any
+
+import numpy as np
+import pytest
+
+from qcompile.cli.run import command
+from qcompile.deploy.settings import RunSettings
+from qcompile.execution import Workload, load_backend
+from qcompile.planning.chains import Chains
+from qcompile.planning.command import run_command
+from qcompile.planning.point import Point
+from qcompile.planning.share import Baseline
+from qcompile.planning.simulation import Simulated
+from qcompile.policy import load_circuits
+
+DEVICE = load_backend("fake_toronto").device
+
+
+def point(cut: int | None = None, speculate: Any = "auto", **settings: Any) -> Point:
+    simulated = Simulated(
+        DEVICE,
+        RunSettings.of(**settings).resolved(DEVICE),
+        np.ones(3),
+        np.ones(3, dtype=int),
+        Chains(np.ones((3, 1), dtype=bool), np.ones(3, dtype=int)),
+        1,
+        Workload(1, 100),
+    )
+    baseline = Baseline(np.zeros(2), np.ones(2))
+    return Point(load_circuits("cartpole"), simulated, baseline, 12, speculate, cut)
+
+
+@pytest.mark.parametrize(
+    "found",
+    [
+        point(shots=64, copies=6, calibration_shots=256),
+        point(shots=64, copies=6, split=True, calibration_shots="auto", seed=10000),
+        point(shots=8, copies=1, speculate=16, cut=295, level=1),
+        point(shots=8, mitigation="none"),
+    ],
+)
+def test_the_command_has_the_settings_of_the_point(found: Point) -> None:
+    words = run_command(found, "cartpole", "fake_toronto")
+    assert words.split() == shlex.split(words)  # no quotes
+    assert words.startswith("qcompile run cartpole --backend fake_toronto --episodes 12 ")
+    values = command.make_context("run", words.split()[2:]).params
+    settings = found.settings
+    for name in ("shots", "split", "speculate", "max_steps", "seed", "level"):
+        assert values[name] == getattr(settings, name), name
+    assert values["calibration_shots"] == settings.calibration_shots
+    assert (values["copies"] or 1) == (settings.copies or 1)
+    resolved = RunSettings(mitigation=values["mitigation"]).resolved(DEVICE)
+    assert resolved.mitigation == settings.mitigation
+    assert values["episodes"] == found.episodes
+    assert not values["live"]
+
+
+def test_names_that_a_shell_would_split_are_quoted() -> None:
+    env = {"is_slippery": False, "map_name": "8x8"}
+    words = run_command(point(shots=8), "my policy.pt", "fake_toronto", ["envs.py"], env)
+    assert shlex.split(words)[2] == "my policy.pt"
+    assert words.endswith("--import envs.py --env is_slippery=false --env map_name=8x8")
