@@ -15,6 +15,7 @@ from qcompile.errors import LiveError, MissingExtraError, QcompileError
 from qcompile.live import words
 from qcompile.live.answers import UnreadableAnswerError
 from qcompile.live.words import (
+    Apart,
     duration,
     in_words,
     never_left,
@@ -224,10 +225,12 @@ class Connection:
 
         class Adapter(HTTPAdapter):
             def send(self, request: Any, *args: Any, **options: Any) -> Any:
-                submits = request.method == "POST" and request.path_url.endswith("/jobs")
+                path, _, _ = request.path_url.partition("?")
+                submits = request.method == "POST" and path.endswith("/jobs")
                 connection.submissions += submits
                 try:
-                    return super().send(request, *args, **options)
+                    with Apart():
+                        return super().send(request, *args, **options)
                 except OSError as error:
                     connection.submissions -= submits and never_left(error)
                     raise
@@ -278,7 +281,7 @@ class Connection:
             reraise=True,
         )
         try:
-            with warnings.catch_warnings():
+            with Apart(), warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # the client's words go to people who program it
                 return retrying(call)
         except QcompileError:

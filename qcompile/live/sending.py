@@ -16,7 +16,7 @@ from qcompile.live.pace import Pace
 from qcompile.live.records import Submission
 from qcompile.live.remote import RemoteJobs
 from qcompile.live.request import Request
-from qcompile.live.words import answered_no, in_words, seconds_setting, transient
+from qcompile.live.words import Apart, answered_no, in_words, seconds_setting, transient
 
 SETTLE_S = 10.0
 """A job is not sent again before IBM has had so long to list one that it may have accepted."""
@@ -101,7 +101,8 @@ class Sender:
         """Send a job and write down what came of it; its id."""
         sent_before = self._connection.submissions
         try:
-            job_id = self._submit(submission, request)
+            with Apart():
+                job_id = self._submit(submission, request)
         except Exception as error:
             doubt = self._journal.charges.doubts(submission.number)[-1]
             if self._connection.submissions == sent_before:

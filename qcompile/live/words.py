@@ -134,6 +134,27 @@ def chain_of(error: BaseException | None) -> list[BaseException]:
     return chain
 
 
+class Apart:
+    """A block whose errors come without the one that its caller handles.
+
+    Python chains the two. But who sends a job while he handles an older error, of a request that
+    never left, say, would have that one speak for the new request.
+    """
+
+    def __enter__(self) -> None:
+        self._handled = sys.exception()
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        causes = [error]
+        for cause in causes:
+            if cause is None or self._handled is None:
+                continue
+            if cause.__context__ is self._handled:
+                cause.__context__ = None
+            more = (cause.__cause__, cause.__context__)
+            causes += [other for other in more if other not in causes]
+
+
 def in_words(error: BaseException) -> LiveError:
     """What happened, without what is secret, and what to try."""
     from qiskit_ibm_runtime.accounts.exceptions import AccountNotFoundError
