@@ -46,7 +46,7 @@ def cell(task: str, hold: int, device: str) -> list[dict[str, Any]]:
     assert policy.hold == hold
     backend = load_backend(device)
     settings = RunSettings(seed=SEED).resolved(backend.device)
-    wanted = Wanted(settings, EPISODES, within=600)
+    wanted = Wanted(settings, EPISODES, within=600, given={"calibration_shots": 1024})
     ladder = Ladder(policy, backend, wanted, Judge([policy], wanted), lambda done, words: None)
     place = {"task": task, "device": device}
     last = ladder.point(SHOTS[-1])
