@@ -1,7 +1,7 @@
 """Whether today's commands make the shipped policies: `python benchmarks/shipped.py`.
 
 Reads the commands from the cards in trained/README.md, runs each, and compares every number of the
-policy with that of the shipped files. With --scores it prints the table of the cards instead. Bit
+policy with that of the shipped files. With --scores it prints the tables of the cards instead. Bit
 for bit holds on the machine and with the versions that the cards name; elsewhere the last digits
 of a training may differ.
 """
@@ -15,25 +15,33 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import click
 import numpy as np
 
 import qcompile
+from qcompile.arrays import IntArray
 from qcompile.cli.group import cli
 from qcompile.policy import Policy
 
 TRAINED = Path(__file__).parents[1] / "trained"
 SHOWN = ("lunarlander", "acrobot", "cartpole", "cartpole_1q")
+HELD = ("lunarlander_hold", "acrobot_hold", "cartpole_hold")
 EPISODES, FIRST_SEED = 100, 10_000
 _COMMAND = re.compile(r"^qcompile (train .*)$", re.MULTILINE)
 
-COLUMNS = {
+COLUMNS: dict[str, dict[str, Any]] = {
     "exact": {"shots": "exact"},
     "exact, greedy": {"shots": "exact", "greedy": True},
     "ibm_lima, 1024": {"backend": "ibm_lima", "shots": 1024},
     "ibm_lima, 8192": {"backend": "ibm_lima", "shots": 8192},
     "ibm_lima, 8192, no mitigation": {"backend": "ibm_lima", "shots": 8192, "mitigation": "none"},
+}
+HARDWARE, DECIDED_AT = "fake_fez", 64
+HELD_COLUMNS: dict[str, dict[str, Any]] = {
+    "exact": {"shots": "exact"},
+    **{f"{HARDWARE}, {shots}": {"backend": HARDWARE, "shots": shots} for shots in (32, 64, 128)},
 }
 
 
@@ -52,7 +60,7 @@ def differing(left: Policy, right: Policy) -> list[str]:
     for name in ("feature", "scale", "gains"):
         arrays[name] = getattr(left.encoder, name), getattr(right.encoder, name)
     found = [name for name, pair in arrays.items() if not np.array_equal(*pair)]
-    plain = ("environment", "program", "environment_kwargs")
+    plain = ("environment", "program", "environment_kwargs", "hold")
     found += [name for name in plain if getattr(left, name) != getattr(right, name)]
     if left.encoder.functions != right.encoder.functions:
         found.append("functions")
@@ -79,23 +87,47 @@ def remake(names: set[str]) -> bool:
 
 
 def scores() -> None:
-    """The table of the cards: mean ± standard deviation over the same episodes."""
-    click.echo(f"| policy | circuits | trained numbers | {' | '.join(COLUMNS)} |")
-    click.echo("|---|---|---|" + "---|" * len(COLUMNS))
+    """The tables of the cards: mean ± standard deviation over the same episodes.
+
+    That of held decisions also tells the mean and the largest number of them in an episode.
+    """
+    print_row("policy", "circuits", "trained numbers", *COLUMNS)
+    print_row(*["---"] * (3 + len(COLUMNS)))
     for name in SHOWN:
         policy = qcompile.load_policy(TRAINED / f"{name}.pt")
-        cells = [name, str(len(policy.program)), str(policy.parameter_count)]
-        for arguments in COLUMNS.values():
-            result = qcompile.run(
-                policy, episodes=EPISODES, seed=FIRST_SEED, progress=False, **arguments
-            )
-            cells.append(f"{np.mean(result.rewards):.1f} ± {np.std(result.rewards):.1f}")
-        click.echo(f"| {' | '.join(cells)} |")
+        played = [score for score, _ in played_in(policy, COLUMNS)]
+        print_row(name, len(policy.program), policy.parameter_count, *played)
+    click.echo()
+    decided = f"decisions, {HARDWARE}, {DECIDED_AT}"
+    print_row("policy", "hold", "circuits", "trained numbers", *HELD_COLUMNS, decided)
+    print_row(*["---"] * (5 + len(HELD_COLUMNS)))
+    for name in HELD:
+        policy = qcompile.load_policy(TRAINED / f"{name}.pt")
+        results = dict(zip(HELD_COLUMNS, played_in(policy, HELD_COLUMNS), strict=True))
+        _, lengths = results[f"{HARDWARE}, {DECIDED_AT}"]
+        decisions = -(-lengths // policy.hold)
+        cells = [name, policy.hold, len(policy.program), policy.parameter_count]
+        cells += [score for score, _ in results.values()]
+        print_row(*cells, f"{decisions.mean():.0f}, at most {decisions.max()}")
+
+
+def played_in(policy: Policy, columns: dict[str, dict[str, Any]]) -> Iterator[tuple[str, IntArray]]:
+    """What the policy scores in each column, and the lengths of its episodes in steps."""
+    for arguments in columns.values():
+        result = qcompile.run(
+            policy, episodes=EPISODES, seed=FIRST_SEED, progress=False, **arguments
+        )
+        lengths = np.array([episode["length"] for episode in result.to_dict()["episodes"]])
+        yield f"{np.mean(result.rewards):.1f} ± {np.std(result.rewards):.1f}", lengths
+
+
+def print_row(*cells: object) -> None:
+    click.echo(f"| {' | '.join(map(str, cells))} |")
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--scores", action="store_true", help="print the table of the cards")
+    parser.add_argument("--scores", action="store_true", help="print the tables of the cards")
     parser.add_argument("names", nargs="*", metavar="NAME", help="only these policies")
     chosen = parser.parse_args()
     if chosen.scores:

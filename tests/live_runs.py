@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -52,6 +55,17 @@ class Runs:
             self.errors.append(answer.err)
             answer = self.call("resume", "last", "--json", "--yes", *words)
         raise AssertionError("\n".join(self.errors))
+
+
+def started(words: Sequence[str]) -> subprocess.Popen[bytes]:
+    """The command line with these words in a process of its own, which may be killed."""
+    environment = os.environ | {"QCOMPILE_SETTLE_SECONDS": "0.05"}
+    return subprocess.Popen(
+        [sys.executable, "-m", "qcompile", *words],
+        env=environment,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
 
 
 def played(result: dict[str, Any]) -> dict[str, Any]:

@@ -31,6 +31,12 @@ wait_option: Decorator = click.option(
     type=Positive("seconds"),
     help="Give up waiting for a job after so long; `resume` fetches it.  [default: wait]",
 )
+pace_option: Decorator = click.option(
+    "--jobs-per-minute",
+    type=click.IntRange(1),
+    metavar="N",
+    help="Send at most so many jobs in a minute, where an account may send no more.",
+)
 yes_option: Decorator = click.option("--yes", is_flag=True, help="Spend without asking.")
 
 _SHARED = (
@@ -40,10 +46,14 @@ _SHARED = (
     click.option("--account", help="Account of IBM's own tools.  [default: theirs]"),
     click.option("--instance", help="CRN or name; without, only the free Open Plan is used."),
     click.option("--batch", is_flag=True, help="Send the jobs as a batch of IBM's."),
+    pace_option,
     wait_option,
     runs_option,
 )
-_NEED_LIVE = ("max_qpu_seconds", "yes", "account", "instance", "batch", "max_wait_seconds")
+_NEED_LIVE = (
+    *("max_qpu_seconds", "yes", "account", "instance", "batch"),
+    *("jobs_per_minute", "max_wait_seconds"),
+)
 
 
 def live_options(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,6 +10,7 @@ import click
 
 from qcompile.cli.live_options import (
     confirm,
+    pace_option,
     runs_option,
     somebody_is_there,
     wait_option,
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
     help="Another limit.  [default: the run's]",
 )
 @yes_option
+@pace_option
 @wait_option
 @click.option(
     "--out",
@@ -48,6 +51,7 @@ def command(
     run_id: str,
     max_qpu_seconds: float | None,
     yes: bool,
+    jobs_per_minute: int | None,
     max_wait_seconds: float | None,
     out: Path | None,
     imports: tuple[str, ...],
@@ -74,14 +78,22 @@ def command(
         pay_again = yes or (max_qpu_seconds or 0) > journal.max_qpu_seconds
         if journal.result is None:
             _agree(journal, max_qpu_seconds, yes)
+        resume = partial(
+            follow,
+            journal,
+            max_wait_seconds,
+            echo_note,
+            out=out,
+            jobs_per_minute=jobs_per_minute,
+        )
         try:
-            result = follow(journal, max_wait_seconds, echo_note, out=out, pay_again=pay_again)
+            result = resume(pay_again=pay_again)
         except PaidFailureError as error:
             if not somebody_is_there():
                 raise
             click.echo(error, err=True)
             confirm("Send it again?")
-            result = follow(journal, max_wait_seconds, echo_note, out=out, pay_again=True)
+            result = resume(pay_again=True)
         kind = journal.kind
     if kind == "calibrate" and result["file"] is None:
         words = f"The calibration is in the journal alone: `qcompile resume {run_id} --out FILE`"

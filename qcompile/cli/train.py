@@ -31,8 +31,9 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
 )
 @click.option(
     "--preset",
-    type=click.Choice(["paper", "tuned"]),
-    help="paper: arXiv 2203.14348 as it stands; tuned: ours.  [default: tuned]",
+    type=click.Choice(["paper", "tuned", "hardware"]),
+    help="paper: arXiv 2203.14348 as it stands; tuned: ours; hardware: ours for few QPU seconds, "
+    "of held decisions, under noise; svqc.  [default: tuned]",
 )
 @click.option(
     "--layout",

@@ -12,11 +12,11 @@ from qcompile.errors import CalibrationError
 from qcompile.execution import ExactPrepared, Executor, Workload, exact
 from qcompile.ir import Program
 from qcompile.mitigation import (
-    CALIBRATION_SHOTS,
     Misfit,
     Mitigation,
     calibrate,
     calibration_workload,
+    enough_shots,
     misfits,
     predistorted,
     readout_mitigation,
@@ -54,6 +54,7 @@ class Measurement:
         self.executable: Executable = compile(
             program, executor.device, settings.level, importance, copies=settings.copies or 1
         )
+        self._importance = np.ones(len(program)) if importance is None else importance
         self._shots = settings.circuit_shots(len(program))
         self.calibration_load = Workload()
         self.calibration_shots: int | None = None
@@ -72,7 +73,7 @@ class Measurement:
             self._note_misfits(executor.calibration, "response")
         self._prepared = executor.prepare(self.executable)
         if settings.split:
-            self._weights = settings.place_shots / settings.place_shots.sum()
+            self._weights = settings.place_weights
             undoes = self._mitigation
             self._of_mean = undoes if undoes is None else undoes.of_mean(self._weights)
 
@@ -101,9 +102,7 @@ class Measurement:
         return calibration
 
     def _measure_calibration(self, part: Part) -> Calibration:
-        shots = None if self.settings.shots is None else self.settings.calibration_shots
-        if shots == "auto":
-            shots = CALIBRATION_SHOTS
+        shots = None if self.settings.shots is None else self._shots_of_calibration(part)
         calibration = calibrate(self.executor, self.executable.qubits, shots, parts=[part])
         if calibration.unfitted:
             raise CalibrationError(
@@ -114,6 +113,15 @@ class Measurement:
             self.calibration_shots = shots
             self.calibration_load = calibration_workload(len(calibration.qubits), shots, [part])
         return calibration
+
+    def _shots_of_calibration(self, part: Part) -> int:
+        if self.settings.calibration_shots != "auto":
+            return self.settings.calibration_shots
+        copies = self.settings.copies or 1
+        # The variance of a mean over places has the squares of their weights.
+        weights = self.settings.place_weights**2 if self.settings.split else np.ones(copies)
+        importance = np.outer(weights, self._importance).ravel()
+        return enough_shots(self.executable, part, self._shots, importance)
 
     def __call__(
         self,

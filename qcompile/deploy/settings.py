@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, Self, get_args
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from qcompile.arrays import CircuitShots, CountArray
+from qcompile.arrays import CircuitShots, CountArray, FloatArray
 from qcompile.calibration import Calibration
 from qcompile.deploy.depth import Speculate
 from qcompile.device import Device
@@ -102,6 +102,12 @@ class RunSettings(BaseModel):
         """
         fewer, more = divmod(self.shots or self.places, self.places)
         return fewer + (np.arange(self.places) < more)
+
+    @property
+    def place_weights(self) -> FloatArray:
+        """The share of a row's shots that each place has, (places,)."""
+        shots = self.place_shots
+        return np.asarray(shots / shots.sum())
 
     def circuit_shots(self, circuits: int) -> CircuitShots:
         """The shots of each circuit of the program, which has so many of them in each place."""

@@ -40,7 +40,7 @@ def portions(rows: Sequence[int], shots: int) -> list[list[Portion]]:
         while start < count:
             if not room:
                 jobs.append([])
-                room = MAX_EXECUTIONS_PER_JOB // shots
+                room = MAX_EXECUTIONS_PER_JOB // max(shots, 1)  # exact: none
             taken = min(room, count - start)
             jobs[-1].append(Portion(pub, range(start, start + taken)))
             start, room = start + taken, room - taken

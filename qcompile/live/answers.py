@@ -126,10 +126,10 @@ class Metrics(BaseModel):
     def charged_s(self, cap_s: float) -> float | None:
         """What a job that was capped at `cap_s` is charged.
 
-        None as long as IBM does not say, and for what cannot be: less than nothing, no finite
-        number, or more than ten times the cap.
+        None as long as IBM does not call it complete, and for what cannot be: less than nothing, no
+        finite number, or more than ten times the cap.
         """
-        if self.usage is None or self.usage.status == "pending":
+        if self.usage is None or self.usage.status.lower() != "complete":
             return None
         seconds = self.usage.qpu_charge_time_seconds
         if seconds is None or not 0 <= seconds <= _MOST_OF_CAP * max(cap_s, 1):

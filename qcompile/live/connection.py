@@ -14,7 +14,15 @@ from qcompile.device import Device
 from qcompile.errors import LiveError, MissingExtraError, QcompileError
 from qcompile.live import words
 from qcompile.live.answers import UnreadableAnswerError
-from qcompile.live.words import in_words, never_left, seconds_setting, transient
+from qcompile.live.words import (
+    Apart,
+    duration,
+    in_words,
+    never_left,
+    retry_after_s,
+    seconds_setting,
+    transient,
+)
 from qcompile.snapshot import device_from_backend
 
 T = TypeVar("T")
@@ -33,8 +41,10 @@ class Connection:
     It is opened when it is first used. Without `instance`, and where the account names none, only
     instances of the free Open Plan are considered. A request that submits a job is never repeated
     by the client: it might submit twice. `submissions` counts those that left this machine. An
-    answer is waited for `patience_s`, by default QCOMPILE_PATIENCE_SECONDS. An IBMBackend that
-    is `given` is used, and its service, whose client repeats no submission from then on.
+    answer is waited for `patience_s`, by default QCOMPILE_PATIENCE_SECONDS; `say` is told so. A
+    service that is busy is not asked again before the time that it names in Retry-After. An
+    IBMBackend that is `given` is used, and its service, whose client repeats no submission from
+    then on.
     """
 
     def __init__(
@@ -45,6 +55,7 @@ class Connection:
         *,
         patience_s: float | None = None,
         given: Any = None,
+        say: Callable[[str], None] = lambda words: None,
     ):
         if not backend:
             raise LiveError("The backend has no name.", "Name a machine of the account.")
@@ -52,6 +63,7 @@ class Connection:
         usual_s = seconds_setting("QCOMPILE_PATIENCE_SECONDS", words.PATIENCE_S)
         self._patience_s = usual_s if patience_s is None else patience_s
         self._given: Any = given
+        self._say = say
         self._service: Any = None
         self._backend: Any = None
         self.submissions = 0
@@ -200,10 +212,11 @@ class Connection:
         ) from missing
 
     def _prepare(self, service: Any) -> None:
-        """Let the client repeat what reads, and nothing else, below /jobs; and let no answer hang.
+        """Let the client repeat what reads, and nothing else; and let no answer hang.
 
         By itself it repeats a POST that was answered with 504, though the job may have been
-        accepted. Each submission that leaves this machine is counted.
+        accepted, and sleeps for as long as a Retry-After says. Each submission that leaves this
+        machine is counted.
         """
         from requests.adapters import HTTPAdapter
         from urllib3.util.retry import Retry
@@ -212,19 +225,27 @@ class Connection:
 
         class Adapter(HTTPAdapter):
             def send(self, request: Any, *args: Any, **options: Any) -> Any:
-                submits = request.method == "POST" and request.path_url.endswith("/jobs")
+                path, _, _ = request.path_url.partition("?")
+                submits = request.method == "POST" and path.endswith("/jobs")
                 connection.submissions += submits
                 try:
-                    return super().send(request, *args, **options)
+                    with Apart():
+                        return super().send(request, *args, **options)
                 except OSError as error:
                     connection.submissions -= submits and never_left(error)
                     raise
 
-        retry = Retry(total=3, connect=3, backoff_factor=0.2, status_forcelist=(500, 502, 503, 504))
+        retry = Retry(
+            total=3,
+            connect=3,
+            backoff_factor=0.2,
+            status_forcelist=(500, 502, 504),
+            respect_retry_after_header=False,
+        )
         for client in clients(service):
             session = client._session
             session._timeout = _TIMEOUT_S
-            session.mount(f"{session.base_url}/jobs", Adapter(max_retries=retry))
+            session.mount(session.base_url, Adapter(max_retries=retry))
 
     def _patient(
         self, call: Callable[[], T], about: str = "the account", patient: bool = True
@@ -233,16 +254,34 @@ class Connection:
         from ibm_cloud_sdk_core import ApiException
         from qiskit.exceptions import QiskitError
         from requests import RequestException
-        from tenacity import Retrying, retry_if_exception, stop_after_delay, wait_random_exponential
+        from tenacity import (
+            RetryCallState,
+            Retrying,
+            retry_if_exception,
+            stop_after_delay,
+            wait_random_exponential,
+        )
+
+        usual_s, patience_s = wait_random_exponential(0.2, max=20), self._patience_s * patient
+        too_late = stop_after_delay(patience_s)
+
+        def asked_s(state: RetryCallState) -> float:
+            error = None if state.outcome is None else state.outcome.exception()
+            return retry_after_s(error) or 0.0
+
+        def say(state: RetryCallState) -> None:
+            what = "IBM's service is busy" if asked_s(state) else "IBM's service does not answer"
+            self._say(f"{what}; asking again in {duration(state.upcoming_sleep)}")
 
         retrying = Retrying(
             retry=retry_if_exception(transient),
-            stop=stop_after_delay(self._patience_s if patient else 0),
-            wait=wait_random_exponential(0.2, max=20),
+            stop=lambda state: too_late(state) or asked_s(state) > patience_s,
+            wait=lambda state: max(usual_s(state), asked_s(state)),
+            before_sleep=say,
             reraise=True,
         )
         try:
-            with warnings.catch_warnings():
+            with Apart(), warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # the client's words go to people who program it
                 return retrying(call)
         except QcompileError:

@@ -13,10 +13,12 @@ from qcompile.live.budget import Budget
 from qcompile.live.connection import Connection
 from qcompile.live.earlier import bits_of_ones
 from qcompile.live.journal import Journal
+from qcompile.live.pace import Pace
 from qcompile.live.records import Register, Submission
 from qcompile.live.remote import JobGoneError, RemoteJobs
 from qcompile.live.request import Request, is_same, measured
 from qcompile.live.sending import Sender
+from qcompile.live.waiting import Queue
 
 _SLOWEST_POLL_S = 2.0
 _MOST_ATTEMPTS = 3
@@ -29,7 +31,8 @@ class Jobs:
 
     A job that the journal has is not sent again: resuming a run is asking for the same jobs.
     `say` gets words on what happens. A job is waited for `max_wait_s`, or as long as it takes.
-    One that was charged and gave no counts is sent again only with `pay_again`.
+    One that was charged and gave no counts is sent again only with `pay_again`. `jobs_per_minute`
+    are sent at most.
     """
 
     def __init__(
@@ -40,13 +43,18 @@ class Jobs:
         batch: bool = False,
         max_wait_s: float | None = None,
         pay_again: bool = False,
+        jobs_per_minute: int | None = None,
         say: Callable[[str], None] = lambda words: None,
     ):
         self.journal, self.budget = journal, Budget(journal)
+        self.pace = Pace(journal.charges, jobs_per_minute, max_wait_s=max_wait_s, say=say)
         self._say, self._max_wait_s, self._pay_again = say, max_wait_s, pay_again
         self._remote = RemoteJobs(connection)
+        self._queue = Queue(connection)
         self._billing = Billing(journal, self._remote, self.budget, say)
-        self._sender = Sender(journal, connection, self._billing.cap_s, batch=batch, say=say)
+        self._sender = Sender(
+            journal, connection, self._billing.cap_s, pace=self.pace, batch=batch, say=say
+        )
         self._finder = self._sender.finder
         self._next = 0
 
@@ -243,7 +251,8 @@ class Jobs:
             if job.has_ended:
                 return job
             status, waited_s = job.status.lower(), time.monotonic() - started
-            self._say(f"job {status} {waited_s:.0f} s")
+            queue = self._queue.words(waited_s) if job.status == "QUEUED" else ""
+            self._say(", ".join(filter(None, (f"job {status} {waited_s:.0f} s", queue))))
             if self._max_wait_s is not None and waited_s > self._max_wait_s:
                 raise LiveError(
                     f"Job {job_id} is {status} for {waited_s:.0f} s now.",

@@ -155,12 +155,14 @@ class Journal:
         try:
             check_pages(self._db.connection, self.path)
             self._renew()
-            self.move_here(os.getpid())
+            holder = os.getpid()
+            self.move_here(holder)
             try:
                 yield
             finally:
-                with suppress(LiveError):
-                    self.move_here()
+                if os.getpid() == holder:  # and not a fork of it
+                    with suppress(LiveError):
+                        self.move_here()
         finally:
             lock.release()
 

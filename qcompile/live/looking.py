@@ -117,19 +117,25 @@ class Finder:
     def look_over(self) -> None:
         """Have the journal know of every job of the run that IBM lists; other doubts are dropped.
 
-        But not before IBM must list their jobs. Those jobs are cancelled that are not needed, as
-        the counts of their place are here.
+        But not before IBM must list their jobs, and not where it lists one under its own tag: a
+        clock that was wrong when the run began hides no job. Those jobs are cancelled that are not
+        needed, as the counts of their place are here.
 
         Raises:
             LiveError: what IBM has cannot be told.
         """
         now = datetime.now(UTC)
-        jobs = self._remote.listed(GENERAL_TAG, self._journal.created - _CLOCKS_APART)
-        jobs = [job for job in jobs if self._is_of_run(job)]
+        since = min(self._journal.created, now) - _CLOCKS_APART
+        jobs = [job for job in self._remote.listed(GENERAL_TAG, since) if self._is_of_run(job)]
         self._note(jobs)
+        due = [doubt for doubt in self._journal.charges.doubts() if settles_at(doubt) <= now]
+        for number in {doubt.number for doubt in due if doubt.number is not None}:
+            own = self._jobs_of(self._journal.attempts(number))
+            self._note(own)
+            jobs += own
         self._cancel(job for job in jobs if self._is_superfluous(job))
         for doubt in self._journal.charges.doubts():
-            if settles_at(doubt) <= now:
+            if doubt.row in {known.row for known in due}:
                 self._journal.charges.drop(doubt)
         if not self._journal.charges.doubts():
             self._journal.charges.note_looked_over()

@@ -30,6 +30,7 @@ from qcompile.live.results import check_result
 from qcompile.live.sampling import SamplerTask
 from qcompile.live.task import Context, Task
 from qcompile.live.validate import ValidateTask
+from qcompile.live.waiting import Remaining
 from qcompile.terminal import one_line
 from qcompile.validation import explain
 from qcompile.version import versions
@@ -70,6 +71,7 @@ def complete(
     *,
     max_wait_s: float | None = None,
     pay_again: bool = False,
+    jobs_per_minute: int | None = None,
     out: Path | None = None,
     show: Callable[[float, str], None] = lambda done, words: None,
     note: Callable[[str], None] = lambda words: None,
@@ -79,8 +81,9 @@ def complete(
     `show` gets how many jobs are done, and words, `note` what a person should read. A finished run
     gives its result again, and asks IBM once more what it has of the run and charges for it; where
     all of that was known, it does not wait for an answer. Of a sampler those jobs are fetched that
-    were sent. `pay_again` sends a job again that was charged and gave no counts. `out` is another
-    file for a calibration than the
+    were sent. `pay_again` sends a job again that was charged and gave no counts. `jobs_per_minute`
+    are sent at most, by default as many as it began with. `out` is another file for a calibration
+    than the
     one it has; without it none is written where the run began on another machine.
 
     Raises:
@@ -97,8 +100,9 @@ def complete(
         step = ""
 
         def say(words: str) -> None:
+            done = journal.jobs_done()
             spent = f"{jobs.budget.spent_s:.0f} of {jobs.budget.limit_s:g} QPU s"
-            show(journal.jobs_done(), ", ".join(filter(None, (step, words, spent))))
+            show(done, ", ".join(filter(None, (step, words, spent, remaining.words(done)))))
 
         def say_step(words: str) -> None:
             nonlocal step
@@ -107,7 +111,7 @@ def complete(
 
         is_settled = journal.result is not None and journal.charges.are_settled
         connection = Connection(
-            task.backend, task.account, task.instance, patience_s=0 if is_settled else None
+            task.backend, task.account, task.instance, patience_s=0 if is_settled else None, say=say
         )
         jobs = Jobs(
             journal,
@@ -115,8 +119,10 @@ def complete(
             batch=task.batch,
             max_wait_s=max_wait_s,
             pay_again=pay_again,
+            jobs_per_minute=jobs_per_minute or task.jobs_per_minute,
             say=say,
         )
+        remaining = Remaining(task.planned_jobs, journal.jobs_done(), jobs.pace.job_s)
         if journal.result is None:
             try:
                 found = task.perform(Context(jobs, say_step, note))

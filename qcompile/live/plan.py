@@ -48,7 +48,7 @@ def copies_that_fit(task: RunTask) -> int:
         OptionError: there are no two places.
     """
     fit = copies_fitting(len(task.policy.policy().program), task.device)
-    return task.fitted(fit).copies or min(task.episodes, fit)
+    return task.fitted(fit).places if task.split else min(task.episodes, fit)
 
 
 def forecast(task: RunTask, backend: Backend | Executor | None = None) -> Run:

@@ -122,7 +122,8 @@ class JournalRecorder(Recorder):
             ReplayError: the observations are not those recorded.
         """
         steps, step = self._journal.steps, self._recorded()
-        self._say(f"step {self._number + 1}")
+        ahead = f" of {len(observations)} decisions" if self._predicted else ""
+        self._say(f"step {self._number + 1}{ahead}")
         if self._copy_of == "place":
             rows = rows._replace(order=np.arange(len(observations)))
         if step is not None:

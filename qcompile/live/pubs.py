@@ -96,6 +96,7 @@ def _pub(index: int, pub: Any, shots: int | None) -> Any:
     try:
         made = SamplerPub.coerce(pub, DEFAULT_SHOTS if shots is None else shots)
         made.validate()
+        made.parameter_values.as_array(made.circuit.parameters)  # they are those of the circuit
     except (TypeError, ValueError, QiskitError) as error:
         raise OptionError(
             f"PUB {index} is not one: {first_line(str(error))}",

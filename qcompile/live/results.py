@@ -37,6 +37,8 @@ class RunFigures(_Figures):
     predistort: bool
     calibration: Line | None
     copies: Count
+    split: bool = False
+    calibration_shots: Count | None = None
     level: Count
     greedy: bool
     seed: int

@@ -139,9 +139,10 @@ class GuardedSampler(JobsSampler):
     it has to ask for the same PUBs in the same order. One process and one thread asks at a time.
 
     `account` and `instance` are names of IBM's own tools, by default theirs; without an instance
-    only those of the Open Plan are used. With `batch` jobs go as a batch of IBM's. A job is waited
-    for `max_wait_s`, or as long as it takes. One that was charged and gave no counts is sent again
-    only with `pay_again`. `say` gets words on what happens.
+    only those of the Open Plan are used. With `batch` jobs go as a batch of IBM's; at most
+    `jobs_per_minute` are sent. A job is waited for `max_wait_s`, or as long as it takes. One that
+    was charged and gave no counts is sent again only with `pay_again`. `say` gets words on what
+    happens.
 
     Raises:
         BudgetError: the limit is no number of seconds that may be spent.
@@ -159,6 +160,7 @@ class GuardedSampler(JobsSampler):
         account: str | None = None,
         instance: str | None = None,
         batch: bool = False,
+        jobs_per_minute: int | None = None,
         max_wait_s: float | None = None,
         pay_again: bool = False,
         say: Callable[[str], None] = lambda words: None,
@@ -186,6 +188,7 @@ class GuardedSampler(JobsSampler):
                     self.journal,
                     connection,
                     batch=batch,
+                    jobs_per_minute=jobs_per_minute,
                     max_wait_s=max_wait_s,
                     pay_again=pay_again,
                     say=say,

@@ -12,10 +12,11 @@ from qcompile.live.answers import UnreadableAnswerError
 from qcompile.live.connection import Connection
 from qcompile.live.journal import Journal
 from qcompile.live.looking import GENERAL_TAG, Finder
+from qcompile.live.pace import Pace
 from qcompile.live.records import Submission
 from qcompile.live.remote import RemoteJobs
 from qcompile.live.request import Request
-from qcompile.live.words import answered_no, in_words, seconds_setting, transient
+from qcompile.live.words import Apart, answered_no, in_words, seconds_setting, transient
 
 SETTLE_S = 10.0
 """A job is not sent again before IBM has had so long to list one that it may have accepted."""
@@ -28,7 +29,8 @@ class Sender:
 
     IBM is asked for a job of the tag before each sending. A sending that it does not answer with
     the id of a job leaves a doubt, whatever it answers: it may have accepted the job all the same.
-    `cap_s` says what a job of so many executions may take, or raises BudgetError.
+    `cap_s` says what a job of so many executions may take, or raises BudgetError; `pace` when the
+    next may be sent.
     """
 
     def __init__(
@@ -37,10 +39,11 @@ class Sender:
         connection: Connection,
         cap_s: Callable[[int], int],
         *,
+        pace: Pace,
         batch: bool,
         say: Callable[[str], None],
     ):
-        self._journal, self._connection = journal, connection
+        self._journal, self._connection, self._pace = journal, connection, pace
         settle_s = seconds_setting("QCOMPILE_SETTLE_SECONDS", SETTLE_S)
         self.finder = Finder(journal, RemoteJobs(connection), settle_s, say)
         self._cap_s, self._wants_batch = cap_s, batch
@@ -76,7 +79,8 @@ class Sender:
                 continue
             sends += 1
             try:
-                job_id = self._send(self._journal.note_sending(submission, cap_s), request)
+                with self._pace.turn():
+                    job_id = self._send(self._journal.note_sending(submission, cap_s), request)
             except QcompileError:
                 raise
             except Exception as failure:  # whichever the client has for what it was answered
@@ -97,7 +101,8 @@ class Sender:
         """Send a job and write down what came of it; its id."""
         sent_before = self._connection.submissions
         try:
-            job_id = self._submit(submission, request)
+            with Apart():
+                job_id = self._submit(submission, request)
         except Exception as error:
             doubt = self._journal.charges.doubts(submission.number)[-1]
             if self._connection.submissions == sent_before:

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
 from qcompile.device import Device
 from qcompile.errors import LiveError, MissingExtraError
@@ -55,6 +55,7 @@ class Task(BaseModel):
     account: str | None = None
     instance: str | None = None
     batch: bool = False
+    jobs_per_minute: Annotated[int, Field(ge=1)] | None = None
     planned_jobs: int = 1
 
     @property

@@ -15,7 +15,7 @@ from qcompile.terminal import one_line
 
 PATIENCE_S = 300.0
 """A service that does not answer is asked again for so long."""
-NOT_FOUND, TOO_MANY_REQUESTS = 404, 429
+NOT_FOUND, TOO_MANY_REQUESTS, UNAVAILABLE = 404, 429, 503
 _LONGEST_S = 86_400.0
 _REFUSED = frozenset(range(400, 500)) - {408, TOO_MANY_REQUESTS}
 _SAVE = (
@@ -98,6 +98,32 @@ def status_code(error: BaseException | None) -> int | None:
     return None
 
 
+def retry_after_s(error: BaseException | None) -> float | None:
+    """The seconds after which a busy service wants to be asked again; None where it says none.
+
+    It says them in the Retry-After of a 429 or 503, as a number or as an HTTP date.
+    """
+    from urllib3.exceptions import InvalidHeader
+    from urllib3.util.retry import Retry
+
+    for cause in chain_of(error):
+        # Of requests, and of the client of the identity service.
+        for response in (getattr(cause, name, None) for name in ("response", "http_response")):
+            if getattr(response, "status_code", None) in (TOO_MANY_REQUESTS, UNAVAILABLE):
+                told = response.headers.get("Retry-After")  # type: ignore[union-attr]
+                with suppress(InvalidHeader):
+                    return None if told is None else float(Retry().parse_retry_after(told))
+    return None
+
+
+def duration(seconds: float) -> str:
+    """A time of waiting, rounded up to what matters: 1 s, 3 min, 2 h 10 min."""
+    if seconds < 100:
+        return f"{math.ceil(seconds)} s"
+    hours, minutes = divmod(math.ceil(seconds / 60), 60)
+    return f"{hours} h {minutes} min" if hours else f"{minutes} min"
+
+
 def chain_of(error: BaseException | None) -> list[BaseException]:
     """The error and what it came from; the client hides its causes with `from None`."""
     chain: list[BaseException] = []
@@ -106,6 +132,27 @@ def chain_of(error: BaseException | None) -> list[BaseException]:
         chain.append(cause)
         cause = cause.__cause__ or cause.__context__
     return chain
+
+
+class Apart:
+    """A block whose errors come without the one that its caller handles.
+
+    Python chains the two. But who sends a job while he handles an older error, of a request that
+    never left, say, would have that one speak for the new request.
+    """
+
+    def __enter__(self) -> None:
+        self._handled = sys.exception()
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        causes = [error]
+        for cause in causes:
+            if cause is None or self._handled is None:
+                continue
+            if cause.__context__ is self._handled:
+                cause.__context__ = None
+            more = (cause.__cause__, cause.__context__)
+            causes += [other for other in more if other not in causes]
 
 
 def in_words(error: BaseException) -> LiveError:
@@ -130,6 +177,12 @@ def in_words(error: BaseException) -> LiveError:
             "Make a new one on quantum.cloud.ibm.com and save it over the old (overwrite=True).",
         )
     if transient(error):
+        if seconds := retry_after_s(error):
+            return LiveError(
+                f"IBM's service is busy and asks to come back in {duration(seconds)}.",
+                f"Last it said: {quotation}",
+                "Nothing is lost: resume then.",
+            )
         return LiveError(
             "IBM's service does not answer.",
             f"Last it said: {quotation}",

@@ -1,6 +1,7 @@
 """Mitigation: measured, fitted once (by cvxpy where a constraint binds), undone in closed form."""
 
 from qcompile.mitigation.drift import Drift, measure_drift
+from qcompile.mitigation.enough import enough_shots
 from qcompile.mitigation.measure import (
     CALIBRATION_SHOTS,
     calibrate,
@@ -24,6 +25,7 @@ __all__ = [
     "calibrate",
     "calibration_workload",
     "check_response_level",
+    "enough_shots",
     "fit_counts",
     "measure_drift",
     "misfits",

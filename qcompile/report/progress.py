@@ -18,11 +18,13 @@ _PAUSE_SECONDS = 0.2
 
 
 @contextmanager
-def progress_bar(title: str, total: float, *, enabled: bool = True) -> Iterator[Show]:
+def progress_bar(
+    title: str, total: float, *, enabled: bool = True, estimates: bool = True
+) -> Iterator[Show]:
     """Show a bar while the block runs; call what it yields with (done, words) to move it.
 
-    Nothing is shown unless it is `enabled`, on a terminal or in a notebook. What is printed
-    meanwhile is plain text.
+    Nothing is shown unless it is `enabled`, on a terminal or in a notebook. It `estimates` the time
+    to the end from its speed, unless the words say it. What is printed meanwhile is plain text.
     """
     err = console(stderr=True)
     if enabled and err.is_jupyter:
@@ -34,7 +36,7 @@ def progress_bar(title: str, total: float, *, enabled: bool = True) -> Iterator[
         BarColumn(),
         TextColumn("{task.fields[words]}", markup=False),
         TimeElapsedColumn(),
-        TimeRemainingColumn(),
+        *([TimeRemainingColumn()] if estimates else []),
         console=err,
         transient=True,
         disable=not (enabled and err.is_terminal),

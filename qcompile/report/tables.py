@@ -12,6 +12,7 @@ from rich.cells import cell_len
 from rich.markup import escape
 from rich.table import Table
 
+from qcompile.mitigation import CALIBRATION_SHOTS
 from qcompile.mitigation.misfit import misfit_words
 from qcompile.notebook import reward_digits, reward_words
 from qcompile.policy.decision import held_words
@@ -137,7 +138,7 @@ def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
         yield "settings", _circuit_settings(summary)
     for words in misfit_words(summary.get("calibration_misfits", [])):
         yield "doubtful", words
-    if summary["copies"] > 1:
+    if summary["copies"] > 1 and not summary.get("split"):
         yield "side by side", plural(summary["copies"], "episode")
     if summary.get("speculate", 1) != 1:
         yield (
@@ -202,7 +203,10 @@ def _circuit_settings(summary: Mapping[str, Any]) -> str:
     mitigation = f"mitigation {summary['mitigation']}"
     words = "predistorted angles" if summary["predistort"] else mitigation
     by = f" by {escape(file)}" if (file := summary["calibration"]) else ""
-    return f"{_shots(summary['shots'])}, level {summary['level']}, {words}{by}"
+    if (shots := summary.get("calibration_shots")) not in (None, CALIBRATION_SHOTS):
+        by = f" by {_shots(shots)} of calibration"
+    places = f", over {summary['copies']} places" if summary.get("split") else ""
+    return f"{_shots(summary['shots'])}{places}, level {summary['level']}, {words}{by}"
 
 
 def _step_words(summary: Mapping[str, Any]) -> str:

@@ -25,19 +25,21 @@ class Live:
     """What is allowed and wanted of a run on a real machine; this spends.
 
     The run stops before it would take more than `max_qpu_seconds`. `account` and `instance` are
-    names of IBM's own tools, by default theirs. With `batch` jobs go as a batch of IBM's. `runs` is
+    names of IBM's own tools, by default theirs. With `batch` jobs go as a batch of IBM's; at most
+    `jobs_per_minute` of them are sent in a minute, for accounts that may send no more. `runs` is
     the folder of the journals; after `max_wait_s` a job is not waited for any longer, and
     `qcompile resume` fetches it. `confirm` is asked before anything is spent, and raises where the
     answer is no.
 
     Raises:
-        OptionError: a number of seconds that is none, or out of range.
+        OptionError: a number of seconds or jobs that is none, or out of range.
     """
 
     max_qpu_seconds: float
     account: str | None = None
     instance: str | None = None
     batch: bool = False
+    jobs_per_minute: int | None = None
     runs: Name = "runs"
     max_wait_s: float | None = None
     confirm: Words = ignore
@@ -58,11 +60,22 @@ class Live:
                     "It is a number of seconds above 0"
                     + (f" and at most {most:g}." if most < math.inf else "."),
                 )
+        jobs = self.jobs_per_minute
+        if jobs is not None and (isinstance(jobs, bool) or not isinstance(jobs, int) or jobs < 1):
+            raise OptionError(
+                f"jobs_per_minute cannot be {jobs!r}.",
+                "It is a whole number of jobs, 1 at least; None sends them as fast as it can.",
+            )
 
     @property
     def where(self) -> dict[str, Any]:
-        """The fields of a task that say where it runs."""
-        return {"account": self.account, "instance": self.instance, "batch": self.batch}
+        """The fields of a task that say where and how it is sent."""
+        return {
+            "account": self.account,
+            "instance": self.instance,
+            "batch": self.batch,
+            "jobs_per_minute": self.jobs_per_minute,
+        }
 
     def connection(self, backend: str) -> Connection:
         """A connection to the machine of that name."""
@@ -129,15 +142,17 @@ def follow(
     *,
     out: Path | None = None,
     pay_again: bool = False,
+    jobs_per_minute: int | None = None,
 ) -> dict[str, Any]:
     """Resume a run, showing how far it is; what it found."""
     task = task_of(journal)
     on_note(f"run {journal.id}")
-    with bars.progress_bar(task.name, task.planned_jobs) as show:
+    with bars.progress_bar(task.name, task.planned_jobs, estimates=False) as show:
         result = complete(
             journal,
             max_wait_s=max_wait_s,
             pay_again=pay_again,
+            jobs_per_minute=jobs_per_minute,
             out=out,
             show=show,
             note=on_note,

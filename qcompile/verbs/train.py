@@ -70,13 +70,14 @@ def train(
     modules, names or files, that register environments; `env` are arguments that the environment is
     made with, which the policy keeps.
 
-    `model` is svqc (the default), mvqc, fcn, cnn or surrogate; `preset` tuned (the default) or
-    paper; `layout` parallel (the default), serial or single; `reuse` the copies of each output;
-    `seed` 0. `episodes` and `steps` end the training sooner or later than the preset does;
-    `settings` changes others of its settings by name. On a `backend` with noise the policy learns
-    under it: with 1024 shots and mitigation readout, unless `shots` (a number or "exact") and
-    `mitigation` say otherwise. Each decision is held for `hold` steps of the environment (1, or
-    what the preset or the policy of `init` says), and by the policy for good.
+    `model` is svqc (the default), mvqc, fcn, cnn or surrogate; `preset` tuned (the default), paper,
+    or hardware (svqc; held decisions, learned under noise); `layout` parallel (the default), serial
+    or single; `reuse` the copies of each output; `seed` 0. `episodes` and `steps` end the training
+    sooner or later than the preset does; `settings` changes others of its settings by name. On a
+    `backend` with noise the policy learns under it: with 1024 shots and mitigation readout, unless
+    `shots` (a number or "exact") and `mitigation` say otherwise. Each decision is held for `hold`
+    steps of the environment (1, or what the preset or the policy of `init` says), and by the policy
+    for good.
 
     `circuits` are trained in place of a layout: those of a policy with its encoder and its numbers
     as a start, of an OpenQASM file, a Program, an Ansatz or a Qiskit circuit; the head is new.

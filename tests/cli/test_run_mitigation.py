@@ -192,3 +192,37 @@ def test_a_device_that_cannot_be_calibrated_is_named(qcompile: Call, policy: Cal
         "Error: The readout of dead cannot be calibrated.\n  The readout of qubit "
     )
     assert ") shows less than 0.02 of <Z>: its errors cannot be undone." in answer.err
+
+
+def test_a_row_is_split_over_places(qcompile: Call) -> None:
+    """Six places of lunarlander's 24 circuits on 155 qubits: 11 shots an execution for 64."""
+    words = ("run", "lunarlander", "--backend", "fake_fez", "--shots", 64, "--episodes", 1)
+    words += ("--max-steps", 5, "--split", "--calibration-shots", "auto", "--json")
+    found = qcompile(*words).json()
+    known = {"split": True, "copies": 6, "shots": 64, "calibration_shots": 256, "jobs": 6}
+    assert {name: found[name] for name in known} == known
+    # 144 qubits: 2 + 2 * 8 patterns.
+    assert found["executions"] == 5 * 11 + 18 * 256
+    table = qcompile(*words[:-1]).out
+    assert (
+        "64 shots, over 6 places, level 2, mitigation readout by 256 shots of calibration"
+        in " ".join(table.split())
+    )
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--split", "--copies", 1), "over several copies, found one"),
+        (("--copies", 3), "--split spreads the shots of an episode over them."),
+    ],
+)
+def test_a_split_that_makes_no_sense(qcompile: Call, words: tuple[Any, ...], said: str) -> None:
+    answer = qcompile("run", "cartpole", "--backend", "fake_toronto", "--episodes", 2, *words)
+    assert (answer.code, said in answer.err) == (2, True)
+
+
+@pytest.mark.parametrize("value", ["0", "many", "1.5"])
+def test_calibration_shots_are_a_number_or_auto(qcompile: Call, value: str) -> None:
+    answer = qcompile("run", "cartpole", "--calibration-shots", value)
+    assert (answer.code, "--calibration-shots" in answer.err) == (2, True)

@@ -129,7 +129,10 @@ def test_an_output_that_cannot_be_written_is_refused(qcompile: Call, left: Call,
         ),
         (("--out", "mine.pt", "--reuse", "0"), "0 is not in the range 1<=x<=1000."),
         (("--out", "mine.pt", "--steps", "0"), "0 is not in the range x>=1."),
-        (("--out", "mine.pt", "--preset", "magic"), "'magic' is not one of 'paper', 'tuned'."),
+        (
+            ("--out", "mine.pt", "--preset", "magic"),
+            "'magic' is not one of 'paper', 'tuned', 'hardware'.",
+        ),
         ((), "Missing option '--out'."),
     ],
 )

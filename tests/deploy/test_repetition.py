@@ -49,6 +49,12 @@ def test_an_episode_alone_is_that_of_a_batch_of_a_hundred() -> None:
     assert actions(10) == {i: together[i] for i in range(10)}
 
 
+def test_an_episode_of_split_rows_repeats_alone() -> None:
+    together = actions(10, "fake_toronto", split=True)
+    assert actions([6], "fake_toronto", split=True) == {6: together[6]}
+    assert actions(10, "fake_toronto") != together
+
+
 def test_side_by_side_changes_nothing_where_all_qubits_are_alike() -> None:
     """The qubits of the paper's ibm_toronto are, and its copies draw by episode."""
     assert actions(10, copies=4) == actions(10)

@@ -15,6 +15,10 @@ LIMIT = 10_000_000
 """IBM's, "Job limits": executions of one job."""
 
 
+def test_exact_expectations_take_no_executions() -> None:
+    assert Workload.of_batch(3, 2, 0) == Workload(1, 0)
+
+
 def test_seconds_by_hand() -> None:
     assert qpu_seconds(1, 0) == 2.0
     assert qpu_seconds(3, 100_000) == pytest.approx(6 + 35)

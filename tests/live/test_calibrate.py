@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from types import SimpleNamespace
@@ -175,12 +175,13 @@ def test_misfits_are_told_before_anything_is_spent(runs: Runs) -> None:
     assert len(answer.json()["calibration_misfits"]) == 4
 
 
-@dataclass
 class Counted:
     """A run whose executor is the noise model; `asked` is what it was asked for."""
 
-    jobs: Any = SimpleNamespace(journal=SimpleNamespace(latest=lambda number: None))
-    asked: list[Any] = field(default_factory=list)
+    jobs = SimpleNamespace(journal=SimpleNamespace(latest=lambda number: None))
+
+    def __init__(self) -> None:
+        self.asked: list[Any] = []
 
     def say(self, words: str) -> None:
         pass

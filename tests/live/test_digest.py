@@ -62,7 +62,7 @@ def test_it_is_of_the_circuit_its_values_and_its_shots() -> None:
 
 OTHERS: dict[str, Callable[[], str]] = {
     "shots": lambda: digest(circuit(), shots=101),
-    "a value": lambda: digest(circuit(), X + [[0, 0], [0, 1e-8]]),
+    "a value": lambda: digest(circuit(), X + np.array([[0, 0], [0, 1e-8]])),
     "the shape": lambda: digest(circuit(), X[None]),
     "a row less": lambda: digest(circuit(), X[:1]),
     "names": lambda: digest(circuit(names=("a", "b"))),

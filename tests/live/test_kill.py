@@ -2,31 +2,18 @@
 
 from __future__ import annotations
 
-import os
 import signal
-import subprocess
-import sys
 import time
 from typing import Any
 
 import pytest
-from live_runs import LIMIT_S, Runs, check_paid_once, played
+from live_runs import LIMIT_S, Runs, check_paid_once, played, started
 
 WORDS = (
     *("run", "cartpole", "--backend", "fake_lima", "--live", "--yes", "--json"),
     *("--shots", "256", "--episodes", "2", "--max-steps", "3", "--mitigation", "none"),
     *("--max-qpu-seconds", f"{LIMIT_S:g}"),
 )
-
-
-def started(words: tuple[str, ...]) -> subprocess.Popen[bytes]:
-    environment = os.environ | {"QCOMPILE_SETTLE_SECONDS": "0.05"}
-    return subprocess.Popen(
-        [sys.executable, "-m", "qcompile", *words],
-        env=environment,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
 
 
 @pytest.mark.parametrize(

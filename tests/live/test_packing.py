@@ -78,3 +78,28 @@ def test_a_split_batch_keeps_its_rows_and_columns(
     expected = OfflineExecutor(executor.device).expectation(executable, x, np.zeros(0))
     assert np.abs(1 - 2 * ones / shots - expected).max() < 6 / np.sqrt(shots)
     assert np.ptp(expected) > 0.5
+
+
+@pytest.mark.parametrize("shots", [20, 24])
+def test_a_split_row_is_an_execution_of_all_places(runs: Runs, shots: int) -> None:
+    """Six places of cartpole's four circuits on the 25 good qubits of 27: 4 shots for 20 or 24.
+
+    Two episodes of three steps, and a readout of 24 qubits in 2 + 2 * 5 patterns.
+    """
+    words = ("--split", "--calibration-shots", 100)
+    settings = {"shots": shots, "mitigation": "readout"}
+    result = runs.run(*words, backend="fake_toronto", **settings).json()
+    jobs = runs.service.ledger().jobs
+    assert [(job.shots, job.executions) for job in jobs] == [(100, 1200), *[(4, 8)] * 3]
+    known = {"copies": 6, "split": True, "calibration_shots": 100, "jobs": 4, "executions": 1224}
+    assert {name: result[name] for name in known} == known
+
+
+def test_auto_is_settled_before_a_run_begins(runs: Runs) -> None:
+    words = ("--split", "--calibration-shots", "auto")
+    result = runs.run(*words, backend="fake_toronto", shots=20, mitigation="readout").json()
+    calibration, *_ = runs.service.ledger().jobs
+    assert (calibration.shots, calibration.executions) == (256, 12 * 256)
+    assert result["calibration_shots"] == 256
+    again = runs.call("resume", "last", "--json").json()
+    assert again["episodes"] == result["episodes"]

@@ -16,7 +16,7 @@ COUNTS, ACTIONS = "the counts of a job are wrong", "the actions of step 1 are wr
 
 
 @pytest.mark.parametrize(
-    ("table", "column", "array", "words"),
+    ("table", "column", "value", "words"),
     [
         ("measured", "packed", None, COUNTS),
         ("measured", "packed", b"", COUNTS),

@@ -266,3 +266,32 @@ def test_a_tilt_on_both_sides_is_undone_in_the_mean(tilt: float, made: Made) -> 
     inside = np.abs(measured - 0.02).max(axis=0) < 0.9 * np.cos(tilt)  # elsewhere it is clipped
     assert inside.sum() >= 3
     np.testing.assert_allclose(mean[inside], np.cos(w[inside]), atol=1e-12)
+
+
+def test_the_mean_over_places_is_undone_once() -> None:
+    """Two places of two circuits, tilts among them: the shares 0.75 and 0.25 of exact <Z>."""
+    weights, w = np.array([0.75, 0.25]), np.linspace(0.4, 2.7, 30)[:, None]
+    offset, contrast = np.array([0.1, -0.05, 0.02, 0.0]), np.array([0.7, 0.9, 0.8, 0.95])
+    tilt = np.array([0.1, 0.0, -0.2, 0.0])
+    places = Mitigation(offset, contrast, tilt, np.zeros((4, 3, 3)))
+    shown = places.shown(offset + contrast * np.cos(w - tilt))
+    mean = 0.75 * shown[:, :2] + 0.25 * shown[:, 2:]
+    np.testing.assert_allclose(
+        places.of_mean(weights).apply(mean), np.cos(w) * np.ones(2), atol=1e-12
+    )
+    beyond = places.of_mean(weights).apply(np.array([[1.5, 1.5], [-1.5, -1.5]]))
+    assert np.abs(beyond).max() <= 1.0
+    np.testing.assert_array_equal(beyond[:, 1], [1.0, -1.0])
+
+
+def test_the_errors_of_places_average() -> None:
+    """Equal places of one circuit: half the variance, in units of what the mean shows."""
+    covariance = np.diag([0.01, 0.02, 0.0])
+    places = Mitigation(
+        np.zeros(2), np.full(2, 0.5), np.zeros(2), np.broadcast_to(covariance, (2, 3, 3))
+    )
+    mean = places.of_mean(np.array([0.5, 0.5]))
+    np.testing.assert_allclose(mean.covariance, [np.diag([0.02, 0.04, 0.0])])
+    _, of_one = places.variances(np.array([[0.2, 0.2]]), 100)
+    _, of_mean = mean.variances(np.array([[0.4]]), 100)
+    assert of_mean[0, 0] == pytest.approx(of_one[0, 0] / 2)

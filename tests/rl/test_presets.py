@@ -10,6 +10,7 @@ from typing import get_args
 import pytest
 from version_0_1_0 import of_version_0_1_0
 
+from qcompile.device import load_device
 from qcompile.errors import TrainingError
 from qcompile.rl.presets import PRESETS, read_preset
 from qcompile.rl.settings import Model, Settings
@@ -29,14 +30,24 @@ def test_the_preset_paper_is_that_of_version_0_1_0() -> None:
     assert hashlib.sha256(text.encode()).hexdigest() == OF_VERSION_0_1_0
 
 
-def test_every_model_has_both_presets() -> None:
+def test_every_model_has_both_presets_and_circuits_a_third() -> None:
     models = set(get_args(Model))
     assert {name: set(family) for name, family in PRESETS.items()} == {
+        "hardware": {"svqc"},
         "paper": models,
         "tuned": models,
     }
-    for family in PRESETS["tuned"].values():
+    for family in (*PRESETS["tuned"].values(), *PRESETS["hardware"].values()):
         assert {"", "CartPole", "Acrobot", "LunarLander"} <= set(family)
+
+
+@pytest.mark.parametrize("environment", ["", "CartPole", "Acrobot", "LunarLander"])
+def test_the_preset_hardware_holds_and_learns_under_noise(environment: str) -> None:
+    settings = PRESETS["hardware"]["svqc"][environment]
+    assert settings.hold > 1
+    assert settings.shots is not None
+    assert not load_device(settings.backend).is_ideal
+    assert settings.mitigation == "readout"
 
 
 INHERITING = """

@@ -198,7 +198,7 @@ def test_a_layout_without_a_preset_of_its_own_changes_that_of_the_environment() 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("best", "CartPole-v1"), "Unknown preset 'best'.\n  Known: paper, tuned."),
+        (("best", "CartPole-v1"), "Unknown preset 'best'.\n  Known: hardware, paper, tuned."),
         (("paper", "CartPole-v1", "gnn"), "Preset 'paper' has no settings for model 'gnn'."),
         (("paper", "CartPole-v1", "fcn", "single"), "Model 'fcn' has no 'layout', found 'single'."),
         (("paper", "CartPole-v1", "svqc", "ring"), "'parallel', 'serial', 'single' or 'own'"),

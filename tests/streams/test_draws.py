@@ -46,6 +46,19 @@ def test_copies_share_a_row() -> None:
         check(draws, 1024, episode, np.full((2, 3), decision))
 
 
+def test_circuits_with_shots_of_their_own() -> None:
+    """Each count is that of all circuits with its shots."""
+    draws, shots, stream = Draws(4, 6), np.array([9, 9, 8, 8, 8, 8]), Stream(4, "shots")
+    for decision in (0, 1, 2, 7):
+        episode, place = np.arange(5), np.full(5, decision)
+        p = RNG.uniform(0, 1, (5, 6))
+        more, fewer = (stream.binomial(n, p, episode, place) for n in (9, 8))
+        counts = draws.rows(episode[:, None], place[:, None]).binomial(shots, p)
+        np.testing.assert_array_equal(counts, np.hstack([more[:, :2], fewer[:, 2:]]))
+        equal = draws.rows(episode[:, None], place[:, None]).binomial(8, p)
+        np.testing.assert_array_equal(equal, fewer)
+
+
 def test_decisions_in_any_order_and_mixture() -> None:
     draws, episode = Draws(4, CIRCUITS), np.arange(6).reshape(6, 1)
     for decision in range(5):

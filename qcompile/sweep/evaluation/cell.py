@@ -57,6 +57,8 @@ class _Summary(_Part):
     calibration: str | None
     calibration_misfits: list[_Misfit] = []
     copies: Literal[1]
+    split: Literal[False] = False
+    calibration_shots: Whole | None = None
     level: int
     greedy: bool
     seed: int

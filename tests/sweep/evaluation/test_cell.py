@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -51,6 +52,16 @@ def test_a_cell_is_a_run(cell: MakeCell, mitigation: str) -> None:
     run = play(deployment, 3).summary()
     assert numbers(result) == {k: v for k, v in run.items() if k != "wall_seconds"}
     assert (result.threshold, result.versions["qcompile"]) == (475.0, "0.1.0")
+
+
+def test_a_held_policy_is_held_in_a_worker(cell: MakeCell, policy: Policy) -> None:
+    """A cell goes to a worker as bytes."""
+    held = cell(policy=replace(policy, hold=3))
+    summary = played(pickle.loads(pickle.dumps(held))).summary
+    assert summary["hold"] == 3
+    lengths = [episode["length"] for episode in summary["episodes"]]
+    assert summary["decisions"] == sum(-(-length // 3) for length in lengths)
+    assert held.settings() != cell().settings()
 
 
 def test_every_cell_resets_with_the_same_seeds(cell: MakeCell) -> None:

@@ -1,0 +1,94 @@
+"""When the next job may be sent: so many in a minute, and not before the time that IBM names."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime, timedelta
+
+from qcompile.errors import LiveError
+from qcompile.live.charges import Charges
+from qcompile.live.words import duration, retry_after_s
+
+MINUTE_S = 60.0
+_LATE_S = 5.0
+"""A job of an earlier process may have reached IBM so long after it was sent, and counts since."""
+_LONGEST_S = 3600.0
+_LOOK_S = 1.0
+
+
+class Pace:
+    """Keeps submissions apart: at most `jobs_per_minute` in any minute; None: any number.
+
+    When earlier ones were sent is read from the journal, so resuming a run keeps its pace. None is
+    sent before a time that IBM named in Retry-After. `say` is told what is waited for. A wait that
+    is longer than `max_wait_s`, or than an hour, ends the run, which resumes later.
+    """
+
+    def __init__(
+        self,
+        charges: Charges,
+        jobs_per_minute: int | None = None,
+        *,
+        max_wait_s: float | None = None,
+        say: Callable[[str], None] = lambda words: None,
+    ):
+        self._charges, self._most, self._say = charges, jobs_per_minute, say
+        self._longest_s = _LONGEST_S if max_wait_s is None else min(max_wait_s, _LONGEST_S)
+        self._began = datetime.now(UTC)
+        self._answered: list[datetime] = []
+        """When those of this process were answered, of the last minute."""
+        self._asked_for = 0.0
+        """The time, of time.monotonic, before which IBM wants no job."""
+
+    @property
+    def job_s(self) -> float:
+        """The least time between two jobs, on average."""
+        return MINUTE_S / self._most if self._most else 0.0
+
+    @contextmanager
+    def turn(self) -> Iterator[None]:
+        """The block in which a job is sent: it begins when the next one may be.
+
+        Raises:
+            LiveError: that is too long to wait for.
+        """
+        while (asked_s := self._asked_for - time.monotonic()) > 0:
+            self._wait(asked_s, "IBM takes the next job in")
+        while (pace_s := self._pace_s()) > 0:
+            self._wait(pace_s, f"{self._most} jobs a minute, the next in")
+        try:
+            yield
+        except Exception as error:
+            if (seconds := retry_after_s(error)) is not None:
+                self._asked_for = time.monotonic() + seconds
+            raise
+        finally:
+            self._answered.append(datetime.now(UTC))
+
+    def _wait(self, seconds: float, words: str) -> None:
+        if seconds > self._longest_s:
+            raise LiveError(
+                f"The next job may be sent in {duration(seconds)}.", "Nothing is lost: resume then."
+            )
+        self._say(f"{words} {duration(seconds)}")
+        time.sleep(min(seconds, _LOOK_S))
+
+    def _pace_s(self) -> float:
+        """How long until a minute has room for one more job."""
+        if self._most is None:
+            return 0.0
+        now, minute = datetime.now(UTC), timedelta(seconds=MINUTE_S)
+        late = timedelta(seconds=_LATE_S)
+        since = (now - minute - late).replace(microsecond=0).isoformat()
+        earlier = [
+            charge.sent_at + late
+            for charge in self._charges.all("sent_at >= ?", since)
+            if charge.sent_at < self._began
+        ]
+        self._answered = [at for at in self._answered if at > now - minute]
+        sent = sorted(earlier + self._answered)
+        if len(sent) < self._most:
+            return 0.0
+        return (sent[-self._most] + minute - now).total_seconds()

@@ -1,0 +1,157 @@
+"""Jobs are sent no faster than the account may: by option, and as Retry-After says."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import pytest
+from live_runs import Runs, check_paid_once, played
+from standin import Fault, StandIn
+
+from qcompile.live.connection import Connection
+from qcompile.live.runs import find_journal
+from qcompile.live.waiting import Queue, Remaining
+from qcompile.live.words import duration
+
+SUBMIT, JOB = "POST /jobs", "GET /jobs/{id}"
+
+
+@pytest.fixture
+def short_minutes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A minute of a second and a half, on both sides."""
+    monkeypatch.setattr("qcompile.live.pace.MINUTE_S", 1.5)
+    monkeypatch.setattr("qcompile.live.pace._LATE_S", 0.5)
+
+
+def sent_at(service: StandIn) -> list[float]:
+    return [datetime.fromisoformat(job.created).timestamp() for job in service.ledger().jobs]
+
+
+@pytest.mark.usefixtures("short_minutes")
+def test_jobs_are_paced_through_a_kill_and_never_refused(
+    runs: Runs, undisturbed: dict[str, Any]
+) -> None:
+    runs.service.settings.jobs_per_minute, runs.service.settings.minute_seconds = 2, 1.5
+    stopped = runs.run("--jobs-per-minute", 2, "--max-wait-seconds", 0.3)
+    assert stopped.code == 1
+    assert "Error: The next job may be sent in 2 s.\n  Nothing is lost: resume then.\n" in (
+        stopped.err
+    )
+    assert len(runs.service.ledger().jobs) == 2  # those of another process, to the next
+    found = runs.until_finished(runs.call("resume", "last", "--json"))
+    assert runs.errors == []
+    assert played(found) == undisturbed
+    check_paid_once(runs.service, 3)
+    first, _, third = sent_at(runs.service)
+    assert third - first >= 1.5
+    assert "too_many_jobs" not in runs.service.ledger().faults
+
+
+@pytest.mark.usefixtures("short_minutes")
+def test_another_pace_when_resumed(runs: Runs) -> None:
+    assert runs.run("--jobs-per-minute", 1, "--max-wait-seconds", 0.3).code == 1
+    assert runs.call("resume", "last", "--jobs-per-minute", 9, "--json").code == 0
+    first, *_, third = sent_at(runs.service)
+    assert third - first < 1.5
+
+
+def test_a_job_is_not_sent_again_before_the_time(runs: Runs, undisturbed: dict[str, Any]) -> None:
+    """The service takes two jobs in two seconds; nobody told the client. It says a date."""
+    runs.service.settings.jobs_per_minute, runs.service.settings.minute_seconds = 2, 2.0
+    runs.service.faults.retry_after_is_a_date = True
+    found = runs.until_finished(runs.run())
+    assert runs.errors == []
+    assert played(found) == undisturbed
+    check_paid_once(runs.service, 3)
+    assert runs.service.ledger().faults["too_many_jobs"] == 1
+    assert found["jobs_in_doubt"] == 1  # a refusal may have been none
+    assert found["qpu_seconds"] > found["qpu_seconds_settled"]
+
+
+def test_a_job_that_is_unavailable_for_long_is_explained_and_not_sent(runs: Runs) -> None:
+    runs.service.faults.retry_after_seconds = 7200
+    runs.service.faults.once(Fault.UNAVAILABLE, on=SUBMIT)
+    stopped = runs.run()
+    assert stopped.code == 1
+    assert "Error: The next job may be sent in 2 h 0 min.\n" in stopped.err
+    assert runs.service.ledger().requests[SUBMIT] == 1
+
+
+def test_what_is_read_is_not_asked_again_before_the_time(runs: Runs) -> None:
+    runs.service.faults.retry_after_seconds = 1
+    runs.service.faults.once(Fault.RATE_LIMITED, on=JOB)
+    began = time.monotonic()
+    assert runs.run("--max-steps", 1).code == 0
+    assert time.monotonic() - began >= 1
+
+
+@pytest.mark.parametrize("on", [JOB, "GET /instances/usage"])
+def test_a_service_that_is_busy_for_long_is_explained(on: str, runs: Runs) -> None:
+    runs.service.faults.retry_after_seconds = 900
+    runs.service.faults.once(Fault.UNAVAILABLE, on=on)
+    began = time.monotonic()
+    stopped = runs.run()
+    assert time.monotonic() - began < 60
+    assert "Error: IBM's service is busy and asks to come back in 15 min.\n" in stopped.err
+    assert "  Nothing is lost: resume then.\n" in stopped.err
+
+
+def test_an_interrupt_in_a_wait_stops_cleanly(runs: Runs) -> None:
+    runs.service.faults.retry_after_seconds = 600
+    runs.service.faults.once(Fault.RATE_LIMITED, on=SUBMIT)
+
+    def interrupt() -> None:
+        while not runs.service.ledger().faults:
+            time.sleep(0.01)
+        time.sleep(0.5)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    threading.Thread(target=interrupt).start()
+    stopped = runs.run()
+    assert stopped.code == 1
+    assert "Error: Interrupted.\n  Jobs done: 0" in stopped.err
+    assert runs.service.ledger().jobs == []
+    with find_journal(Path("runs"), "last") as journal:
+        assert journal.home("last").process is None  # the lock is given back
+
+
+def test_the_queue_is_told_after_a_while(
+    service: StandIn, monkeypatch: pytest.MonkeyPatch, runs: Runs
+) -> None:
+    service.settings.queue_seconds = 60.0
+    for _ in range(2):
+        assert runs.run("--max-wait-seconds", 0.1).code == 1
+    queue = Queue(Connection("fake_lima"))
+    assert queue.words(0.0) == ""
+    assert queue.words(6.0) == "2 jobs in the queue"
+    asked = service.ledger().requests["GET /backends/{id}/status"]
+    assert queue.words(7.0) == "2 jobs in the queue"
+    assert service.ledger().requests["GET /backends/{id}/status"] == asked
+
+
+def test_the_time_to_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = 100.0
+    monkeypatch.setattr("time.monotonic", lambda: now)
+    remaining = Remaining(60, before=10)
+    assert remaining.words(10) == ""
+    now += 30
+    assert remaining.words(20) == "about 2 min to the end"  # 40 more, of 3 s each
+    paced = Remaining(60, before=10, job_s=12.0)
+    assert paced.words(20) == "about 8 min to the end"
+    assert paced.words(60) == ""
+    assert paced.words(61) == "longer than planned"
+    assert Remaining(1, before=1).words(1) == ""
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"),
+    [(0.2, "1 s"), (99, "99 s"), (100, "2 min"), (3600, "1 h 0 min"), (7801, "2 h 11 min")],
+)
+def test_durations_are_rounded_up(seconds: float, words: str) -> None:
+    assert duration(seconds) == words

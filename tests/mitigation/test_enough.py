@@ -1,0 +1,100 @@
+"""Shots of a calibration against a closed form, and what they leave of the error."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from qcompile.device import Device, Qubit
+from qcompile.execution import OfflineExecutor
+from qcompile.ir import Circuit, Program
+from qcompile.mitigation import calibrate, enough_shots, readout_mitigation
+from qcompile.mitigation.enough import LEAST_SHOTS, SHARE
+from qcompile.passes import Executable, compile
+
+P = 0.1
+
+
+def placed(copies: int = 1) -> Executable:
+    """Four circuits on 4 `copies` qubits, of readout error P and perfect gates."""
+    qubit = Qubit(t1_us=1e9, t2_us=1e9, p10=P, p01=P)
+    device = Device(
+        name="even", source="made", basis_gates=("rz", "sx", "x"), qubits=(qubit,) * 4 * copies
+    )
+    program = Program.of([Circuit.parse(f"ry(x{i})") for i in range(4)], 4, 0)
+    return compile(program, device, copies=copies)
+
+
+def by_hand(shots: float, qubits: int, average: int = 1) -> int:
+    """The least power of two for which the calibration's variance is SHARE of the shot noise's.
+
+    With v = P (1 - P) / N the error of z has the variance ((1 - z)^2 + (1 + z)^2) v / c^2, of mean
+    8 v / 3 / c^2 over z in [-1, 1], c = 1 - 2 P; shot noise (1 - c^2 z^2) / shots / c^2 has the
+    mean (1 - c^2 / 3) / shots / c^2. N are the preparations of a bit: 1 + ceil(log2 qubits) for
+    each shot of the calibration. In a mean over places both become smaller alike, and each place
+    has a share of the shots.
+    """
+    c = 1 - 2 * P
+    wanted = shots * 8 / 3 * P * (1 - P) / (1 - c**2 / 3) / SHARE / average
+    return 2 ** int(np.ceil(np.log2(wanted / (1 + np.ceil(np.log2(qubits))))))
+
+
+@pytest.mark.parametrize("shots", [300, 1200])
+def test_the_shots_are_those_of_the_closed_form(shots: int) -> None:
+    assert enough_shots(placed(), "readout", shots, np.ones(4)) == by_hand(shots, 4)
+    assert LEAST_SHOTS < by_hand(300, 4) < by_hand(1200, 4) < 8192
+
+
+def test_a_mean_over_places_needs_fewer() -> None:
+    """4,800 shots on each of four places are 4,800 / 4 to a place: errors average as well."""
+    shots, weights = np.full(16, 1200), np.full(16, 1 / 16)
+    split = enough_shots(placed(4), "readout", shots, weights)
+    assert split == by_hand(4800, 16, average=4) == by_hand(1200, 16)
+    assert split < by_hand(4800, 16) == enough_shots(placed(4), "readout", 4800, np.ones(16))
+
+
+def test_few_shots_ask_for_the_least_and_many_for_the_usual() -> None:
+    found = [enough_shots(placed(), "readout", shots, np.ones(4)) for shots in (1, 16, 100_000)]
+    assert found == [LEAST_SHOTS, LEAST_SHOTS, 8192]
+    assert enough_shots(placed(), "readout", 1024, np.zeros(4)) == LEAST_SHOTS
+
+
+def test_circuits_that_matter_to_nothing_do_not_count() -> None:
+    """On a device with one bad qubit, of a circuit that the policy does not read."""
+    good, bad = placed().device.qubits[0], Qubit(t1_us=1e9, t2_us=1e9, p10=0.001, p01=0.001)
+    device = placed().device.model_copy(update={"qubits": (bad, bad, bad, good)})
+    executable = compile(placed().source, device, importance=np.array([0.0, 1.0, 1.0, 1.0]))
+    assert executable.qubits[0] == 3
+    some, all_ = (
+        enough_shots(executable, "readout", 4096, importance)
+        for importance in (np.array([0.0, 1.0, 1.0, 1.0]), np.ones(4))
+    )
+    assert some < all_
+
+
+def test_a_response_needs_more_than_a_readout() -> None:
+    """Its angles are measured once or twice, each prepared bit three times of four qubits."""
+    readout, response = (
+        enough_shots(placed(), part, 300, np.ones(4)) for part in ("readout", "response")
+    )
+    assert readout < response <= 8192
+
+
+def test_so_many_shots_leave_that_share_of_the_error() -> None:
+    """300 calibrations of the shots found, at z = 0: the error of z is within SHARE of shot noise.
+
+    Their variance, of 4 x 300 numbers, is known to 4 %.
+    """
+    executable, shots = placed(), 1200
+    enough = enough_shots(executable, "readout", shots, np.ones(4))
+    zs = []
+    for seed in range(300):
+        known = calibrate(
+            OfflineExecutor(executable.device, seed), range(4), enough, parts=["readout"]
+        )
+        zs.append(readout_mitigation(known, executable).apply(np.zeros((1, 4)))[0])
+    error, noise = np.var(zs), 1 / shots / (1 - 2 * P) ** 2
+    preparations = enough * 3
+    expected = 2 * P * (1 - P) / preparations / (1 - 2 * P) ** 2
+    assert error == pytest.approx(expected, rel=0.2)
+    assert error < SHARE * noise
