@@ -35,6 +35,7 @@ class Runs:
             "episodes": 2,
             "max_steps": 3,
             "mitigation": "none",
+            "speculate": 1,
             "max_qpu_seconds": LIMIT_S,
         } | settings
         options = [
