@@ -102,6 +102,8 @@ PLAN = (
     "plan tiny.json --max-steps 2 --shots 100",
     "plan narrow.json --backend fake_toronto --max-steps 2 --episodes 3 --mitigation none",
     "plan tiny.json --max-steps 2 --shots 100 --level 1 --usd-per-second 0 --copies 1",
+    "plan cartpole_1q --episodes 2 --max-steps 2 --shots 16 --within 60",
+    "plan cartpole_1q --episodes 2 --max-steps 2 --shots 16 --within 3",
 )
 SHOW = (
     "show tiny.json",

@@ -33,7 +33,8 @@ def test_the_lockstep_is_what_a_live_run_sends(runs: Runs, settings: dict[str, A
     plan = planned(runs, *shared, *words)
     assert not runs.service.ledger().jobs  # a plan spends nothing
     assert plan["env_steps"] == 9
-    answer = runs.call("run", *shared, *words, "--max-qpu-seconds", 600, "--yes", "--json")
+    plain = ("--speculate", 1, "--calibration-shots", 8192, "--max-qpu-seconds", 600, "--yes")
+    answer = runs.call("run", *shared, *words, *plain, "--json")
     assert answer.code == 0, answer.err
     jobs = runs.service.ledger().jobs
     [lockstep] = [way for way in plan["strategies"] if way["name"] == LOCKSTEP]
