@@ -29,7 +29,7 @@ TASKS = ("lunarlander", "cartpole", "acrobot")
 HOLDS = (1, 2, 4, 8)
 NEVER_LEARNED = ("cartpole", 8)
 """A push held for eight steps lets the pole fall."""
-DEVICES = ("fake_fez", "fake_toronto", "fake_lima")
+DEVICES = ("fake_toronto", "fake_fez", "fake_lima")
 SHOTS = (8, 16, 32, 64, 128, 256, 1024)
 PAPER_SHOTS = 8192
 EPISODES, SEED = 100, 10_000

@@ -257,9 +257,8 @@ calibration_shots_option: Decorator = click.option(
     "--calibration-shots",
     type=CalibrationShots(),
     default=8192,
-    show_default=True,
     help="Shots of the calibration that is measured first. auto: as few as the shots of a row ask "
-    "for.",
+    "for.  [default: 8192; with --live auto]",
 )
 split_option: Decorator = click.option(
     "--split",

@@ -179,7 +179,7 @@ def plan(
     chosen = policies[0] if found is None or found.recommended is None else found.recommended.policy
     task = RunTask.model_validate(
         {
-            **RunSettings.of(settings, **{"shots": _SHOTS, **given}).values,
+            **RunSettings.of(settings, **{"shots": _SHOTS, "copies": copies, **given}).values,
             "backend": opened.device.name,
             "device": opened.device,
             "policy": policy_values(chosen),

@@ -53,10 +53,11 @@ def live_settings(
     Raises:
         OptionError: the policy is no better than random actions, so that nothing can be planned.
     """
-    settings = settings.resolved(device)
+    resolved = settings.resolved(device)
     if "shots" in said:
-        return RunSettings.of(settings, **(_WITHOUT_A_PLAN | dict(said)))
-    wanted = Wanted(settings, episodes, max(limit_s - 1, 0), given=dict(said))
+        changes = {"copies": settings.copies, **_WITHOUT_A_PLAN, **said}
+        return RunSettings.of(resolved, **changes)
+    wanted = Wanted(resolved, episodes, max(limit_s - 1, 0), given=dict(said))
     with bars.progress_bar(f"planning for {device.name}", 1.0) as show:
         found = search([policy], DeviceBackend(device), wanted, show)
     point = found.recommended or found.closest

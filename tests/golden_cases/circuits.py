@@ -154,4 +154,10 @@ CASES = (
     "plan tiny.json --usd-per-second nan",
     "plan tiny.json --account mine",
     "plan tiny.json --instance mine",
+    "plan tiny.json --within 60",
+    "plan tiny.json --within 0",
+    "plan tiny.json --within 60 --keep 1.1",
+    "plan tiny.json --keep 0.9",
+    "plan tiny.json cartpole",
+    "plan acrobot cartpole --within 60",
 )

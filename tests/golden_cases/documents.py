@@ -20,7 +20,10 @@ SESSIONS: dict[str, Sequence[str | Case]] = {
             "--out e --json"
         ),
     ),
-    "plan": (Document("plan tiny.json --max-steps 2 --shots 100 --json"),),
+    "plan": (
+        Document("plan tiny.json --max-steps 2 --shots 100 --json"),
+        Document("plan cartpole_1q --episodes 2 --max-steps 2 --shots 16 --within 60 --json"),
+    ),
     "show": (
         Document("show tiny.json --backend fake_lagos --json"),
         Document("show in.qasm --json"),
