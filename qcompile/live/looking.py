@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterable
 from datetime import UTC, datetime, timedelta
 
-from qcompile.errors import LiveError
+from qcompile.errors import LiveError, ReplayError
 from qcompile.live.answers import RemoteJob
 from qcompile.live.budget import Budget
 from qcompile.live.commands import resume_command
@@ -23,12 +23,22 @@ from qcompile.live.words import seconds_setting
 
 GENERAL_TAG = "qcompile"
 """All jobs of all runs have it, beside one of their own."""
+_PUBS_TAG = "qcompile-pubs-"
 DOUBT_S = 3600.0
 """A job that IBM does not list so long after it was sent was not accepted."""
 REFUSED_S = 60.0
 """The same where IBM answered with a refusal: nothing of the request is still under way."""
 _LOOKS = 3
 _CLOCKS_APART = timedelta(days=1)
+
+
+def tags_of(submission: Submission) -> list[str]:
+    """What its job is sent with: the tag of all jobs, its own, and one of what it measures."""
+    return [GENERAL_TAG, submission.tag, _pubs_tag(submission)]
+
+
+def _pubs_tag(submission: Submission) -> str:
+    return f"{_PUBS_TAG}{submission.digest[-16:]}"
 
 
 def settles_at(doubt: Charge) -> datetime:
@@ -82,6 +92,7 @@ class Finder:
 
         Raises:
             LiveError: what IBM has cannot be told.
+            ReplayError: it has one that measures something else.
         """
         self._await_listing(submission.number)
         attempts = self._journal.attempts(submission.number)
@@ -94,7 +105,7 @@ class Finder:
             for job in jobs
             if job.id not in failed
             and (job.id in unexpected or not job.is_cancelled)
-            and same.intersection(job.tags or ())
+            and self._is_of(submission, job, same)
         ]
         best = min(usable, key=_preference, default=None)
         self._cancel(job for job in jobs if job is not best)
@@ -102,6 +113,25 @@ class Finder:
             return None
         self._journal.note_taken(submission, best.id)
         return best.id
+
+    def _is_of(self, submission: Submission, job: RemoteJob, same: set[str]) -> bool:
+        """Whether a job of its place measures what it does; `same` are the tags that should.
+
+        Jobs of earlier versions do not say what they measure. One that measures something else
+        under such a tag was sent before the run was restored from an older copy.
+
+        Raises:
+            ReplayError: that is so.
+        """
+        pubs = {tag for tag in job.tags or () if tag.startswith(_PUBS_TAG)}
+        is_tagged = not same.isdisjoint(job.tags or ())
+        if pubs and _pubs_tag(submission) not in pubs and is_tagged:
+            raise ReplayError(
+                f"IBM has job {job.id} in the place of job {submission.number} of run "
+                f"{self._journal.id}, and it measures something else.",
+                "Nothing was sent. Was the run's folder restored from an older copy?",
+            )
+        return _pubs_tag(submission) in pubs if pubs else is_tagged
 
     def sweep(self, submission: Submission) -> None:
         """Count and cancel any other job of a submission whose own has ended, if one is feared."""

@@ -59,7 +59,7 @@ def program() -> subprocess.Popen[str]:
 def check_paid_once(service: StandIn, jobs: int) -> None:
     """Each place of the journal has one job, which is completed and charged."""
     ledger = service.ledger().jobs
-    own = [job for job in ledger if len(job.tags) == 2]
+    own = [job for job in ledger if len(job.tags) == 3]
     assert Counter(number_of(job)[0] for job in own) == dict.fromkeys(range(jobs), 1)
     assert all(job.status == "Completed" and job.charged_seconds > 0 for job in own)
 
