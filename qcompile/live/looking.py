@@ -11,34 +11,24 @@ import time
 from collections.abc import Callable, Iterable
 from datetime import UTC, datetime, timedelta
 
-from qcompile.errors import LiveError, ReplayError
+from qcompile.errors import LiveError
 from qcompile.live.answers import RemoteJob
 from qcompile.live.budget import Budget
 from qcompile.live.commands import resume_command
 from qcompile.live.journal import Journal
 from qcompile.live.records import Charge, Submission
 from qcompile.live.remote import RemoteJobs
-from qcompile.live.request import is_same
+from qcompile.live.request import DIGEST, TAG, is_same, tag_of
 from qcompile.live.words import seconds_setting
 
 GENERAL_TAG = "qcompile"
 """All jobs of all runs have it, beside one of their own."""
-_PUBS_TAG = "qcompile-pubs-"
 DOUBT_S = 3600.0
 """A job that IBM does not list so long after it was sent was not accepted."""
 REFUSED_S = 60.0
 """The same where IBM answered with a refusal: nothing of the request is still under way."""
 _LOOKS = 3
 _CLOCKS_APART = timedelta(days=1)
-
-
-def tags_of(submission: Submission) -> list[str]:
-    """What its job is sent with: the tag of all jobs, its own, and one of what it measures."""
-    return [GENERAL_TAG, submission.tag, _pubs_tag(submission)]
-
-
-def _pubs_tag(submission: Submission) -> str:
-    return f"{_PUBS_TAG}{submission.digest[-16:]}"
 
 
 def settles_at(doubt: Charge) -> datetime:
@@ -92,7 +82,6 @@ class Finder:
 
         Raises:
             LiveError: what IBM has cannot be told.
-            ReplayError: it has one that measures something else.
         """
         self._await_listing(submission.number)
         attempts = self._journal.attempts(submission.number)
@@ -105,7 +94,8 @@ class Finder:
             for job in jobs
             if job.id not in failed
             and (job.id in unexpected or not job.is_cancelled)
-            and self._is_of(submission, job, same)
+            and same.intersection(job.tags or ())
+            and _may_be_of(job, submission.digest)
         ]
         best = min(usable, key=_preference, default=None)
         self._cancel(job for job in jobs if job is not best)
@@ -113,25 +103,6 @@ class Finder:
             return None
         self._journal.note_taken(submission, best.id)
         return best.id
-
-    def _is_of(self, submission: Submission, job: RemoteJob, same: set[str]) -> bool:
-        """Whether a job of its place measures what it does; `same` are the tags that should.
-
-        Jobs of earlier versions do not say what they measure. One that measures something else
-        under such a tag was sent before the run was restored from an older copy.
-
-        Raises:
-            ReplayError: that is so.
-        """
-        pubs = {tag for tag in job.tags or () if tag.startswith(_PUBS_TAG)}
-        is_tagged = not same.isdisjoint(job.tags or ())
-        if pubs and _pubs_tag(submission) not in pubs and is_tagged:
-            raise ReplayError(
-                f"IBM has job {job.id} in the place of job {submission.number} of run "
-                f"{self._journal.id}, and it measures something else.",
-                "Nothing was sent. Was the run's folder restored from an older copy?",
-            )
-        return _pubs_tag(submission) in pubs if pubs else is_tagged
 
     def sweep(self, submission: Submission) -> None:
         """Count and cancel any other job of a submission whose own has ended, if one is feared."""
@@ -248,6 +219,12 @@ class Finder:
     def _number(self, job: RemoteJob) -> int:
         """The place in the run of one of its jobs."""
         return next(int(match[1]) for tag in job.tags or () if (match := self._tag.fullmatch(tag)))
+
+
+def _may_be_of(job: RemoteJob, digest: str) -> bool:
+    """Whether a job may have the PUBs of a digest: a restored journal may ask for others."""
+    tags = [tag for tag in job.tags or () if tag.startswith(TAG)]
+    return not tags or not digest.startswith(DIGEST) or tag_of(digest) in tags
 
 
 def _preference(job: RemoteJob) -> tuple[bool, bool, str]:
