@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 EPISODES ?= 20
 
 .DEFAULT_GOAL := help
-.PHONY: help run study test lint types bench calibrations coverage chaos fuzz frontier policies docs clean
+.PHONY: help run study test lint types bench calibrations coverage budget chaos fuzz frontier policies speculation docs clean
 
 help:  ## Show this help
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -38,6 +38,9 @@ calibrations: $(VENV)/dev.stamp  ## Measure fits, false alarms, p-values and pow
 coverage: $(VENV)/run.stamp  ## Measure how often 95 % intervals hold the mean (ten minutes)
 	$(BIN)/python -W ignore benchmarks/coverage.py --samples 600
 
+budget: $(VENV)/dev.stamp  ## Measure what live episodes cost and earn, by the ledger of a stand-in of IBM's service (an hour)
+	$(BIN)/python benchmarks/budget.py --out docs/budget/stand-in.json
+
 chaos: $(VENV)/dev.stamp  ## Break live runs in every known way, and check what they tell (half an hour)
 	$(BIN)/python benchmarks/chaos.py
 
@@ -49,6 +52,9 @@ frontier: $(VENV)/run.stamp  ## Measure reward against QPU seconds over shots, h
 
 policies: $(VENV)/run.stamp  ## Train the shipped policies by their cards, and compare every number (a quarter of an hour)
 	$(BIN)/python benchmarks/shipped.py
+
+speculation: $(VENV)/dev.stamp  ## Hold runs that measure ahead to the law of those that do not (half an hour)
+	$(BIN)/python -W ignore benchmarks/speculation.py
 
 docs: $(VENV)/docs.stamp  ## Build the documentation into site/
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet

@@ -4,15 +4,18 @@
 
 Small complete runs go from the command line, with the unmodified client of qiskit-ibm-runtime, to
 the stand-in of IBM's service in tests/standin: killed at random moments, restored from an older
-copy, resumed by two at once, and with each trouble of tests/standin/troubles.py. After each process
-what the run tells is compared with the ledger: no less may be told than is charged, and the limit
-holds or a doubt is told. In the end its result must be that of an undisturbed run, nothing may be
-lost, and once the service has recovered the books must agree to the cent. No process may show a
-traceback, a control character or a token, and no file may hold one.
+copy, resumed by two at once, killed before and after each write into the journal, and with each
+trouble of tests/standin/troubles.py; some measure ahead, hold or split, and one is a program of
+somebody's on a GuardedSampler. After each process what the run tells is compared with the ledger:
+no less may be told than is charged, and the limit holds or a doubt is told. In the end its result
+must be that of an undisturbed run, nothing may be lost, and once the service has recovered the
+books must agree to the cent. No process may show a traceback, a control character or a token, and
+no file may hold one.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import subprocess
@@ -34,12 +37,13 @@ from rich.table import Table
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 
-from chaos_copies import COPIES
-from chaos_trial import LIMIT_S, SCENARIOS, Trial
-from live_ledger import charged_s, jobs_of
+from chaos_copies import COPIES, TWO_AT_ONCE
+from chaos_trial import HELD, KILLED, LIMIT_S, PROGRAM, SCENARIOS, Trial
+from live_ledger import charged_s
 from standin import TROUBLES, StandIn, Trouble
 
-KILLS = "killed"
+KILLS, WRITES = "killed", "killed at a write"
+TRAINED = Path(__file__).parent.parent / "trained"
 _SETTINGS = {"run_seconds": 0.02, "usage_limit_seconds": 1e9}
 _OF_BATCH = "shape: batch"
 
@@ -63,7 +67,7 @@ class Tally:
         self.kills += trial.kills
         self.faults += faults
         self.stops += trial.stops
-        self.charged_s += charged_s(jobs_of(trial.stand_in, trial.run or "?"))
+        self.charged_s += charged_s(trial.jobs)
         self.most_short_s = max(self.most_short_s, trial.most_short_s)
         self.wrong += Counter(set(trial.wrong))
 
@@ -79,12 +83,16 @@ class Chaos:
 
     def trial(self, scenario: str, stand_in: StandIn, **settings: Any) -> Trial:
         folder = Path(tempfile.mkdtemp(dir=self.folder))
-        if (self.folder / "twin.json").exists():
-            shutil.copy(self.folder / "twin.json", folder)
+        for path in self.folder.glob("*.json"):
+            shutil.copy(path, folder)
         return Trial(scenario, stand_in, folder, **settings)
 
     def prepare(self) -> None:
-        """Calibrate a twin, and run each scenario undisturbed."""
+        """Calibrate a twin, make policies that hold, and run each scenario undisturbed."""
+        for name, shipped in HELD.items():
+            policy = json.loads((TRAINED / f"{shipped}.json").read_text())
+            policy |= {"format": "qcompile-policy-2", "hold": 2}
+            (self.folder / name).write_text(json.dumps(policy))
         twin = ("calibrate", "--backend", "fake_lima", "--seed", "1", "--out", "twin.json")
         words = (sys.executable, "-m", "qcompile", *twin)
         subprocess.run(words, cwd=self.folder, check=True, stdout=subprocess.DEVNULL)
@@ -104,6 +112,23 @@ class Chaos:
         with StandIn(**_SETTINGS) as stand_in:
             trial = self.trial(scenario, stand_in)
             trial.finish((rng, self.live_s[scenario]))
+            trial.settle()
+            trial.check(self.references[scenario], paid_once=True)
+        return trial, Counter()
+
+    def write(
+        self, moment: int, scenario: str, rng: np.random.Generator
+    ) -> tuple[Trial, Counter[str]]:
+        """A run that is killed just before or after a write into its journal, and once more."""
+        with StandIn(**_SETTINGS) as stand_in:
+            trial = self.trial(scenario, stand_in)
+            for kill_at in (moment, int(rng.integers(60))):
+                ended = trial.start(kill_at=kill_at).wait()
+                trial.kills += ended.code == KILLED
+                trial.judge(ended)
+                if trial.result is not None:
+                    break
+            trial.finish()
             trial.settle()
             trial.check(self.references[scenario], paid_once=True)
         return trial, Counter()
@@ -139,7 +164,7 @@ class Chaos:
             trial = self.trial(scenario, stand_in)
             COPIES[kind](trial, rng, self.live_s[scenario])
             trial.settle()
-            paid_once = kind != "copies: two at once"
+            paid_once = kind != TWO_AT_ONCE
             trial.check(self.references[scenario], paid_once=paid_once)
             return trial, Counter(stand_in.ledger().faults) + Counter(copies=1)
 
@@ -169,11 +194,15 @@ class _Neighbours:
         ]
 
 
-def plan(chaos: Chaos, only: str, seed: int) -> dict[str, Iterator[Callable[[], Any]]]:
+def plan(chaos: Chaos, only: str, seed: int, writes: int) -> dict[str, Iterator[Callable[[], Any]]]:
     """For each kind, its trials one after another, each with a generator of its own."""
     ways: dict[str, Callable[..., Any]] = {KILLS: chaos.kill}
     for kind in COPIES:
         ways[kind] = lambda scenario, rng, kind=kind: chaos.copies(kind, scenario, rng)
+    for moment in range(writes):
+        ways[f"{WRITES} {moment}"] = lambda scenario, rng, moment=moment: chaos.write(
+            moment, scenario, rng
+        )
     for name, trouble in TROUBLES.items():
         ways[name] = lambda scenario, rng, trouble=trouble: chaos.trouble(trouble, scenario, rng)
 
@@ -184,27 +213,34 @@ def plan(chaos: Chaos, only: str, seed: int) -> dict[str, Iterator[Callable[[], 
             yield lambda scenario=scenario, rng=rng: way(scenario, rng)
 
     return {
-        kind: trials(number, way, _scenarios(kind))
+        kind: trials(number, way, _scenarios(kind, number))
         for number, (kind, way) in enumerate(ways.items())
         if only in kind
     }
 
 
-def _scenarios(kind: str) -> list[str]:
-    """Those that a kind is tried with, in turn: the cheap run first, all of them for kills."""
+def _scenarios(kind: str, number: int) -> list[str]:
+    """Those that a kind is tried with, in turn; the next kind begins with the next one."""
     if kind.startswith(_OF_BATCH):
         return ["batch"]
-    return list(SCENARIOS) if kind == KILLS or kind == "at random" else ["run", *SCENARIOS]
+    first = number % len(SCENARIOS)
+    names = [*SCENARIOS][first:] + [*SCENARIOS][:first]
+    if kind == TWO_AT_ONCE:  # a program is not run from a copy before somebody resumes that by name
+        names.remove(PROGRAM)
+    return names
 
 
 @click.command()
 @click.option("--kills", default=200, show_default=True)
+@click.option("--writes", default=80, show_default=True, help="Moments at which to kill.")
 @click.option("--faults", default=600, show_default=True, help="Each kind is tried once at least.")
 @click.option("--seed", default=0, show_default=True)
 @click.option("--only", default="", help="Kinds whose name holds this.")
 @click.option("--workers", default=4, show_default=True, help="Trials at a time; they mostly wait.")
 @click.option("--keep", is_flag=True, help="Keep the folders of the runs.")
-def main(kills: int, faults: int, seed: int, only: str, workers: int, keep: bool) -> None:
+def main(
+    kills: int, writes: int, faults: int, seed: int, only: str, workers: int, keep: bool
+) -> None:
     """Break live runs in every known way, and hold what they tell to the service's ledger."""
     console = Console(width=118)
     folder = Path(tempfile.mkdtemp(prefix="chaos-"))
@@ -214,9 +250,10 @@ def main(kills: int, faults: int, seed: int, only: str, workers: int, keep: bool
     chaos = Chaos(folder, seed)
     chaos.prepare()
     tallies: dict[str, Tally] = defaultdict(Tally)
-    kinds = plan(chaos, only, seed)
+    kinds = plan(chaos, only, seed, writes)
     of_kills = [kind for kind in kinds if kind == KILLS]
-    others = [kind for kind in kinds if kind != KILLS]
+    at_writes = [kind for kind in kinds if kind.startswith(WRITES)]
+    others = [kind for kind in kinds if kind not in (*of_kills, *at_writes)]
     started = time.monotonic()
     with ThreadPoolExecutor(workers) as pool:
 
@@ -225,7 +262,7 @@ def main(kills: int, faults: int, seed: int, only: str, workers: int, keep: bool
                 return (kind, *next(kinds[kind])())
 
             for kind, trial, struck in pool.map(one, names):
-                tallies[kind].add(trial, struck)
+                tallies[WRITES if kind in at_writes else kind].add(trial, struck)
                 for words in dict.fromkeys(trial.wrong):
                     console.print(f"{kind}, {trial.scenario}, {trial.folder}: {words}")
                 if not keep and not trial.wrong:
@@ -233,6 +270,8 @@ def main(kills: int, faults: int, seed: int, only: str, workers: int, keep: bool
 
         while of_kills and tallies[KILLS].kills < kills:
             carry_out(of_kills * workers)
+        for _ in SCENARIOS if at_writes else ():
+            carry_out(at_writes)
         carry_out(others)
         while others and sum(tallies[kind].faults.total() for kind in others) < faults:
             carry_out(others)

@@ -80,9 +80,10 @@ def _put_back(trial: Trial) -> None:
     shutil.copytree(older, folder)
 
 
+TWO_AT_ONCE = "copies: two at once"
 COPIES: dict[str, Callable[[Trial, np.random.Generator, float], None]] = {
     "copies: restored": restored,
     "copies: restored at the end": restored_at_the_end,
     "copies: restored, charges pending": restored_while_charges_are_pending,
-    "copies: two at once": two_at_once,
+    TWO_AT_ONCE: two_at_once,
 }

@@ -6,9 +6,11 @@ import json
 import math
 import multiprocessing
 import shutil
+import sqlite3
 import time
 from collections import Counter
 from collections.abc import Mapping
+from contextlib import closing
 from dataclasses import dataclass, field
 from multiprocessing.process import BaseProcess
 from pathlib import Path
@@ -24,10 +26,14 @@ from live_ledger import (
     told_wrong,
     words_wrong,
 )
-from standin import StandIn
+from standin import Entry, StandIn
 
 PLAY = ("run", "cartpole", "--backend", "fake_lima", "--episodes", "2", "--max-steps", "6")
 LIVE = ("--live", "--yes", "--json")
+PROGRAM, KILL_AT = "program", "CHAOS_KILL_AT"
+"""Of chaos_command, which is loaded in the processes of runs alone."""
+HELD = {"one.json": "cartpole_1q", "four.json": "cartpole"}
+"""Policies that hold each decision for two steps, and the shipped ones that they are made of."""
 SCENARIOS = {
     "run": (*PLAY, "--shots", "256", "--mitigation", "none", *LIVE),
     "batch": (*PLAY, "--shots", "256", "--mitigation", "response", "--batch", *LIVE),
@@ -36,6 +42,16 @@ SCENARIOS = {
         *("--out", "made.json", "--force", *LIVE),
     ),
     "validate": ("validate", "twin.json", "--policy", "acrobot", "--shots", "512", *LIVE),
+    "ahead": (*PLAY, "--shots", "64", "--mitigation", "none", "--speculate", "3", *LIVE),
+    "held": (
+        *("run", "four.json", "--backend", "fake_lima", "--episodes", "2", "--max-steps", "10"),
+        *("--shots", "64", "--speculate", "auto", "--calibration-shots", "300", *LIVE),
+    ),
+    "split": (
+        *("run", "one.json", "--backend", "fake_lima", "--episodes", "3", "--max-steps", "12"),
+        *("--shots", "50", "--split", "--copies", "4", "--speculate", "2", *LIVE),
+    ),
+    PROGRAM: (PROGRAM,),
 }
 LIMIT_S, MORE_S = 100.0, 1000.0
 OF_RUN = {
@@ -91,12 +107,24 @@ class Trial:
 
     @property
     def run(self) -> str | None:
-        """The id of the run, once it has begun."""
+        """The name of the run's folder, once it has begun."""
         begun = [path.parent.name for path in (self.folder / self.runs).glob("*/journal.sqlite")]
         return begun[0] if begun else None
 
+    @property
+    def jobs(self) -> list[Entry]:
+        """The jobs that the service has of the run, by the id in its journal."""
+        if self.run is None:
+            return []
+        path = self.folder / self.runs / self.run / "journal.sqlite"
+        with closing(sqlite3.connect(path)) as db:
+            [[id_]] = db.execute("SELECT id FROM run")
+        return jobs_of(self.stand_in, id_)
+
     def words(self) -> tuple[str, ...]:
-        """The command that begins the run, or resumes it."""
+        """The command that begins the run, or resumes it; a program is run again."""
+        if self.scenario == PROGRAM:
+            return (PROGRAM, f"{self.limit_s:g}")
         if self.run is None:
             limit = ("--max-qpu-seconds", f"{self.limit_s:g}")
             return (*self.options, *SCENARIOS[self.scenario], *limit)
@@ -104,10 +132,11 @@ class Trial:
         options = ("--runs", str(self.runs), "--yes", "--json", *more)
         return (*self.options, "resume", self.run, *options)
 
-    def start(self, *words: str, settled: bool = False) -> Running:
-        """A process of the command line, in the folder of the trial."""
+    def start(self, *words: str, settled: bool = False, kill_at: int | None = None) -> Running:
+        """A process of the command line or the program, in the folder of the trial."""
         self.starts += 1
         environment = _ENVIRONMENT | (_SETTLED if settled else {})
+        environment |= {} if kill_at is None else {KILL_AT: str(kill_at)}
         environment |= self.stand_in.environment() | {"HOME": str(self.folder)}
         return Running(self.folder, self.starts, words or self.words(), environment)
 
@@ -135,7 +164,7 @@ class Trial:
         """Compare what the run tells now with the ledger as it was just before."""
         if self.run is None or not self.alone:
             return None
-        charged = charged_s(jobs_of(self.stand_in, self.run))
+        charged = charged_s(self.jobs)
         shown = self.call("runs", "show", self.run, "--runs", str(self.runs), "--json")
         if shown.code or not shown.out:
             self.wrong.append(f"runs show: {shown.err[-300:]!r}")
@@ -160,6 +189,10 @@ class Trial:
             stopped = any(words.startswith("The limit of") for words in self.stops)
             if stopped and attempt > _TRIES_IN_TROUBLE:
                 self.limit_s = MORE_S
+            if self.scenario == PROGRAM and self.run is not None and attempt % 2:
+                fetched = self.call("resume", self.run, "--runs", str(self.runs), "--yes")
+                self.wrong += words_wrong(fetched.err)
+                self.look()
             running = self.start()
             if moments is not None and self.kills < 4:
                 rng, live_s = moments
@@ -178,12 +211,15 @@ class Trial:
         run = self.run
         if run is None or self.result is None:
             return
-        ended = self.call("resume", run, "--runs", str(self.runs), "--yes", "--json", settled=True)
+        words = ("resume", run, "--runs", str(self.runs), "--yes", "--json")
+        if self.scenario == PROGRAM:
+            words = self.words()
+        ended = self.call(*words, settled=True)
         if ended.code or not ended.out:
             self.wrong.append(f"no result when resumed: {ended.err[-300:]!r}")
             return
         told = json.loads(ended.out)
-        charged = charged_s(jobs_of(self.stand_in, run))
+        charged = charged_s(self.jobs)
         self.wrong += settled_wrong(told, charged)
         if plain(told) != plain(self.result):
             self.wrong.append("another result when it was resumed")
@@ -193,7 +229,7 @@ class Trial:
         if self.result is not None and plain(self.result) != plain(reference):
             self.wrong.append("another result")
         if self.run is not None:
-            charged = charged_of_steps(jobs_of(self.stand_in, self.run))
+            charged = charged_of_steps(self.jobs)
             if any(not seconds for seconds in charged.values()):
                 self.wrong.append("a step that was charged nothing")
             if paid_once and any(len(seconds) > 1 for seconds in charged.values()):

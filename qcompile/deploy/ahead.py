@@ -166,7 +166,7 @@ class _Pair:
     """
 
     __slots__ = (
-        *("_walked", "actions", "answers", "foreseen", "is_over", "number"),
+        *("_is_lost", "_walked", "actions", "answers", "foreseen", "is_over", "number"),
         *("observation", "played", "repeats", "rewards", "rows", "scout"),
     )
 
@@ -179,7 +179,7 @@ class _Pair:
         self.rows: list[int] = []
         self.foreseen: list[bytes] = []
         self.rewards: list[float] = []
-        self.is_over, self.repeats = False, True
+        self._is_lost, self.is_over, self.repeats = False, False, True
 
     def begin(self, seed: int) -> None:
         """Reset the episode."""
@@ -187,7 +187,12 @@ class _Pair:
         self.answers = [self.observation.tobytes()]
 
     def catch_up(self) -> bool:
-        """Lead the scout to where the episode is; whether it saw the same on its way."""
+        """Lead the scout to where the episode is; False where it sees anything else on its way.
+
+        Where it fails it is lost, and a job measures one decision of the episode.
+        """
+        if self._is_lost:
+            return True
         try:
             if self._walked is None:
                 if self.scout.reset(self.played.seed).tobytes() != self.answers[0]:
@@ -195,10 +200,10 @@ class _Pair:
                 self._walked = 0
             for action in self.actions[self._walked :]:
                 self._walked += 1
-                if _answer(*self.scout.step(action)) != self.answers[self._walked]:
+                if _answer(*self._scouted(action)) != self.answers[self._walked]:
                     return False
         except EnvironmentStepError:
-            return False
+            self._is_lost = True
         return True
 
     def walk(self, action: int) -> NDArray[Any] | None:
@@ -206,15 +211,21 @@ class _Pair:
 
         It ends with the episode, or where the scout fails.
         """
+        if self._is_lost:
+            return None
         try:
-            observation, reward, terminated, truncated = self.scout.step(action)
-            check_finite([self.scout], observation[None])
+            observation, reward, terminated, truncated = self._scouted(action)
         except EnvironmentStepError:
             self._walked = None
             return None
         self.foreseen.append(_answer(observation, reward, terminated, truncated))
         is_over = terminated or truncated or self.scout.length == self.scout.max_steps
         return None if is_over else observation
+
+    def _scouted(self, action: int) -> tuple[NDArray[Any], float, bool, bool]:
+        answer = self.scout.step(action)
+        check_finite([self.scout], answer[0][None])
+        return answer
 
     def accept(self, actions: Sequence[int], agreed: Sequence[bool]) -> int:
         """Take the measured actions, as far as they count; how many did.

@@ -12,7 +12,7 @@ from qcompile.deploy.settings import RunSettings
 from qcompile.device import IDEAL, IDEAL_NAME
 from qcompile.errors import OptionError
 from qcompile.execution import Kind, Workload
-from qcompile.mitigation import Misfit
+from qcompile.mitigation import CALIBRATION_SHOTS, Misfit
 from qcompile.policy import Network
 from qcompile.streams import Draws
 
@@ -24,6 +24,7 @@ _SETTINGS: Mapping[str, Any] = {
     "predistort": False,
     "copies": 1,
     "split": False,
+    "calibration_shots": CALIBRATION_SHOTS,
     "speculate": 1,
 }
 """The settings of circuits, as they are for a network."""

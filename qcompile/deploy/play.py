@@ -173,10 +173,6 @@ def _play(
         result.count_step(rows)  # as they were measured: a recorder may have changed their order
         return actions
 
-    def earned(rewards: list[float]) -> None:
-        result.decisions += len(rewards)
-        recorder.rewards(rewards)
-
     def note(episode: Episode) -> None:
         result.episodes.append(episode)
         on_episode(episode)
@@ -192,7 +188,7 @@ def _play(
             episodes=episodes,
             max_steps=player.settings.max_steps,
             on_begin=steppers.extend,
-            on_rewards=earned,
+            on_rewards=recorder.rewards,
             on_episode=note,
             on_frame=on_frame,
         )
@@ -200,6 +196,9 @@ def _play(
         result.interrupted = True
     if foresight is None:  # all that was measured counts, and what Ctrl-C kept from being taken
         result.decisions = result.measured_rows
+    else:
+        hold = player.policy.hold
+        result.decisions = sum(-(-stepper.length // hold) for stepper in steppers)
     result.wall_seconds = time.perf_counter() - started
     result.episodes.sort(key=lambda episode: episode.seed)
     result.env_steps = sum(stepper.length for stepper in steppers)

@@ -48,7 +48,9 @@ def copies_that_fit(task: RunTask) -> int:
         OptionError: there are no two places.
     """
     fit = copies_fitting(len(task.policy.policy().program), task.device)
-    return task.fitted(fit).places if task.split else min(task.episodes, fit)
+    if not task.split:
+        return min(task.episodes, fit)
+    return task.model_copy(update={"copies": None}).fitted(fit).places
 
 
 def forecast(task: RunTask, backend: Backend | Executor | None = None) -> Run:

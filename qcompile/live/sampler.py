@@ -194,7 +194,7 @@ class GuardedSampler(JobsSampler):
                     say=say,
                 )
             )
-            self._stack = stack.pop_all()
+            self._release = weakref.finalize(self, _release, stack.pop_all(), os.getpid())
         _OPEN[folder.resolve()] = self
 
     def __enter__(self) -> GuardedSampler:
@@ -209,7 +209,7 @@ class GuardedSampler(JobsSampler):
         """Nothing more is asked for: the batch and the journal are closed."""
         if not self.is_closed and self._owner == _caller():
             self._jobs.close()
-            self._stack.close()
+            self._release()
             self._owner = 0, 0
 
     @property
@@ -286,6 +286,12 @@ class GuardedSampler(JobsSampler):
 
     def __repr__(self) -> str:
         return f"GuardedSampler({self.journal.settings['backend']}, {self.journal.folder})"
+
+
+def _release(stack: ExitStack, process: int) -> None:
+    """Close journal and lock, at the latest where the program ends; but not those of a fork."""
+    if os.getpid() == process:
+        stack.close()
 
 
 def _caller() -> tuple[int, int]:

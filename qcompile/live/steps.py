@@ -11,6 +11,9 @@ from qcompile.live.database import Database
 from qcompile.live.opening import reading
 from qcompile.live.records import Chains, Step, to_bytes
 
+_BEGUN = f"instr(substr(actions, 1, 128), X'{b'(3, '.hex()}')"
+"""A step that has its rows but no actions yet: an array of shape (3, B), as its header says."""
+
 
 class Steps:
     """The steps of a journal; how many were played is its `len`.
@@ -23,7 +26,7 @@ class Steps:
         self._db = database
 
     def __len__(self) -> int:
-        return int(self._db.rows("SELECT COUNT(*) FROM step WHERE rewards IS NOT NULL")[0][0])
+        return int(self._db.rows(f"SELECT COUNT(*) FROM step WHERE NOT {_BEGUN}")[0][0])
 
     def __iter__(self) -> Iterator[Step]:
         """All steps in order, with one that was begun."""

@@ -63,7 +63,7 @@ def run_keys() -> set[str]:
         "calibration_misfits",
         "jobs",
         *("max_steps", "cut_episodes", "mean_reward_completed", "ci95_completed"),
-        *("hold", "decisions"),
+        *("hold", "speculate", "measured_rows", "decisions", "split", "calibration_shots"),
     }
 
 

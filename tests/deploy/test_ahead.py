@@ -198,14 +198,17 @@ def test_frames_are_those_of_the_episode_that_counts() -> None:
 
 
 def test_a_scout_that_fails_ends_its_chain_alone() -> None:
-    """Only the scout fails at 1 0 1; the next chain begins behind it."""
-    script = Script(["01000"], ["01000"])
-    script.play([Path(5)], [Path(5, fails=[0b101])])
-    assert [[row[1] for row in job] for job in script.jobs[:1]] == [[0, 1]]
-    # It cannot be rebuilt either: from here on a job measures one decision.
-    assert [[row[1] for row in job] for job in script.jobs[1:]] == [[2], [3], [4]]
-    assert len(script.said) == 1
-    assert script.episodes == [Episode(40, 15.5, 5)]
+    """Only the first scout fails, at 1 0 1; the other episode is measured ahead as ever."""
+    script = Script(["01000", "00000"], ["01000", "00000"])
+    script.play([Path(5), Path(5)], [Path(5, fails=[0b101]), Path(5)])
+    # It cannot be rebuilt either: a job measures one decision of that episode from then on.
+    first, second = (
+        [[row[1] for row in job if row[0] == episode] for job in script.jobs] for episode in (0, 1)
+    )
+    assert first == [[0, 1], [2], [3], [4]]
+    assert second == [[0, 1, 2], [3, 4], [], []]
+    assert not script.said
+    assert script.episodes == [Episode(41, 15.0, 5), Episode(40, 15.5, 5)]
 
 
 def test_a_failure_counts_where_the_episode_itself_fails() -> None:

@@ -110,7 +110,7 @@ def test_running_statistics_are_refused_where_steps_are_measured_ahead(
     try:
         policy = stubborn("Scaled-v0", 4, 2)
         play(deploy(policy, shots=10), 1)
-        with pytest.raises(OptionError, match="CartPole-v1 keeps running"):
+        with pytest.raises(OptionError, match="Scaled-v0 keeps running"):
             play(deploy(policy, shots=10, speculate=2), 1)
     finally:
         del gymnasium.registry["Scaled-v0"]

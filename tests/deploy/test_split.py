@@ -142,6 +142,16 @@ def test_a_row_takes_the_shots_of_its_fullest_place() -> None:
     assert {name: summary[name] for name in known} == known
 
 
+def test_rows_that_are_measured_ahead_change_nothing() -> None:
+    found = []
+    for depth in (1, 8, "auto"):
+        settings = {"shots": 15, "split": True, "max_steps": 25, "speculate": depth}
+        run = play(Deployment(load_policy("cartpole"), "fake_toronto", **settings), 3)
+        found.append((run.episodes, run.load.jobs))
+    assert found[0][0] == found[1][0] == found[2][0]
+    assert found[1][1] < found[0][1] / 2
+
+
 @pytest.mark.parametrize(("shots", "copies"), [(1024, 6), (6, 6), (5, 5), (2, 2)])
 def test_a_row_takes_all_places_that_have_a_shot(shots: int, copies: int) -> None:
     """Of lunarlander's 24 circuits 6 copies fit on 155 qubits."""

@@ -62,6 +62,7 @@ def test_pubs_of_several_rows_by_hand() -> None:
     expected = [[(0, [0, 1])], [(0, [2]), (2, [0])], [(3, [0, 1])]]
     assert [[(part.pub, list(part.rows)) for part in job] for job in found] == expected
     assert portions([0], 10) == []
+    assert Workload.of_batch(7, 2, 0) == Workload(1, 0), "exact"
 
 
 def test_workloads_add_up() -> None:

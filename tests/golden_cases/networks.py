@@ -46,6 +46,7 @@ CASES = (
         f"run net.json {options}"
         for options in (
             *("--shots 100", "--level 0", "--mitigation readout", "--copies 2", "--predistort"),
+            *("--split", "--calibration-shots auto"),
             *("--backend ibm_lima", "--backend lima.json", "--calibration lima.json"),
             *("--shots 100 --level 1 --copies 4", "--backend nosuch"),
             "--backend ibm_lima --live --max-qpu-seconds 5 --yes",

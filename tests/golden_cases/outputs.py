@@ -70,6 +70,7 @@ RUN = (
     f"{GREEDY} --backend lima.json",
     f"{GREEDY} --backend misfit.json --mitigation response",
     "run narrow.json --backend fake_lima --episodes 2 --copies 2 --max-steps 3 --mitigation none",
+    "run narrow.json --backend fake_lima --shots 33 --split --calibration-shots auto --max-steps 3",
     "run wide.json --backend ibm_lima --episodes 2 --max-steps 3 --shots 100",
     "run tiny.json --backend qiskit:FakeLimaV2 --episodes 2 --max-steps 2 --shots 16",
     Command("run tiny.json --episodes 45 --backend ibm_lima --shots 64", masked=True),

@@ -121,7 +121,9 @@ def test_a_job_that_was_sent_is_the_same_whatever_is_predicted_later(
 
     runs.service.settings.run_seconds = 0.1
     monkeypatch.setattr("qcompile.live.jobs.time.sleep", interrupt)
-    assert runs.run(**SETTINGS).code == 1
+    answer = runs.run(**SETTINGS)
+    assert answer.code == 1
+    assert "Jobs done: 0, steps played: 0;" in answer.err
     [begun] = steps()
     assert begun.actions is None
     assert begun.chains is not None

@@ -11,8 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 from live_runs import Runs, check_paid_once, played
+from qiskit import QuantumCircuit
+from qiskit.circuit import Parameter
+from qiskit.primitives import BitArray
 
+from qcompile.live.earlier import bits_of_ones
 from qcompile.live.journal import Journal
+from qcompile.live.pubs import Call
 from qcompile.live.records import to_bytes
 
 SCHEMA = """
@@ -106,8 +111,29 @@ def test_one_that_is_resumed_holds_what_it_held() -> None:
     assert "extra" not in tables
 
 
+def ones_of(shape: str, width: int, packed: bytes) -> bytes:
+    """The ones (rows, bits) of a register, as an array of version 0.1.0."""
+    array = np.frombuffer(packed, np.uint8).reshape(*json.loads(shape), -1)
+    bits = BitArray(array, width).to_bool_array(order="little")
+    return to_bytes(bits.sum(axis=1, dtype=np.int64))
+
+
+def with_ones(path: Path, *, version: int) -> None:
+    """Write today's journal of one-round jobs as that format had it: ones, and another digest."""
+    with sqlite3.connect(path) as db:
+        for number, *register in db.execute("SELECT number, shape, width, packed FROM measured"):
+            if register[2] is not None:
+                ones = ones_of(*register)
+                db.execute("UPDATE submission SET ones = ? WHERE number = ?", (ones, number))
+        db.execute("UPDATE submission SET digest = 'of another kind'")
+        db.execute("DROP TABLE measured")
+        db.execute("UPDATE run SET format = ?", (f"qcompile-journal-{version}",))
+    db.close()
+
+
 def as_of_first_version(path: Path) -> None:
     """Write today's journal as version 0.1.0 would have."""
+    with_ones(path, version=1)
     with sqlite3.connect(path) as db:
         rows = db.execute(
             "SELECT s.number, attempt, tag, digest, s.executions, state, s.sent_at, s.cap_s, "
@@ -121,8 +147,75 @@ def as_of_first_version(path: Path) -> None:
             SCHEMA[SCHEMA.index("CREATE TABLE submission") : SCHEMA.index("CREATE TABLE step")]
         )
         db.executemany("INSERT INTO submission VALUES (?,?,?,?,?,?,?,?,?,?,?,?)", rows)
-        db.execute("UPDATE run SET format = 'qcompile-journal-1'")
     db.close()
+
+
+@pytest.mark.parametrize("state", ["unfinished", "finished"])
+def test_a_run_of_the_second_format_goes_on_where_it_stopped(
+    runs: Runs, undisturbed: dict[str, Any], state: str
+) -> None:
+    """Its counts are read, and kept, as they are; and its finished result is given again."""
+    if state == "unfinished":  # after two of three jobs
+        runs.service.settings.usage_factor = 1.5
+    runs.run(max_qpu_seconds=9)
+    [path] = Path("runs").glob("*/journal.sqlite")
+    with_ones(path, version=2)
+    before = hashlib.sha256(path.read_bytes()).hexdigest()
+    jobs = runs.call("runs", "export", "last").json()["jobs"]
+    assert [np.shape(job["ones"]) for job in jobs if job["state"] == "done"] == [(2, 4)] * (
+        2 if state == "unfinished" else 3
+    )
+    assert hashlib.sha256(path.read_bytes()).hexdigest() == before
+    found = runs.call("resume", "last", "--max-qpu-seconds", 60, "--yes", "--json")
+    assert found.code == 0, found.err
+    assert played(found.json()) == undisturbed
+    check_paid_once(runs.service, 3)
+    if state == "finished":  # it is played again, from its ones
+        with sqlite3.connect(path) as db:
+            db.execute("UPDATE run SET result = NULL")
+        db.close()
+        assert played(runs.call("resume", "last", "--json").json()) == undisturbed
+
+
+@pytest.mark.parametrize(
+    "ones",
+    [
+        np.zeros((8, 4), np.int64),
+        np.zeros((1, 1), np.int64),
+        np.full((2, 4), -1),
+        np.full((2, 4), 257),
+        np.full((2, 4), np.nan),
+    ],
+)
+def test_ones_that_cannot_be_are_explained(runs: Runs, ones: np.ndarray[Any, Any]) -> None:
+    """Of two CartPole episodes at 256 shots: counts (2, 4) in [0, 256]."""
+    assert runs.run().code == 0
+    [path] = Path("runs").glob("*/journal.sqlite")
+    with_ones(path, version=2)
+    with sqlite3.connect(path) as db:
+        db.execute("UPDATE run SET result = NULL")
+        db.execute("UPDATE submission SET ones = ? WHERE number = 1", (to_bytes(ones),))
+    db.close()
+    answer = runs.call("resume", "last")
+    assert answer.code == 1
+    words = "is damaged: the counts of a job are wrong.\n  Restore a copy.\n"
+    assert f"Error: {path} {words}" in answer.err
+    assert len(runs.service.ledger().jobs) == 3
+
+
+def test_bits_of_ones_have_those_ones(runs: Runs) -> None:
+    """Rounds of several circuits, in any order: each circuit keeps its own."""
+    metadata = [{"circuits": [1, 4, 9]}, {"circuits": [0, 2, 3, 5, 6, 7, 8, 10, 11]}]
+    pubs = []
+    for more in metadata:
+        circuit = QuantumCircuit(1, len(more["circuits"]), metadata=more)
+        circuit.rz(Parameter("x"), 0)
+        pubs.append((circuit, np.zeros((3, 1))))
+    (request,) = Call(pubs, 50).requests
+    ones = np.random.default_rng(0).integers(0, 51, (3, 12))
+    for register, more in zip(bits_of_ones(ones, request), metadata, strict=True):
+        array = BitArray(register.bits, register.width).to_bool_array(order="little")
+        np.testing.assert_array_equal(array.sum(axis=1), ones[:, more["circuits"]])
 
 
 def test_a_run_of_it_goes_on_where_it_stopped(runs: Runs, undisturbed: dict[str, Any]) -> None:

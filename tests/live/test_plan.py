@@ -73,3 +73,17 @@ def test_readout_is_measured_for_all_but_the_papers_way(runs: Runs) -> None:
     ]
     more = {name: ways[1][name]["executions"] - ways[0][name]["executions"] for name in ways[0]}
     assert more == {PAPER: 0, PACKED: 6 * 8192, LOCKSTEP: 6 * 8192, TWIN: 0}
+
+
+def test_split_rows_by_hand(runs: Runs) -> None:
+    """Six places of four circuits on 25 good qubits: 9 rows of ceil(100 / 6) shots in 3 jobs.
+
+    The calibration of 24 qubits takes 2 + 2 * 5 patterns. Without copies nothing is split.
+    """
+    words = ("cartpole", "--backend", "fake_toronto", "--episodes", 3, "--max-steps", 3)
+    words += ("--shots", 100, "--split", "--calibration-shots", 200)
+    plan = planned(runs, *words)
+    found = {way["name"]: (way["jobs"], way["executions"]) for way in plan["strategies"]}
+    assert plan["copies"] == 6
+    assert found[LOCKSTEP] == (4, 9 * 17 + 12 * 200)
+    assert found[PACKED] == (10, 9 * 100 + 6 * 200)

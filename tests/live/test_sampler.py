@@ -59,7 +59,7 @@ def test_shots_are_those_of_the_pub_then_of_the_call_then_ibms(service: StandIn)
 def test_a_call_above_the_limit_of_a_job_is_cut_unseen(
     service: StandIn, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Six rows and one more PUB, four rows to a job; the rows lie at angles that tell them apart."""
+    """Six rows and one more PUB, four rows to a job; their angles tell the rows apart."""
     monkeypatch.setattr("qcompile.execution.cost.MAX_EXECUTIONS_PER_JOB", 4000)
     angles = np.pi * np.array([[[1, 1], [1, 0], [0, 1]], [[0, 0], [1, 0], [0, 0]]])
     with GuardedSampler("fake_lima") as sampler:
