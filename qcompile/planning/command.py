@@ -51,5 +51,15 @@ def run_command(
         words += [] if value is None else [f"--{name}", str(value)]
     words += [word for module in imports for word in ("--import", module)]
     for name, value in (env or {}).items():
-        words += ["--env", f"{name}={value if isinstance(value, str) else json.dumps(value)}"]
+        words += ["--env", f"{name}={_value_word(value)}"]
     return join(words)
+
+
+def _value_word(value: Any) -> str:
+    """The value as `--env` takes it: a text as it stands, unless it would be read as JSON."""
+    if isinstance(value, str) and value == value.strip():
+        try:
+            json.loads(value)
+        except ValueError:
+            return value
+    return json.dumps(value)

@@ -65,3 +65,9 @@ def test_names_that_a_shell_would_split_are_quoted() -> None:
     words = run_command(point(shots=8), "my policy.pt", "fake_toronto", ["envs.py"], env)
     assert shlex.split(words)[2] == "my policy.pt"
     assert words.endswith("--import envs.py --env is_slippery=false --env map_name=8x8")
+
+
+@pytest.mark.parametrize("value", ["true", "8", " 8x8 ", "8x8", "", "null", 8, [1, "a"]])
+def test_arguments_of_the_environment_are_read_as_they_were(value: Any) -> None:
+    words = run_command(point(shots=8), "cartpole", "fake_toronto", env={"size": value})
+    assert command.make_context("run", shlex.split(words)[2:]).params["env"] == {"size": value}
