@@ -7,14 +7,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
-from qcompile.arrays import IntArray
+from qcompile.arrays import FloatArray, IntArray
 from qcompile.limits import MAX_EXECUTIONS_PER_JOB, SECONDS_PER_EXECUTION, SECONDS_PER_JOB
 
+Number = TypeVar("Number", float, FloatArray)
 
-def qpu_seconds(jobs: int, executions: int) -> float:
+
+def qpu_seconds(jobs: Number, executions: Number) -> Number:
     """IBM's published estimate; executions = circuits after packing times shots."""
     return SECONDS_PER_JOB * jobs + SECONDS_PER_EXECUTION * executions
 

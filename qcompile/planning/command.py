@@ -22,8 +22,7 @@ def option_words(point: Point) -> list[str]:
         "calibration-shots": settings.calibration_shots if measures else None,
         "max-steps": settings.max_steps,
     }
-    words = [f"--{name} {value}" for name, value in options.items() if value is not None]
-    return " ".join([*words, *["--split"] * settings.split]).split()
+    return [*_words(options), *["--split"] * settings.split]
 
 
 def run_command(
@@ -47,9 +46,14 @@ def run_command(
     }
     words = ["qcompile", "run", policy, "--backend", backend, "--episodes", str(point.episodes)]
     words += option_words(point)
-    for name, value in options.items():
-        words += [] if value is None else [f"--{name}", str(value)]
+    words += _words(options)
     words += [word for module in imports for word in ("--import", module)]
     for name, value in (env or {}).items():
         words += ["--env", f"{name}={value if isinstance(value, str) else json.dumps(value)}"]
     return join(words)
+
+
+def _words(options: Mapping[str, Any]) -> list[str]:
+    """The options with their values, without those that are None."""
+    said = [(name, str(value)) for name, value in options.items() if value is not None]
+    return [word for name, value in said for word in (f"--{name}", value)]
