@@ -75,7 +75,7 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
 )
 @click.option(
     "--shots",
-    type=Shots(exact="exact"),
+    type=Shots(meaning="exact"),
     help="Shots of each circuit while it learns; svqc. "
     " [default: 1024 on a noisy backend, exact on ideal]",
 )
