@@ -35,7 +35,7 @@ pace_option: Decorator = click.option(
     "--jobs-per-minute",
     type=click.IntRange(1),
     metavar="N",
-    help="Send at most so many jobs in a minute, where an account may send no more.",
+    help="Send at most N jobs in any minute, where an account may send no more.",
 )
 yes_option: Decorator = click.option("--yes", is_flag=True, help="Spend without asking.")
 

@@ -85,7 +85,7 @@ def _one_or_several(
 @click.option(
     "--within",
     type=Positive("seconds", most=MAX_QPU_SECONDS),
-    help="Find the cheapest settings of the policies that stay within so many QPU seconds.",
+    help="Find the policies' cheapest settings that stay within this number of QPU seconds.",
 )
 @click.option(
     "--keep",

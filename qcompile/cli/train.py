@@ -88,7 +88,7 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
     "--hold",
     type=click.IntRange(1),
     metavar="STEPS",
-    help="Hold each decision for so many steps of the environment; the policy keeps it. "
+    help="Hold each decision for this many steps of the environment; the policy keeps it. "
     " [default: the preset's, 1]",
 )
 @import_option

@@ -31,7 +31,7 @@ class Portion:
 
 
 def portions(rows: Sequence[int], shots: int) -> list[list[Portion]]:
-    """The jobs of PUBs with so many `rows` of parameter values, `shots` of each row.
+    """The jobs of PUBs, each with its number of `rows` of parameter values, `shots` of each row.
 
     One job, as long as it has at most MAX_EXECUTIONS_PER_JOB executions; else each job is filled
     with rows before the next begins.
@@ -51,7 +51,7 @@ def portions(rows: Sequence[int], shots: int) -> list[list[Portion]]:
 
 
 def job_counts(circuits: IntArray, shots: int) -> IntArray:
-    """How many jobs `portions` makes of so many circuits with values, for an array of any shape.
+    """How many jobs `portions` makes of `circuits` rows of values, for an array of any shape.
 
     Exact expectations, without shots, count as one shot each.
     """
