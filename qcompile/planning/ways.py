@@ -1,4 +1,4 @@
-"""What a run will cost in each way to run it, before anything is sent."""
+"""What a run takes in each way to run it, before anything is sent."""
 
 from __future__ import annotations
 
