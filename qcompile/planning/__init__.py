@@ -1,1 +1,1 @@
-"""Planning, before anything is sent: what a run takes, and the cheapest settings that keep a reward."""
+"""Planning: what a run takes, and the cheapest settings that keep the reward, before it is sent."""
