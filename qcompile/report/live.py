@@ -23,7 +23,7 @@ from qcompile.report.summary import print_run
 from qcompile.report.tables import cost_in_words, plural, print_table
 from qcompile.terminal import one_line
 
-_CONTINUES = "Its program is run again to go on."
+_CONTINUES = "Run its program again to continue."
 
 
 def overview(journal: Journal) -> dict[str, Any]:
