@@ -134,7 +134,7 @@ def main(
         if reference is not None:
             values = p_values(reference, run)
             tested = [f"{value:.3f}" for value in values]
-            wrong += [f"D {depth}"] * (min(values) < 1e-4)
+            wrong += [f"D {depth}"] if min(values) < 1e-4 else []
         table.add_row(
             *(word, f"{run.rewards.mean():.1f} ± {error:.1f}", f"{lengths.mean():.1f}"),
             *(f"{run.load.jobs}", f"{run.measured_rows / run.decisions:.2f}", f"{seconds:.0f}"),

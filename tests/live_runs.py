@@ -80,8 +80,8 @@ def played(result: dict[str, Any]) -> dict[str, Any]:
 
 def number_of(entry: Entry) -> tuple[int, int]:
     """Number and attempt of a job, by its tag."""
-    general, tag = sorted(entry.tags, key=len)
-    assert general == "qcompile"
+    general, pubs, tag = sorted(entry.tags, key=len)
+    assert (general, pubs[:5]) == ("qcompile", "pubs-")
     number, attempt = tag.split("-")[-2:]
     return int(number), int(attempt)
 

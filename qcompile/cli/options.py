@@ -269,7 +269,7 @@ split_option: Decorator = click.option(
 max_steps_option: Decorator = click.option(
     "--max-steps",
     type=click.IntRange(1, 1_000_000),
-    help="Stop each episode after N steps.  [default: play them to their end]",
+    help="Stop each episode after N environment steps.  [default: play them to their end]",
 )
 import_option: Decorator = click.option(
     "--import",

@@ -192,9 +192,9 @@ def command(
         print_table(columns, rows, title, right=range(len(columns)), tight=True)
         click.echo(
             f"{_SECONDS}\nat 4 sub-jobs: should IBM count a job as four, which is not known\n"
-            f"rewards: {values['judged_episodes']} whole episodes on a model of the machine; kept "
-            f"is their share between random actions, {values['random_reward']:.4g}, and no noise, "
-            f"{values['ideal_reward']:.4g}"
+            f"rewards: of {values['judged_episodes']} whole episodes on a model of the machine, "
+            "more for what is recommended; kept is their share between random actions, "
+            f"{values['random_reward']:.4g}, and no noise, {values['ideal_reward']:.4g}"
         )
         if planned.recommended is not None:
             click.echo(planned.remark)

@@ -59,7 +59,7 @@ class RunSettings(BaseModel):
     """Decisions of each episode that a job measures, along predicted steps; "auto": as many as pay.
     Where nothing is measured, with exact expectations, one."""
     max_steps: int | None = None
-    """Stop each episode after so many steps; None: play it to its end."""
+    """Stop each episode after so many environment steps; None: play it to its end."""
 
     @classmethod
     def of(cls, settings: RunSettings | None = None, **changes: Any) -> RunSettings:

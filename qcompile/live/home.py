@@ -10,11 +10,15 @@ from __future__ import annotations
 import hashlib
 import platform
 import sqlite3
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from filelock import FileLock, Timeout
+
+from qcompile.errors import LiveError
 from qcompile.reading import decode, read_file
 
 Moment = Literal["began", "last"]
@@ -72,6 +76,28 @@ def note(db: sqlite3.Connection, moment: Moment, home: Home) -> None:
     db.execute(_TABLE)
     values = (home.machine, home.folder, home.process)
     db.execute("INSERT OR REPLACE INTO home VALUES (?,?,?,?)", (moment, *values))
+
+
+@contextmanager
+def one_process(run_id: str, folder: Path) -> Iterator[None]:
+    """Hold the lock of a run's folder: no other process of this machine holds it meanwhile.
+
+    Raises:
+        LiveError: another process holds it, or the folder cannot be written.
+    """
+    lock = FileLock(folder / "lock", timeout=0)
+    try:
+        lock.acquire()
+    except Timeout as error:
+        raise LiveError(
+            f"Run {run_id} is running in another process.", "Wait for it, or stop it."
+        ) from error
+    except OSError as error:
+        raise LiveError(f"{folder} cannot be written: {error}.") from error
+    try:
+        yield
+    finally:
+        lock.release()
 
 
 def _machine() -> str:

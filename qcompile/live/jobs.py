@@ -113,7 +113,7 @@ class Jobs:
             job_id = submission.job_id or self._finder.find(submission)
             if job_id is not None and submission.state in ("sending", "sent"):
                 sent = self.journal.attempts(number)[-1]
-                self._settle(sent, job_id, self.journal.registers(number))
+                self._settle(sent, job_id, self.journal.measured.of(number))
 
     def _check_same(self, number: int, request: Request) -> None:
         """Nothing, if the journal has this job in this place, or none that was paid for.
@@ -153,7 +153,7 @@ class Jobs:
         Raises:
             LiveError: it is of another shape.
         """
-        registers, asked = self.journal.registers(submission.number), request.registers
+        registers, asked = self.journal.measured.of(submission.number), request.registers
         try:
             if not registers and submission.ones is not None:
                 return bits_of_ones(submission.ones, request)

@@ -20,13 +20,12 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal, Self, get_args
 
-from filelock import FileLock, Timeout
-
 from qcompile.errors import LiveError
 from qcompile.limits import MAX_QPU_SECONDS
 from qcompile.live import home, schema
 from qcompile.live.charges import Charges, check_limit
 from qcompile.live.database import Database
+from qcompile.live.measured import Measured
 from qcompile.live.opening import (
     FILE,
     check_pages,
@@ -48,8 +47,8 @@ class Journal:
     """The record of one run in `folder`; `create` starts one. A `with` block closes it.
 
     It is held by one process at a time: `held` is the block in which it may be written. `charges`
-    are what its jobs cost, `steps` what it has played. One that is not `checked` serves to read its
-    attributes alone.
+    are what its jobs cost, `measured` what they gave, `steps` what it has played. One that is not
+    `checked` serves to read its attributes alone.
 
     Raises:
         LiveError: the folder holds no journal that can be read, here and wherever it is read or
@@ -74,6 +73,7 @@ class Journal:
             raise
         self.charges = Charges(self._db)
         self.steps = Steps(self._db)
+        self.measured = Measured(self._db)
         self._jobs_done: int | None = None
 
     def _read(self) -> str:
@@ -143,16 +143,7 @@ class Journal:
         Raises:
             LiveError: another process holds it, or it is damaged.
         """
-        lock = FileLock(self.folder / "lock", timeout=0)
-        try:
-            lock.acquire()
-        except Timeout as error:
-            raise LiveError(
-                f"Run {self.id} is running in another process.", "Wait for it, or stop it."
-            ) from error
-        except OSError as error:
-            raise LiveError(f"{self.folder} cannot be written: {error}.") from error
-        try:
+        with home.one_process(self.id, self.folder):
             check_pages(self._db.connection, self.path)
             self._renew()
             holder = os.getpid()
@@ -163,8 +154,6 @@ class Journal:
                 if os.getpid() == holder:  # and not a fork of it
                     with suppress(LiveError):
                         self.move_here()
-        finally:
-            lock.release()
 
     def _renew(self) -> None:
         """Have it in the format of today, and nothing remembered that another process changed."""
@@ -258,22 +247,13 @@ class Journal:
         attempt = 0 if last is None else last.attempt + 1
         tag = f"{self.tag_prefix}{number}-{attempt}"
         with self._db.at_once():
-            self._db.do("DELETE FROM measured WHERE number = ?", number)
-            self._note_registers(number, registers)
+            self.measured.note(number, registers)
             self._db.do(
                 f"INSERT INTO submission ({Submission.COLUMNS}) "
                 "VALUES (?,?,?,?,?,'intended',NULL,NULL,NULL,NULL,NULL)",
                 *(number, attempt, tag, digest, executions),
             )
         return self.attempts(number)[-1]
-
-    def registers(self, number: int) -> list[Register]:
-        """What job `number` of the run measures, in order, with its bits once it is done."""
-        rows = self._db.rows(
-            f"SELECT {Register.COLUMNS} FROM measured WHERE number = ? ORDER BY rowid", number
-        )
-        with reading(self.path):
-            return [Register.of_row(row) for row in rows]
 
     @property
     def tag_prefix(self) -> str:
@@ -304,7 +284,7 @@ class Journal:
     def note_done(self, submission: Submission, registers: Sequence[Register]) -> None:
         """Its bits are here."""
         with self._db.at_once():
-            self._note_registers(submission.number, registers)
+            self.measured.note(submission.number, registers)
             self._note(submission, "state = 'done'")
         if self._jobs_done is not None:
             self._jobs_done += 1
@@ -312,14 +292,6 @@ class Journal:
     def note_failed(self, submission: Submission, words: str) -> None:
         """It ended without counts; `words` of the service are kept without what is secret."""
         self._note(submission, "state = 'failed', words = ?", quoted(words))
-
-    def _note_registers(self, number: int, registers: Sequence[Register]) -> None:
-        for register in registers:
-            self._db.do(
-                f"INSERT OR REPLACE INTO measured (number, {Register.COLUMNS}) "
-                "VALUES (?,?,?,?,?,?)",
-                *(number, *register.row),
-            )
 
     def _note(self, submission: Submission, what: str, *values: object) -> None:
         self._db.do(f"UPDATE submission SET {what} WHERE tag = ?", *values, submission.tag)

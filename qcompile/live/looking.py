@@ -18,7 +18,7 @@ from qcompile.live.commands import resume_command
 from qcompile.live.journal import Journal
 from qcompile.live.records import Charge, Submission
 from qcompile.live.remote import RemoteJobs
-from qcompile.live.request import is_same
+from qcompile.live.request import DIGEST, TAG, is_same, tag_of
 from qcompile.live.words import seconds_setting
 
 GENERAL_TAG = "qcompile"
@@ -95,6 +95,7 @@ class Finder:
             if job.id not in failed
             and (job.id in unexpected or not job.is_cancelled)
             and same.intersection(job.tags or ())
+            and _may_be_of(job, submission.digest)
         ]
         best = min(usable, key=_preference, default=None)
         self._cancel(job for job in jobs if job is not best)
@@ -218,6 +219,12 @@ class Finder:
     def _number(self, job: RemoteJob) -> int:
         """The place in the run of one of its jobs."""
         return next(int(match[1]) for tag in job.tags or () if (match := self._tag.fullmatch(tag)))
+
+
+def _may_be_of(job: RemoteJob, digest: str) -> bool:
+    """Whether a job may have the PUBs of a digest: a restored journal may ask for others."""
+    tags = [tag for tag in job.tags or () if tag.startswith(TAG)]
+    return not tags or not digest.startswith(DIGEST) or tag_of(digest) in tags
 
 
 def _preference(job: RemoteJob) -> tuple[bool, bool, str]:

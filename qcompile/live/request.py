@@ -16,11 +16,17 @@ from qcompile.live.records import Register
 
 DIGEST = "pubs-1 "
 """What a digest of PUBs begins with. Those of earlier journals were of something else."""
+TAG = "pubs-"
 
 
 def is_same(recorded: str, digest: str) -> bool:
     """Whether a job of the journal may be that of a digest; earlier journals' do not tell."""
     return recorded == digest or not recorded.startswith(DIGEST)
+
+
+def tag_of(digest: str) -> str:
+    """A tag that tells a job's PUBs: one found by its place is of these, or of an older version."""
+    return TAG + digest.removeprefix(DIGEST)[:16]
 
 
 @dataclass(frozen=True, eq=False)

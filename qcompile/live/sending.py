@@ -15,7 +15,7 @@ from qcompile.live.looking import GENERAL_TAG, Finder
 from qcompile.live.pace import Pace
 from qcompile.live.records import Submission
 from qcompile.live.remote import RemoteJobs
-from qcompile.live.request import Request
+from qcompile.live.request import Request, tag_of
 from qcompile.live.words import Apart, answered_no, in_words, seconds_setting, transient
 
 SETTLE_S = 10.0
@@ -119,7 +119,11 @@ class Sender:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # deprecations are the business of who writes qcompile
             sampler = self._sampler(backend)
-            sampler.options.environment.job_tags = [GENERAL_TAG, submission.tag]
+            sampler.options.environment.job_tags = [
+                GENERAL_TAG,
+                submission.tag,
+                tag_of(request.digest),
+            ]
             sampler.options.max_execution_time = submission.cap_s
             job_id = sampler.run(list(request.pubs), shots=request.shots).job_id()
         if not isinstance(job_id, str) or not job_id:

@@ -33,7 +33,7 @@ class Context:
         """
         if find_spec("qiskit") is None:
             raise MissingExtraError("A run on real hardware", "ibm")
-        from qcompile.live.sampler import JobsSampler
+        from qcompile.live.jobs_sampler import JobsSampler
 
         return PrimitiveExecutor(device, sampler=JobsSampler(self.jobs), kind="hardware")
 

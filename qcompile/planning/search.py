@@ -15,13 +15,17 @@ from qcompile.execution import Backend, Executor
 from qcompile.passes import copies_that_fit
 from qcompile.planning.point import Point, best_depth
 from qcompile.planning.share import Baseline
-from qcompile.planning.simulation import ideal_rewards, random_rewards, simulate
+from qcompile.planning.simulation import Simulated, ideal_rewards, random_rewards, simulate
 from qcompile.policy import Policy
 
 KEEP = 0.97
 LADDER = tuple(2**k for k in range(3, 14))
 """Numbers of shots that are tried: 8, 16, ..., 8192."""
 _FIRST = 256
+_WORTH = 0.97
+"""A second way to place rows must be so much cheaper than the first."""
+_EMPTY = 0.05
+"""The share of a split row's shots that the places with fewer leave unused, at most."""
 _LEAST, _MOST = 200, 1000
 """Episodes that settings are judged by: at least, and at most to confirm them."""
 
@@ -243,43 +247,40 @@ class Ladder:
     def point(self, shots: int) -> Point:
         """The cheapest place and depth for so many shots, simulated as they are."""
         self.show(1 - np.log2(shots) / 14, f"{self.policy.name}, {shots} shots")
-        ways = self._ways(shots)
-        simulated = self._simulated(shots, *ways[0])
-        first = self._depth(Point(self.policy, simulated, self.judge.baseline, self._episodes, 1))
-        best = first
-        for copies, split in ways[1:]:  # priced by the same episodes, and simulated if it is best
-            settings = RunSettings.of(simulated.settings, copies=copies, split=split)
-            other = self._depth(replace(first, simulated=replace(simulated, settings=settings)))
-            best = min(best, other, key=lambda point: point.seconds)
-        if best is first:
-            return first
-        copies, split = best.settings.copies or 1, best.settings.split
-        played = replace(best, simulated=self._simulated(shots, copies, split))
-        return min(first, self._depth(played), key=lambda point: point.seconds)
+        played, *others = self._ways(shots)
+        first = best = self._point(self._simulated(shots, *played))
+        for copies, split in others:  # priced by the same episodes, and played if it is worth it
+            settings = RunSettings.of(first.simulated.settings, copies=copies, split=split)
+            other = self._point(replace(first.simulated, settings=settings))
+            if other.seconds < _WORTH * first.seconds:
+                best = self._point(self._simulated(shots, copies, split))
+        return min(first, best, key=lambda point: point.seconds)
 
-    @property
-    def _episodes(self) -> int:
-        return self.wanted.episodes
-
-    def _depth(self, point: Point) -> Point:
-        given = self.wanted.given
-        cut = replace(point, cut=given.get("max_steps"))
-        return best_depth(cut, given.get("speculate"))
+    def _point(self, simulated: Simulated) -> Point:
+        """At the depth that is given, or the best one."""
+        given, episodes = self.wanted.given, self.wanted.episodes
+        cut = given.get("max_steps")
+        point = Point(self.policy, simulated, self.judge.baseline, episodes, 1, cut)
+        return best_depth(point, given.get("speculate"))
 
     def _ways(self, shots: int) -> list[tuple[int, bool]]:
-        """Numbers of copies, and whether a row is split over them; the first is played."""
+        """Numbers of copies, and whether a row is split over them: the likelier one first.
+
+        Split rows leave no copy empty, but where their shots are few the copies get unequal ones.
+        """
         given = self.wanted.given
         fit = copies_that_fit(len(self.policy.program), self.backend.device)
-        copies = {
-            False: given.get("copies", min(fit, self._episodes)),
-            True: given.get("copies", min(fit, shots)),
-        }
-        splits = [given["split"]] if "split" in given else [False, True]
-        ways = [(copies[split], split) for split in splits]
-        return [ways[0], *(way for way in ways[1:] if way[0] > 1)]
+        copies = given.get("copies", min(fit, self.wanted.episodes))
+        split = given.get("copies", min(fit, shots))
+        if "split" in given:
+            return [(split, True) if given["split"] else (copies, False)]
+        if split < 2:
+            return [(copies, False)]
+        ways = [(split, True), (copies, False)]
+        return ways if -shots % split <= _EMPTY * shots else ways[::-1]
 
-    def _simulated(self, shots: int, copies: int, split: bool) -> Any:
-        changes = {"shots": shots, "copies": copies, "split": split}
+    def _simulated(self, shots: int, copies: int, split: bool) -> Simulated:
+        changes: dict[str, Any] = {"shots": shots, "copies": copies, "split": split}
         shots_of_calibration = self.wanted.given.get("calibration_shots", "auto")
         changes["calibration_shots"] = shots_of_calibration
         settings = RunSettings.of(self.wanted.settings, **changes)

@@ -78,9 +78,11 @@ def simulate(
     run = play(deployment, episodes, recorder=noted)
     if run.interrupted:
         raise KeyboardInterrupt
+    shots = deployment.calibration_shots
+    counted = {} if shots is None else {"calibration_shots": shots}
     return Simulated(
         deployment.device,
-        deployment.settings,
+        RunSettings.of(deployment.settings, **counted),
         run.rewards,
         np.array([episode.length for episode in run.episodes]),
         noted.chains(episodes),

@@ -99,7 +99,7 @@ def _measured(journal: Journal, submission: Submission) -> list[dict[str, Any]] 
     if submission.state != "done" or submission.ones is not None:
         return None
     values = []
-    for register in journal.registers(submission.number):
+    for register in journal.measured.of(submission.number):
         with reading(journal.path):
             packed = register.bits
         values.append(

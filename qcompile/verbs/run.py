@@ -67,6 +67,12 @@ class RunResult(Result):
         return mean
 
     @property
+    def mean_reward_completed(self) -> float | None:
+        """The mean with cut episodes completed on the noise model; None where none was cut."""
+        mean: float | None = self.to_dict()["mean_reward_completed"]
+        return mean
+
+    @property
     def ci95(self) -> list[float] | None:
         """The 95 % interval of the mean; None where there is none to be had."""
         interval: list[float] | None = self.to_dict()["ci95"]
@@ -81,10 +87,14 @@ class RunResult(Result):
         values = self.to_dict()
         mean = "-" if self.mean_reward is None else reward_words(self.mean_reward)
         mitigation = "predistort" if values["predistort"] else values["mitigation"]
+        hold = values["hold"]
         row = [values["policy"], values["backend"], values["kind"], str(values["shots"])]
-        row += [mitigation, str(len(self.episodes)), mean, interval_words(values) or "-"]
-        columns = ["policy", "backend", "kind", "shots", "mitigation", "episodes"]
-        return [*columns, "mean reward", "95 % interval"], [row]
+        row += [mitigation, *[str(hold)] * (hold > 1), str(len(self.episodes)), mean]
+        columns = ["policy", "backend", "kind", "shots", "mitigation", *["hold"] * (hold > 1)]
+        return (
+            [*columns, "episodes", "mean reward", "95 % interval"],
+            [[*row, interval_words(values) or "-"]],
+        )
 
     @property
     def remark(self) -> str:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable
 from typing import Any
 
 import pytest
+
+from qcompile.planning import search
 
 Call = Callable[..., Any]
 WORDS = ("plan", "cartpole", "--max-steps", 2, "--shots", 100)
@@ -54,3 +57,54 @@ def test_ideal_is_no_machine(qcompile: Call) -> None:
 def test_wrong_usage(qcompile: Call, words: tuple[object, ...]) -> None:
     answer = qcompile(*WORDS, *words)
     assert (answer.code, answer.out) == (2, "")
+
+
+SMALL = ("plan", "cartpole_1q", "--episodes", 2, "--shots", 64, "--within", 60, "--json")
+
+
+@pytest.fixture
+def few_episodes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Settings are judged by four episodes."""
+    monkeypatch.setattr(search, "_LEAST", 4)
+    monkeypatch.setattr(search, "_MOST", 4)
+
+
+@pytest.mark.usefixtures("few_episodes")
+@pytest.mark.parametrize("words", [(), ("--no-split", "--copies", 1), ("--level", 1)])
+def test_the_command_does_what_the_plan_said(qcompile: Call, words: tuple[object, ...]) -> None:
+    planned = qcompile(*SMALL, *words, "--within", 900, "--backend", "fake_lima").json()
+    found = planned["recommended"]
+    played = qcompile(*shlex.split(found["command"])[1:], "--json").json()
+    assert played["jobs"] == pytest.approx(found["jobs"], rel=0.1)
+    assert played["qpu_seconds_estimate"] == pytest.approx(found["qpu_seconds"], rel=0.1)
+    for name in ("shots", "copies", "split", "speculate", "mitigation", "calibration_shots"):
+        assert played[name] == found[name], name
+    assert played["mean_reward"] == found["mean_reward"] == 500
+
+
+@pytest.mark.usefixtures("few_episodes")
+@pytest.mark.parametrize(
+    "words", [("--backend", "lima.json"), ("--backend", "fake_lima", "--calibration", "lima.json")]
+)
+def test_a_calibration_that_is_there_costs_nothing(
+    qcompile: Call, calibration: str, words: tuple[object, ...]
+) -> None:
+    assert calibration == "lima.json"
+    answer = qcompile(*SMALL, "--within", 900, "--copies", 1, *words)
+    assert answer.code == 0, answer.err
+    planned = answer.json()
+    assert planned["backend"] == "fake_lima"
+    found = planned["recommended"]
+    played = qcompile(*shlex.split(found["command"])[1:], "--json").json()
+    assert played["calibration_shots"] is None
+    assert played["qpu_seconds_estimate"] == pytest.approx(found["qpu_seconds"], rel=0.1)
+
+
+@pytest.mark.usefixtures("few_episodes")
+def test_nothing_fits_in_a_second(qcompile: Call) -> None:
+    answer = qcompile(*SMALL, "--within", 1)
+    assert answer.code == 1
+    planned = answer.json()
+    assert planned["recommended"] is None
+    assert planned["nearest"]["within"] > 1
+    assert "Nothing keeps 97 % within 1 QPU seconds. What would fit: " in answer.err

@@ -66,25 +66,28 @@ def test_every_task(name: str, depth: Any) -> None:
     check(POLICIES[name](), "fake_lagos", episodes, depth, **PLAIN | changes)
 
 
-WAYS: dict[str, dict[str, Any]] = {
-    "none": {"mitigation": "none"},
-    "response": {"mitigation": "response"},
-    "predistort": {"mitigation": "none", "predistort": True},
-    "greedy": {"greedy": True},
-    "copies": {"copies": 2, "device": "fake_toronto"},
-    "split": {"copies": 2, "device": "fake_toronto", "split": True},
-    "twin": {"mitigation": None, "device": "twin"},
-    "twin, predistort": {"mitigation": "none", "predistort": True, "device": "twin"},
+TORONTO: dict[str, Any] = {"copies": 2, "device": "fake_toronto"}
+WAYS: dict[str, tuple[int, Any, dict[str, Any]]] = {
+    "none": (1, 5, {"mitigation": "none"}),
+    "response": (2, 16, {"mitigation": "response"}),
+    "predistort": (4, "auto", {"mitigation": "none", "predistort": True}),
+    "greedy": (1, "auto", {"greedy": True}),
+    "copies": (2, "auto", TORONTO),
+    "split": (1, 16, TORONTO | {"split": True}),
+    "split, held": (4, 5, TORONTO | {"split": True}),
+    "twin": (2, 5, {"mitigation": None, "device": "twin"}),
+    "twin, predistort": (1, 16, {"mitigation": "none", "predistort": True, "device": "twin"}),
 }
+"""Hold, D and settings."""
 
 
 @pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize("hold", [1, 2, 4])
-def test_every_way_to_measure(way: str, hold: int) -> None:
-    settings = PLAIN | {"max_steps": 41} | WAYS[way]
+def test_every_way_to_measure(way: str) -> None:
+    hold, depth, changes = WAYS[way]
+    settings = PLAIN | {"max_steps": 41} | changes
     device = settings.pop("device", "fake_lagos")
     policy = replace(load_circuits("cartpole"), hold=hold)
-    check(policy, device, 3, {1: "auto", 2: 16, 4: 5}[hold], **settings)
+    check(policy, device, 3, depth, **settings)
 
 
 def test_episodes_by_number_are_those_of_all(cartpole: Any) -> None:

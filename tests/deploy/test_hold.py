@@ -161,13 +161,19 @@ def test_cut_episodes_are_those_that_the_environment_had_not_ended(
     assert result.summary()["cut_episodes"] == 4 - most
 
 
-def test_every_frame_of_a_hold_is_shown(stubborn: Make, deploy: Make) -> None:
-    """Of the first episode alone, one after each of its five steps, at the environment's rate."""
+@pytest.mark.parametrize("depth", [1, 3])
+def test_every_frame_of_a_hold_is_shown(stubborn: Make, deploy: Make, depth: int) -> None:
+    """Of the first episode alone, one after each of its five steps, at the environment's rate.
+
+    Measured ahead as well: what a scout sees is not filmed.
+    """
     policy = replace(stubborn("Ladder-v0", 1, 2), hold=3)
     frames: list[tuple[int, float]] = []
-    play(
-        deploy(policy, seed=5), 2, on_frame=lambda frame, fps: frames.append((frame[0, 0, 0], fps))
-    )
+
+    def film(frame: np.ndarray, fps: float) -> None:
+        frames.append((int(frame[0, 0, 0]), fps))
+
+    play(deploy(policy, shots=10, seed=5, speculate=depth), 2, on_frame=film)
     assert frames == [(step, 25.0) for step in (1, 2, 3, 4, 5)]
 
 

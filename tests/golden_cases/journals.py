@@ -168,7 +168,7 @@ CASES = (
     "resume last --runs changed --max-wait-seconds 0",
     "resume last --runs changed --max-qpu-seconds 20",
     Command("resume last --runs changed --max-qpu-seconds 20", "declined", SOMEBODY, "n\n"),
-    Command("resume last --runs changed", "held", setting("qcompile.live.journal.FileLock", Busy)),
+    Command("resume last --runs changed", "held", setting("qcompile.live.home.FileLock", Busy)),
     "resume last --runs locked",
     "resume last --runs another",
     Command("resume last --runs strangers", "on another machine", elsewhere),

@@ -13,10 +13,10 @@ from standin import StandIn
 from qcompile.execution import PrimitiveExecutor
 from qcompile.live.connection import Connection
 from qcompile.live.jobs import Jobs
+from qcompile.live.jobs_sampler import JobsSampler
 from qcompile.live.journal import Journal
 from qcompile.live.perform import begin, complete
 from qcompile.live.play import RunTask
-from qcompile.live.sampler import JobsSampler
 from qcompile.policy import load_policy
 from qcompile.policy.files import policy_values
 

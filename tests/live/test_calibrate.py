@@ -77,7 +77,7 @@ def test_the_file_plays_as_twin_and_mitigates(runs: Runs) -> None:
     twin = runs.call("run", "cartpole", "--backend", "machine.json", *short)
     assert twin.code == 0, twin.err
     assert twin.json()["kind"] == "measured-response"
-    live = ("--live", "--max-qpu-seconds", 20, "--yes")
+    live = ("--live", "--max-qpu-seconds", 20, "--yes", "--speculate", 1)
     file = ("--backend", "fake_lima", "--calibration", "machine.json")
     mitigated = runs.call("run", "cartpole", *file, *short, *live)
     assert mitigated.code == 0, mitigated.err

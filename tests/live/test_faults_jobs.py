@@ -11,7 +11,7 @@ import pytest
 from live_runs import LIMIT_S, Runs, check_paid_once, number_of, played
 from standin import Fault
 
-from qcompile.live.jobs import Jobs
+from qcompile.live.billing import Billing
 from qcompile.live.perform import complete
 from qcompile.live.runs import find_journal
 
@@ -137,16 +137,16 @@ def test_a_charge_that_comes_late_is_not_guessed_and_learnt_later(
 def test_charges_are_learnt_in_between_before_there_are_too_many(
     runs: Runs, undisturbed: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("qcompile.live.jobs._MOST_UNCHARGED", 2)
+    monkeypatch.setattr("qcompile.live.billing._MOST_UNCHARGED", 2)
     runs.service.settings.usage_lag_seconds = 3600
-    real, told = Jobs._wait_for_charges, []
+    real, told = Billing._wait, []
 
-    def wait(self: Jobs, pause_s: float) -> None:
+    def wait(self: Billing, pause_s: float) -> None:
         runs.service.settings.usage_lag_seconds = 0
-        told.append(len(self.journal.charges.uncharged()))
+        told.append(len(self._charges.uncharged()))
         real(self, pause_s)
 
-    monkeypatch.setattr(Jobs, "_wait_for_charges", wait)
+    monkeypatch.setattr(Billing, "_wait", wait)
     found = runs.run().json()
     assert played(found) == undisturbed
     assert told == [2]  # before the third job; at the end nothing is left to ask

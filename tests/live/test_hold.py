@@ -18,6 +18,7 @@ from qcompile.policy import load_policy, save_policy
 
 WORDS = ("run", "held.json", "--backend", "fake_lima", "--live", "--yes", "--json")
 OPTIONS = ("--shots", 64, "--mitigation", "none", "--max-qpu-seconds", LIMIT_S)
+OPTIONS += ("--episodes", 2, "--max-steps", 7)
 
 
 def stepped(steps: list[dict[str, Any]], episode: int, hold: int) -> float:
@@ -49,7 +50,7 @@ def test_a_held_run_sends_a_job_for_each_decision(runs: Runs) -> None:
     Against the journal's actions by hand, with the ledger of the service, and after a resume.
     """
     save_policy(replace(load_policy("cartpole"), hold=3), "held.json")
-    answer = runs.call(*WORDS, *OPTIONS, "--episodes", 2, "--max-steps", 7)
+    answer = runs.call(*WORDS, *OPTIONS, "--speculate", 1)
     assert answer.code == 0, answer.err
     found = answer.json()
     check_paid_once(runs.service, 3)
@@ -69,3 +70,16 @@ def test_a_held_run_sends_a_job_for_each_decision(runs: Runs) -> None:
     shown = runs.call("runs", "show", "last").out
     assert "6 decisions, 14 environment steps" in shown
     assert "cut episodes continued on the noise model" in shown
+
+
+def test_held_decisions_are_measured_ahead(runs: Runs) -> None:
+    save_policy(replace(load_policy("cartpole"), hold=3), "held.json")
+    answer = runs.call(*WORDS, *OPTIONS, "--speculate", 3)
+    assert answer.code == 0, answer.err
+    found = answer.json()
+    check_paid_once(runs.service, found["jobs"])
+    assert found["jobs"] < 3
+    assert [found[key] for key in ("hold", "decisions", "env_steps")] == [3, 6, 14]
+    assert found["measured_rows"] >= 6
+    assert found["cut_episodes"] == 2
+    assert found["mean_reward_completed"] > 7

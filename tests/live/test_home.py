@@ -155,7 +155,7 @@ def test_python_is_asked_as_well(stopped: Runs) -> None:
 def test_a_journal_names_neither_the_machine_nor_the_folder(stopped: Runs) -> None:
     assert stopped.call("resume", "last").code == 0
     contents = b"".join(path.read_bytes() for path in RUNS.rglob("*") if path.is_file())
-    assert b"qcompile-journal-2" in contents
+    assert b"qcompile-journal-3" in contents
     for name in (platform.node(), str(RUNS.resolve()), str(Path.cwd())):
         assert name.encode() not in contents
 

@@ -55,7 +55,7 @@ def test_a_submission_is_there_from_before_it_is_sent_until_its_counts() -> None
     assert seen is not None
     assert (seen.number, seen.attempt, seen.digest, seen.executions) == (4, 0, "digest", 800)
     assert (seen.state, seen.job_id, seen.charged_s, seen.ones) == ("intended", None, None, None)
-    assert again(journal).registers(4) == asked
+    assert again(journal).measured.of(4) == asked
     assert (seen.sent_at, seen.cap_s) == (None, None)
 
     before = datetime.now(UTC)
@@ -79,11 +79,11 @@ def test_a_submission_is_there_from_before_it_is_sent_until_its_counts() -> None
     done = again(journal).latest(4)
     assert done is not None
     assert (done.state, done.job_id, done.charged_s) == ("done", "job-a", 2.25)
-    found = again(journal).registers(4)
+    found = again(journal).measured.of(4)
     assert found == bits
     np.testing.assert_array_equal(found[0].bits, np.arange(16).reshape(2, 8, 1))
     np.testing.assert_array_equal(found[1].bits, np.array([[[[97, 98]] * 8]]))
-    assert again(journal).registers(3) == []
+    assert again(journal).measured.of(3) == []
 
 
 def test_attempts_count_up_and_every_tag_is_its_own() -> None:

@@ -12,7 +12,7 @@ from live_runs import LIMIT_S, Runs, check_paid_once, played, started
 WORDS = (
     *("run", "cartpole", "--backend", "fake_lima", "--live", "--yes", "--json"),
     *("--shots", "256", "--episodes", "2", "--max-steps", "3", "--mitigation", "none"),
-    *("--max-qpu-seconds", f"{LIMIT_S:g}"),
+    *("--speculate", "1", "--max-qpu-seconds", f"{LIMIT_S:g}"),
 )
 
 

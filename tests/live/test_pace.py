@@ -6,6 +6,7 @@ import os
 import signal
 import threading
 import time
+from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -23,55 +24,70 @@ SUBMIT, JOB = "POST /jobs", "GET /jobs/{id}"
 
 
 @pytest.fixture
-def short_minutes(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A minute of a second and a half, on both sides."""
-    monkeypatch.setattr("qcompile.live.pace.MINUTE_S", 1.5)
+def minute(service: StandIn, monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
+    """Have a minute last so long, on both sides."""
     monkeypatch.setattr("qcompile.live.pace._LATE_S", 0.5)
+
+    def last(seconds: float) -> None:
+        monkeypatch.setattr("qcompile.live.pace.MINUTE_S", seconds)
+        service.settings.minute_seconds = seconds
+
+    last(600.0)
+    return last
 
 
 def sent_at(service: StandIn) -> list[float]:
     return [datetime.fromisoformat(job.created).timestamp() for job in service.ledger().jobs]
 
 
-@pytest.mark.usefixtures("short_minutes")
-def test_jobs_are_paced_through_a_kill_and_never_refused(
-    runs: Runs, undisturbed: dict[str, Any]
+def test_jobs_are_paced_from_one_process_to_the_next_and_never_refused(
+    runs: Runs, undisturbed: dict[str, Any], minute: Callable[[float], None]
 ) -> None:
-    runs.service.settings.jobs_per_minute, runs.service.settings.minute_seconds = 2, 1.5
-    stopped = runs.run("--jobs-per-minute", 2, "--max-wait-seconds", 0.3)
+    runs.service.settings.jobs_per_minute = 2
+    stopped = runs.run("--jobs-per-minute", 2, "--max-wait-seconds", 30)
     assert stopped.code == 1
-    assert "Error: The next job may be sent in 2 s.\n  Nothing is lost: resume then.\n" in (
+    assert "Error: The next job may be sent in 10 min.\n  Nothing is lost: resume then.\n" in (
         stopped.err
     )
-    assert len(runs.service.ledger().jobs) == 2  # those of another process, to the next
+    first, _ = sent_at(runs.service)
+    long_s = time.time() - first + 1.0
+    minute(long_s)
     found = runs.until_finished(runs.call("resume", "last", "--json"))
     assert runs.errors == []
     assert played(found) == undisturbed
     check_paid_once(runs.service, 3)
-    first, _, third = sent_at(runs.service)
-    assert third - first >= 1.5
+    assert sent_at(runs.service)[-1] - first >= long_s
     assert "too_many_jobs" not in runs.service.ledger().faults
 
 
-@pytest.mark.usefixtures("short_minutes")
+@pytest.mark.usefixtures("minute")
 def test_another_pace_when_resumed(runs: Runs) -> None:
-    assert runs.run("--jobs-per-minute", 1, "--max-wait-seconds", 0.3).code == 1
+    assert runs.run("--jobs-per-minute", 1, "--max-wait-seconds", 30).code == 1
     assert runs.call("resume", "last", "--jobs-per-minute", 9, "--json").code == 0
     first, *_, third = sent_at(runs.service)
-    assert third - first < 1.5
+    assert third - first < 600
 
 
 def test_a_job_is_not_sent_again_before_the_time(runs: Runs, undisturbed: dict[str, Any]) -> None:
-    """The service takes two jobs in two seconds; nobody told the client. It says a date."""
-    runs.service.settings.jobs_per_minute, runs.service.settings.minute_seconds = 2, 2.0
+    """The service says a date."""
+    runs.service.faults.retry_after_seconds = 2
     runs.service.faults.retry_after_is_a_date = True
+    runs.service.faults.once(Fault.RATE_LIMITED, on=SUBMIT)
+    began = time.time()
     found = runs.until_finished(runs.run())
     assert runs.errors == []
     assert played(found) == undisturbed
     check_paid_once(runs.service, 3)
-    assert runs.service.ledger().faults["too_many_jobs"] == 1
+    assert sent_at(runs.service)[0] - began >= 2
     assert found["jobs_in_doubt"] == 1  # a refusal may have been none
     assert found["qpu_seconds"] > found["qpu_seconds_settled"]
+
+
+def test_more_jobs_than_a_minute_takes_are_sent_in_the_next(runs: Runs) -> None:
+    """Nobody told the client of the service's limit."""
+    runs.service.settings.jobs_per_minute, runs.service.settings.minute_seconds = 1, 1.0
+    assert runs.run("--max-steps", 2).code == 0
+    assert len(runs.service.ledger().jobs) == 2
 
 
 def test_a_job_that_is_unavailable_for_long_is_explained_and_not_sent(runs: Runs) -> None:

@@ -19,10 +19,10 @@ from qcompile.execution import PrimitiveExecutor
 from qcompile.ir import Circuit, Program
 from qcompile.live.connection import Connection
 from qcompile.live.jobs import Jobs
+from qcompile.live.jobs_sampler import JobsSampler
 from qcompile.live.journal import Journal
 from qcompile.live.perform import run_versions
 from qcompile.live.runs import find_journal
-from qcompile.live.sampler import JobsSampler
 from qcompile.passes import compile
 
 

@@ -34,6 +34,7 @@ LIVE = {
     "account",
     "instance",
     "batch",
+    "jobs_per_minute",
     "max_wait_seconds",
     "runs",
 }
