@@ -48,7 +48,11 @@ def test_python_blocks_run_as_they_stand(
     monkeypatch.chdir(tmp_path)
     for tracker, module in trackers().items():
         monkeypatch.setitem(sys.modules, tracker, module)
-    with StandIn({"ibm_fez": "FakeFez"}) if "QiskitRuntimeService" in text else nullcontext() as service:
+    with (
+        StandIn({"ibm_fez": "FakeFez"})
+        if "QiskitRuntimeService" in text
+        else nullcontext() as service
+    ):
         if service is not None:
             for variable, value in service.environment().items():
                 monkeypatch.setenv(variable, value)
