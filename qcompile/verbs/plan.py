@@ -193,10 +193,10 @@ def plan(
         words = dict(zip(map(id, policies), named, strict=True))
 
         def command(point: Point) -> str | None:
-            typed = words[id(point.policy)], backend
+            typed = words[id(point.policy)], backend, calibration or ""
             if not all(isinstance(word, str | PathLike) for word in typed):
-                return None
-            policy, machine = map(str, typed)
+                return None  # an object cannot be typed
+            policy, machine, _ = map(str, typed)
             return run_command(point, policy, machine, [*map(str, several(imports))], env)
 
         way, reward = values["strategies"][0], float(forecasted.rewards.mean())
