@@ -109,8 +109,8 @@ def search(
 
     A policy keeps it where the mean over whole episodes has at least `keep` of what the best of the
     policies earns over random actions without noise. Points are judged from 256 shots downwards
-    until one fails, or upwards until one passes; what is to be recommended is judged again by more
-    episodes. An episode is cut only where nothing fits without.
+    until one fails, or upwards until one passes, and then one in between; what is to be recommended
+    is judged again by more episodes. An episode is cut only where nothing fits without.
 
     Raises:
         OptionError: the policies are of different environments, or no better than random.
@@ -236,6 +236,8 @@ class Ladder:
         for shots in LADDER[start - 1 :: -1] if keeps else LADDER[start + 1 :]:
             points.append(self.point(shots))
             if (points[-1].share >= self.wanted.keep) != keeps:
+                before = points[-2].simulated.settings.shots or 0
+                points.append(self.point((before + shots) // 2))
                 break
         return points
 
