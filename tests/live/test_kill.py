@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import signal
 import time
 from typing import Any
 
 import pytest
-from live_runs import LIMIT_S, Runs, check_paid_once, played, started
+from live_runs import LIMIT_S, Runs, check_paid_once, killed, played
 
 WORDS = (
     *("run", "cartpole", "--backend", "fake_lima", "--live", "--yes", "--json"),
@@ -25,15 +24,7 @@ def test_a_killed_run_goes_on(
 ) -> None:
     """Killed as soon as the service has seen so many of these requests."""
     runs.service.settings.run_seconds = 0.1
-    process = started(WORDS)
-    try:
-        while runs.service.ledger().requests.get(request_, 0) < times:
-            assert process.poll() is None
-            time.sleep(0.002)
-        time.sleep(pause_s)
-    finally:
-        process.send_signal(signal.SIGKILL)
-        process.wait()
+    killed(runs.service, WORDS, request_, times, pause_s)
     found = runs.until_finished(runs.call("resume", "last", "--json"))
     assert played(found) == undisturbed
     check_paid_once(runs.service, 3)
