@@ -34,7 +34,7 @@ def test_a_killed_run_goes_on(
 def test_ctrl_c_stops_a_run_in_words(
     runs: Runs, undisturbed: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    runs.service.settings.run_seconds = 0.1
+    runs.service.settings.run_seconds = 2.0  # longer than a slow machine takes to the first look
     real = time.sleep
 
     def interrupt(seconds: float) -> None:
@@ -43,6 +43,7 @@ def test_ctrl_c_stops_a_run_in_words(
 
     monkeypatch.setattr("qcompile.live.jobs.time.sleep", interrupt)
     answer = runs.run()
+    runs.service.settings.run_seconds = 0.1
     assert answer.code == 1
     assert (
         "Error: Interrupted.\n  Jobs done: 0, steps played: 0; all of it is kept.\n"
