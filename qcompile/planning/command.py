@@ -32,8 +32,11 @@ def run_command(
     backend: str,
     imports: Sequence[str] = (),
     env: Mapping[str, Any] | None = None,
+    live: Mapping[str, Any] | None = None,
 ) -> str:
     """`qcompile run` with the settings of the point; `policy` and `backend` as they were named.
+
+    With `live`, the options of a live run, it is played on the machine.
 
     Nothing in it needs quotes, but names of files with blanks or the like, which have them.
     """
@@ -49,6 +52,10 @@ def run_command(
     words += option_words(point)
     for name, value in options.items():
         words += [] if value is None else [f"--{name}", str(value)]
+    words += ["--live"] * bool(live)
+    for name, value in (live or {}).items():
+        said = f"{value:.12g}" if isinstance(value, float) else value
+        words += [] if said is None else [f"--{name}", str(said)]
     words += [word for module in imports for word in ("--import", module)]
     for name, value in (env or {}).items():
         words += ["--env", f"{name}={value if isinstance(value, str) else json.dumps(value)}"]
