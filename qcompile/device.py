@@ -160,7 +160,7 @@ def load_device(name: str | Path) -> Device:
     if name.startswith("ibm_") and snapshot in device_names():
         raise DeviceError(
             f"{name} is a machine of IBM's, and there is no file of it here.",
-            f"{snapshot} is IBM's snapshot of it. Where a command has --live, that asks the machine.",
+            f"{snapshot} is IBM's snapshot of it. Commands with --live ask the machine.",
         )
     raise DeviceError(
         f"Unknown backend {name!r}.",
