@@ -114,8 +114,9 @@ def search(
 
     A policy keeps it where the mean over whole episodes has at least `keep` of what the best of the
     policies earns over random actions without noise. Points are judged from 256 shots downwards
-    until one fails, or upwards until one passes; what is to be recommended is judged again by more
-    episodes. An episode is cut only where nothing fits without.
+    until one fails, or upwards until one passes, and halfway between these two where nothing fits;
+    what is to be recommended is judged again by more episodes. An episode is cut only where nothing
+    fits without.
 
     Raises:
         OptionError: the policies are of different environments, or no better than random.
@@ -124,10 +125,23 @@ def search(
     show(0, "random actions")
     judge = Judge(policies, wanted)
     points: list[Point] = []
+    ladders: list[Ladder] = []
     for number, policy in enumerate(policies):
         shown = _Shown(show, 0.8 * number / len(policies), 0.8 / len(policies))
-        points += Ladder(policy, backend, wanted, judge, shown).points()
+        ladders.append(Ladder(policy, backend, wanted, judge, shown))
+        points += ladders[-1].points()
+    found = _confirmed(points, backend, wanted, judge, show)
+    if found.recommended is None:
+        between = [point for ladder in ladders if (point := ladder.between(found.points))]
+        if between:
+            found = _confirmed([*found.points, *between], backend, wanted, judge, show)
+    return found
 
+
+def _confirmed(
+    points: list[Point], backend: Backend | Executor, wanted: Wanted, judge: Judge, show: Show
+) -> Found:
+    """The points with the one that is recommended, which is judged again by more episodes."""
     while (chosen := _candidate(points, wanted)) is not None:
         if len(chosen.simulated.rewards) >= wanted.confirmed:
             break
@@ -243,6 +257,20 @@ class Ladder:
             if (points[-1].share >= self.wanted.keep) != keeps:
                 break
         return points
+
+    def between(self, points: Sequence[Point]) -> Point | None:
+        """The point halfway from the fewest shots that keep the reward to fewer that would fit."""
+        mine = [point for point in points if point.policy is self.policy]
+        keeping = [p.settings.shots for p in mine if p.share >= self.wanted.keep]
+        fitting = [
+            p.settings.shots
+            for p in mine
+            if p.share < self.wanted.keep
+            and _cheapest(_with_cuts([p], self.wanted), self.wanted.within)
+        ]
+        if not keeping or not fitting:
+            return None
+        return self.point((min(keeping) + max(fitting)) // 2)
 
     def point(self, shots: int) -> Point:
         """The cheapest place and depth for so many shots, simulated as they are."""
