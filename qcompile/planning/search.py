@@ -260,14 +260,15 @@ class Ladder:
 
     def between(self, points: Sequence[Point]) -> Point | None:
         """The point halfway from the fewest shots that keep the reward to fewer that would fit."""
-        mine = [point for point in points if point.policy is self.policy]
-        keeping = [p.settings.shots for p in mine if p.share >= self.wanted.keep]
-        fitting = [
-            p.settings.shots
-            for p in mine
-            if p.share < self.wanted.keep
-            and _cheapest(_with_cuts([p], self.wanted), self.wanted.within)
-        ]
+        keeping, fitting = list[int](), list[int]()
+        for point in points:
+            shots = point.settings.shots
+            if point.policy is not self.policy or shots is None:
+                continue
+            if point.share >= self.wanted.keep:
+                keeping.append(shots)
+            elif _cheapest(_with_cuts([point], self.wanted), self.wanted.within):
+                fitting.append(shots)
         if not keeping or not fitting:
             return None
         return self.point((min(keeping) + max(fitting)) // 2)
