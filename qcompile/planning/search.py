@@ -114,9 +114,8 @@ def search(
 
     A policy keeps it where the mean over whole episodes has at least `keep` of what the best of the
     policies earns over random actions without noise. Points are judged from 256 shots downwards
-    until one fails, or upwards until one passes, and halfway between these two where nothing fits;
-    what is to be recommended is judged again by more episodes. An episode is cut only where nothing
-    fits without.
+    until one fails, or upwards until one passes, and then one in between; what is to be recommended
+    is judged again by more episodes. An episode is cut only where nothing fits without.
 
     Raises:
         OptionError: the policies are of different environments, or no better than random.
@@ -125,23 +124,10 @@ def search(
     show(0, "random actions")
     judge = Judge(policies, wanted)
     points: list[Point] = []
-    ladders: list[Ladder] = []
     for number, policy in enumerate(policies):
         shown = _Shown(show, 0.8 * number / len(policies), 0.8 / len(policies))
-        ladders.append(Ladder(policy, backend, wanted, judge, shown))
-        points += ladders[-1].points()
-    found = _confirmed(points, backend, wanted, judge, show)
-    if found.recommended is None:
-        between = [point for ladder in ladders if (point := ladder.between(found.points))]
-        if between:
-            found = _confirmed([*found.points, *between], backend, wanted, judge, show)
-    return found
+        points += Ladder(policy, backend, wanted, judge, shown).points()
 
-
-def _confirmed(
-    points: list[Point], backend: Backend | Executor, wanted: Wanted, judge: Judge, show: Show
-) -> Found:
-    """The points with the one that is recommended, which is judged again by more episodes."""
     while (chosen := _candidate(points, wanted)) is not None:
         if len(chosen.simulated.rewards) >= wanted.confirmed:
             break
@@ -255,23 +241,10 @@ class Ladder:
         for shots in LADDER[start - 1 :: -1] if keeps else LADDER[start + 1 :]:
             points.append(self.point(shots))
             if (points[-1].share >= self.wanted.keep) != keeps:
+                before = points[-2].simulated.settings.shots or 0
+                points.append(self.point((before + shots) // 2))
                 break
         return points
-
-    def between(self, points: Sequence[Point]) -> Point | None:
-        """The point halfway from the fewest shots that keep the reward to fewer that would fit."""
-        keeping, fitting = list[int](), list[int]()
-        for point in points:
-            shots = point.settings.shots
-            if point.policy is not self.policy or shots is None:
-                continue
-            if point.share >= self.wanted.keep:
-                keeping.append(shots)
-            elif _cheapest(_with_cuts([point], self.wanted), self.wanted.within):
-                fitting.append(shots)
-        if not keeping or not fitting:
-            return None
-        return self.point((min(keeping) + max(fitting)) // 2)
 
     def point(self, shots: int) -> Point:
         """The cheapest place and depth for so many shots, simulated as they are."""
