@@ -236,14 +236,13 @@ calibration_shots_option: Decorator = click.option(
     "--calibration-shots",
     type=Shots("auto", "auto"),
     default=8192,
-    help="Shots of the calibration that is measured first. auto: as few as the shots of a row ask "
-    "for.  [default: 8192; with --live auto]",
+    help="Shots of the calibration that is measured first. auto: few where --shots are few. "
+    " [default: 8192; with --live auto]",
 )
 split_option: Decorator = click.option(
     "--split",
     is_flag=True,
-    help="Spread the shots of a row over the copies of its circuits: fewer executions, and the "
-    "errors of qubits average.",
+    help="Measure each decision in all copies, with a share of the shots in each.",
 )
 max_steps_option: Decorator = click.option(
     "--max-steps",

@@ -22,6 +22,7 @@ _KINDS = {
     "hardware": "hardware",
 }
 _BARS = "▁▂▃▄▅▆▇█"
+_HOUR_S = 3600
 
 
 def print_run(summary: dict[str, Any]) -> None:
@@ -70,7 +71,7 @@ def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
         yield (
             "speculate",
             f"{summary['speculate']}: {summary['measured_rows']:,} decisions measured, "
-            f"{summary['decisions']:,} of them count; {plural(summary['jobs'], 'job')}",
+            f"{summary['decisions']:,} of them count",
         )
     yield from _cut_lines(summary)
     yield "actions", f"{'greedy' if summary['greedy'] else 'sampled'}, seed {summary['seed']}"
@@ -90,11 +91,18 @@ def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
         )
         yield "run", summary["run"]
     elif summary["qpu_seconds_estimate"] is not None and summary["kind"] != "ideal":
-        hours = summary["qpu_seconds_estimate"] / 3600
         yield (
             "on hardware",
-            f"{summary['executions']:,} executions, about {hours:,.1f} QPU hours",
+            f"{plural(summary['jobs'], 'job')}, {summary['executions']:,} executions, "
+            f"about {_qpu_words(summary['qpu_seconds_estimate'])}",
         )
+
+
+def _qpu_words(seconds: float) -> str:
+    """QPU time in the unit in which it is a small number."""
+    if seconds < _HOUR_S:
+        return f"{seconds:.0f} QPU seconds"
+    return f"{seconds / _HOUR_S:,.1f} QPU hours"
 
 
 def _cut_lines(summary: Mapping[str, Any]) -> Iterable[tuple[str, str]]:

@@ -191,13 +191,15 @@ def plan(
     }
     if found is not None:
         words = dict(zip(map(id, policies), named, strict=True))
+        spend = {"max-qpu-seconds": within, "account": account, "instance": instance}
 
         def command(point: Point) -> str | None:
             typed = words[id(point.policy)], backend, calibration or ""
             if not all(isinstance(word, str | PathLike) for word in typed):
                 return None  # an object cannot be typed
             policy, machine, _ = map(str, typed)
-            return run_command(point, policy, machine, [*map(str, several(imports))], env)
+            modules = [*map(str, several(imports))]
+            return run_command(point, policy, machine, modules, env, spend if live else {})
 
         way, reward = values["strategies"][0], float(forecasted.rewards.mean())
         values["paper"] = way | {"shots": task.shots, "mean_reward": reward}
