@@ -50,7 +50,7 @@ fuzz: $(VENV)/dev.stamp  ## Feed a million damaged files to all readers (minutes
 frontier: $(VENV)/run.stamp  ## Measure reward against QPU seconds over shots, holds and devices (minutes)
 	$(BIN)/python -W ignore benchmarks/frontier.py
 
-policies: $(VENV)/run.stamp  ## Train the shipped policies by their cards, and compare every number (a quarter of an hour)
+policies: $(VENV)/run.stamp  ## Train the shipped policies by their cards, and compare every number (twenty minutes)
 	$(BIN)/python benchmarks/shipped.py
 
 speculation: $(VENV)/dev.stamp  ## Hold runs that measure ahead to the law of those that do not (half an hour)

@@ -37,7 +37,7 @@ _TRAINED = Path(__file__).parent.parent / "trained"
 
 def lander(service: Service, seed: int) -> Iterator[Row]:
     """A hundred LunarLander episodes of the shipped policy, nothing held."""
-    row = service.planned("lander", "lunarlander", LARGE, 100, 300, seed, "--shots", "48")
+    row = service.planned("lander", "lunarlander", LARGE, 100, 300, seed)
     yield row.want_mean(268).want_seconds(300).want_planned()
 
 

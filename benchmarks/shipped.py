@@ -92,7 +92,7 @@ def scores() -> None:
     That of held decisions also tells the mean and the largest number of them in an episode.
     """
     print_row("policy", "circuits", "trained numbers", *COLUMNS)
-    print_row(*["---"] * (3 + len(COLUMNS)))
+    click.echo("|" + "---|" * (3 + len(COLUMNS)))
     for name in SHOWN:
         policy = qcompile.load_policy(TRAINED / f"{name}.pt")
         played = [score for score, _ in played_in(policy, COLUMNS)]
@@ -100,7 +100,7 @@ def scores() -> None:
     click.echo()
     decided = f"decisions, {HARDWARE}, {DECIDED_AT}"
     print_row("policy", "hold", "circuits", "trained numbers", *HELD_COLUMNS, decided)
-    print_row(*["---"] * (5 + len(HELD_COLUMNS)))
+    click.echo("|" + "---|" * (5 + len(HELD_COLUMNS)))
     for name in HELD:
         policy = qcompile.load_policy(TRAINED / f"{name}.pt")
         results = dict(zip(HELD_COLUMNS, played_in(policy, HELD_COLUMNS), strict=True))

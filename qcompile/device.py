@@ -156,6 +156,12 @@ def load_device(name: str | Path) -> Device:
         other = find("hardware", known, [".json"])
         if other is not None and name in (device := _read(other)).aliases:
             return device
+    snapshot = name.replace("ibm_", "fake_", 1)
+    if name.startswith("ibm_") and snapshot in device_names():
+        raise DeviceError(
+            f"{name} is a machine of IBM's, and there is no file of it here.",
+            f"{snapshot} is IBM's snapshot of it. Commands with --live ask the machine.",
+        )
     raise DeviceError(
         f"Unknown backend {name!r}.",
         nearest(name, device_names()),

@@ -73,6 +73,11 @@ def test_ideal_has_no_qubits_of_its_own() -> None:
     assert IDEAL.is_ideal
 
 
+def test_a_machine_of_ibm_s_is_told_from_its_snapshot() -> None:
+    with pytest.raises(DeviceError, match=r"machine of IBM's.*\n.*fake_fez is IBM's snapshot"):
+        load_device("ibm_fez")
+
+
 def test_a_path_is_read(tmp_path) -> None:
     path = tmp_path / "mine.json"
     path.write_text(load_device("ibm_lima").model_copy(update={"name": "mine"}).to_json())

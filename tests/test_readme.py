@@ -6,10 +6,12 @@ import re
 import shlex
 import sys
 from collections.abc import Iterator
+from contextlib import nullcontext
 from pathlib import Path
 
 import click
 import pytest
+from standin import StandIn
 from trackers import trackers
 
 from qcompile.cli.group import cli
@@ -42,10 +44,19 @@ def python_blocks() -> list[tuple[str, str]]:
 def test_python_blocks_run_as_they_stand(
     page: str, text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """A block that asks for an account of IBM's gets the stand-in of the service."""
     monkeypatch.chdir(tmp_path)
     for tracker, module in trackers().items():
         monkeypatch.setitem(sys.modules, tracker, module)
-    exec(compile(text, page, "exec"), {"__name__": "__main__"})
+    with (
+        StandIn({"ibm_fez": "FakeFez"})
+        if "QiskitRuntimeService" in text
+        else nullcontext() as service
+    ):
+        if service is not None:
+            for variable, value in service.environment().items():
+                monkeypatch.setenv(variable, value)
+        exec(compile(text, page, "exec"), {"__name__": "__main__"})
 
 
 def test_the_readme_has_a_python_block() -> None:

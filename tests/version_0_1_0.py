@@ -15,6 +15,7 @@ ADDED = {
     "rollouts": 1,
     "hold": 1,
     "decision_cost": 0.0,
+    "temperature": 1.0,
 }
 """Settings that it had not, and what all of its trainings have of them."""
 

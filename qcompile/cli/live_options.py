@@ -35,12 +35,17 @@ pace_option: Decorator = click.option(
     "--jobs-per-minute",
     type=click.IntRange(1),
     metavar="N",
-    help="Send at most so many jobs in a minute, where an account may send no more.",
+    help="Send at most N jobs in any minute, where an account may send no more.  [default: no "
+    "limit; `resume` keeps that of its run]",
 )
 yes_option: Decorator = click.option("--yes", is_flag=True, help="Spend without asking.")
 
 _SHARED = (
-    click.option("--live", is_flag=True, help="Run on IBM's machine of that name. This spends."),
+    click.option(
+        "--live",
+        is_flag=True,
+        help="Run on IBM's machine that --backend names. This spends.",
+    ),
     seconds_option,
     yes_option,
     click.option("--account", help="Account of IBM's own tools.  [default: theirs]"),

@@ -8,9 +8,9 @@ from typing import Any, Literal
 import click
 
 from qcompile.cli.options import (
-    CalibrationShots,
     Positive,
     Share,
+    Shots,
     backend_option,
     echo_json,
     echo_note,
@@ -57,8 +57,8 @@ def _one_or_several(
 @click.option(
     "--mitigation",
     type=click.Choice(["none", "readout", "response"]),
-    help="Its calibration is counted, but for the paper's way.  [default: readout, or that of the "
-    "calibration]",
+    help="What is mitigated; its calibration is counted, except in the paper's way.  [default: "
+    "readout, or that of the calibration]",
 )
 @click.option(
     "--calibration",
@@ -67,32 +67,34 @@ def _one_or_several(
 )
 @click.option(
     "--calibration-shots",
-    type=CalibrationShots(),
+    type=Shots("auto", "auto"),
     help="Shots of the calibration, or auto.  [default: 8192; with --within auto]",
 )
 @click.option(
     "--copies",
     type=click.IntRange(1, MAX_EPISODES),
-    help="Episodes side by side on the device.  [default: as many as fit]",
+    help="Copies of the circuits side by side on the device: one for each episode, or --split. "
+    " [default: as many as fit]",
 )
 @click.option(
     "--split/--no-split",
     default=None,
-    help="Spread the shots of a row over the copies.  [default: no; with --within whichever is "
-    "cheaper]",
+    help="Measure each decision in all copies, with a share of the shots in each.  [default: no; "
+    "with --within whichever is cheaper]",
 )
 @max_steps_option
 @click.option(
     "--within",
     type=Positive("seconds", most=MAX_QPU_SECONDS),
-    help="Find the cheapest settings of the policies that stay within so many QPU seconds.",
+    help="Find the cheapest settings that stay within this number of QPU seconds; takes minutes.",
 )
 @click.option(
     "--keep",
     type=Share(),
     default=0.97,
     show_default=True,
-    help="With --within: the share of the reward over random actions that they keep.",
+    help="With --within: the share of the policy's reward that must be left; 0 is what random "
+    "actions earn, 1 what it earns without noise.",
 )
 @import_option
 @env_option
@@ -181,8 +183,9 @@ def command(
         )
         click.echo(
             f"{_SECONDS}\nprice: {usd_per_second:g} USD a second\n"
-            f"lockstep, {plural(values['copies'], 'episode')} side by side, is what `run --live` "
-            "does where no step is measured ahead; the twin plays any number of episodes"
+            f"lockstep: {plural(values['copies'], 'episode')} side by side, a job for each "
+            "decision; the twin plays any number of episodes\n"
+            "cheaper: --within SECONDS finds settings that fit and keep the reward"
         )
     else:
         columns, rows = planned.table
@@ -191,7 +194,8 @@ def command(
         )
         print_table(columns, rows, title, right=range(len(columns)), tight=True)
         click.echo(
-            f"{_SECONDS}\nat 4 sub-jobs: should IBM count a job as four, which is not known\n"
+            f"{_SECONDS}\nahead: decisions of an episode in a job, at most (--speculate)\n"
+            f"at 4 sub-jobs: should IBM count a job as four, which is not known\n"
             f"rewards: of {values['judged_episodes']} whole episodes on a model of the machine, "
             "more for what is recommended; kept is their share between random actions, "
             f"{values['random_reward']:.4g}, and no noise, {values['ideal_reward']:.4g}"

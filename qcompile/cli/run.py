@@ -69,16 +69,17 @@ if TYPE_CHECKING:
 @click.option(
     "--copies",
     type=click.IntRange(1, MAX_EPISODES),
-    help="Episodes that share an execution, side by side on the device.  [default: 1; with --live "
-    "or --split as many as fit]",
+    help="Copies of the circuits side by side on the device: one for each episode, or --split. "
+    " [default: 1; with --live or --split as many as fit]",
 )
 @split_option
 @click.option(
     "--speculate",
     type=Depth(),
     default=1,
-    help="Measure up to D decisions of each episode in a job, along predicted steps; those whose "
-    "predictions were right count. auto: as many as pay.  [default: 1; with --live auto]",
+    help="Measure up to D decisions of each episode in one job, along predicted actions: fewer "
+    "jobs. What lies beyond a wrong prediction is measured again. auto: the D that saves most. "
+    " [default: 1; with --live auto]",
 )
 @max_steps_option
 @click.option("--greedy", is_flag=True, help="Take the most probable action; default: sample.")
@@ -119,7 +120,7 @@ def command(
     With --live it is played on IBM's machine of that name, recorded step by step; Ctrl-C stops it
     and `qcompile resume` resumes it.
     """
-    from qcompile.report.tables import print_run
+    from qcompile.report.summary import print_run
     from qcompile.verbs.run import run
 
     result = run(

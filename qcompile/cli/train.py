@@ -33,7 +33,7 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
     "--preset",
     type=click.Choice(["paper", "tuned", "hardware"]),
     help="paper: arXiv 2203.14348 as it stands; tuned: ours; hardware: ours for few QPU seconds, "
-    "of held decisions, under noise; svqc.  [default: tuned]",
+    "holds decisions and learns under noise, svqc.  [default: tuned]",
 )
 @click.option(
     "--layout",
@@ -75,7 +75,7 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
 )
 @click.option(
     "--shots",
-    type=Shots(exact="exact"),
+    type=Shots(meaning="exact"),
     help="Shots of each circuit while it learns; svqc. "
     " [default: 1024 on a noisy backend, exact on ideal]",
 )
@@ -88,8 +88,8 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
     "--hold",
     type=click.IntRange(1),
     metavar="STEPS",
-    help="Hold each decision for so many steps of the environment; the policy keeps it. "
-    " [default: the preset's, 1]",
+    help="Decide once in this many steps of the environment and repeat the action between; "
+    "whatever plays the policy does so.  [default: the preset's: 1, more with hardware]",
 )
 @import_option
 @env_option

@@ -22,8 +22,7 @@ def option_words(point: Point) -> list[str]:
         "calibration-shots": settings.calibration_shots if measures else None,
         "max-steps": settings.max_steps,
     }
-    words = [f"--{name} {value}" for name, value in options.items() if value is not None]
-    return " ".join([*words, *["--split"] * settings.split]).split()
+    return [*_words(options), *["--split"] * settings.split]
 
 
 def run_command(
@@ -32,8 +31,11 @@ def run_command(
     backend: str,
     imports: Sequence[str] = (),
     env: Mapping[str, Any] | None = None,
+    live: Mapping[str, Any] | None = None,
 ) -> str:
     """`qcompile run` with the settings of the point; `policy` and `backend` as they were named.
+
+    With `live`, the options of a live run, it is played on the machine.
 
     Nothing in it needs quotes, but names of files with blanks or the like, which have them.
     """
@@ -47,8 +49,8 @@ def run_command(
     }
     words = ["qcompile", "run", policy, "--backend", backend, "--episodes", str(point.episodes)]
     words += option_words(point)
-    for name, value in options.items():
-        words += [] if value is None else [f"--{name}", str(value)]
+    words += _words(options)
+    words += ["--live"] * bool(live) + _words(live or {})
     words += [word for module in imports for word in ("--import", module)]
     for name, value in (env or {}).items():
         words += ["--env", f"{name}={_value_word(value)}"]
@@ -63,3 +65,13 @@ def _value_word(value: Any) -> str:
         except ValueError:
             return value
     return json.dumps(value)
+
+
+def _words(options: Mapping[str, Any]) -> list[str]:
+    """The options with their values, without those that are None."""
+    said = [
+        (name, f"{value:.12g}" if isinstance(value, float) else str(value))
+        for name, value in options.items()
+        if value is not None
+    ]
+    return [word for name, value in said for word in (f"--{name}", value)]

@@ -61,7 +61,8 @@ def draw_frontier(plan: dict[str, Any]) -> Figure:
         color=COLOURS[-1],
         label=f"as in the paper, {paper['shots']} shots",
     )
-    axes.axvline(plan["within"], color=_GREY, linestyle=":", linewidth=1)
+    within = f"within {plan['within']:g} s"
+    axes.axvline(plan["within"], color=_GREY, linestyle=":", linewidth=1, label=within)
     for key, words in (("ideal_reward", "without noise"), ("random_reward", "random actions")):
         axes.axhline(plan[key], color=_GREY, linestyle="--", linewidth=0.8)
         axes.annotate(

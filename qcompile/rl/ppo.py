@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from qcompile.errors import TrainingError
 from qcompile.notebook import count
-from qcompile.policy import Ansatz, AnyPolicy
+from qcompile.policy import Ansatz, AnyPolicy, Policy
 from qcompile.rl.acting_noise import ActingNoise
 from qcompile.rl.average import Average
 from qcompile.rl.draw import draw_actions
@@ -182,6 +182,10 @@ class Trainer:
         name = self.environment.rsplit("-v", 1)[0].lower()
         policy = model.policy(name, self.environment, metadata)
         policy = replace(policy, environment_kwargs=self.arguments, hold=self.settings.hold)
+        if isinstance(policy, Policy):
+            temperature = self.settings.temperature
+            weights, bias = policy.weights / temperature, policy.bias / temperature
+            policy = replace(policy, weights=weights, bias=bias)
         return policy if self.normaliser is None else self.normaliser.deployed(policy)
 
     @property

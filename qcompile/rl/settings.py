@@ -39,6 +39,7 @@ _OF_MODELS: dict[str, tuple[str, ...]] = {
     "features": ("svqc",),
     "encoder": ("svqc",),
     "trainable_gain": ("svqc",),
+    "temperature": ("svqc", "surrogate"),
     "reuse": ("svqc", "mvqc", "surrogate"),
     "scales": _ENCODED,
     "trainable_scale": _ENCODED,
@@ -162,6 +163,9 @@ class Settings:
     average_share: Fraction = 0.0
     """The trained model is an average over the updates, that of about this last share of them; 0 is
     the model after the last one, 1 the mean over all. What acts and learns is not averaged."""
+    temperature: Magnitude = 1.0
+    """The logits of the policy that is handed over are divided by this: below 1 likely actions are
+    likelier in it. What acts and learns has 1."""
     pause_at: float | None = None
     """Algorithm 2: episodes with at least this reward update nothing; the longest such row saves
     the policy; updates resume when the running average falls below."""

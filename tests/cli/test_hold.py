@@ -33,7 +33,7 @@ def test_a_run(qcompile: Call, policy: Call, run_keys: set[str]) -> None:
     assert found["qpu_seconds_estimate"] == pytest.approx(
         2 * found["jobs"] + 0.00035 * found["executions"]
     )
-    said = qcompile(*words, "--mitigation", "none").out
+    said = " ".join(qcompile(*words, "--mitigation", "none").out.split())
     assert f"{found['decisions']} decisions, {found['env_steps']} environment steps in " in said
     assert "1 round; held for 4 environment steps" in said
     plain = qcompile(*("run", policy(), *words[2:])).out

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import shlex
 from typing import Any
 
 import pytest
 from live_runs import Runs
+
+from qcompile.planning import search
 
 PAPER, PACKED = "as in the paper", "packed"
 LOCKSTEP, TWIN = "packed, lockstep", "calibrate, play twin"
@@ -87,3 +90,22 @@ def test_split_rows_by_hand(runs: Runs) -> None:
     assert plan["copies"] == 6
     assert found[LOCKSTEP] == (4, 9 * 17 + 12 * 200)
     assert found[PACKED] == (10, 9 * 100 + 6 * 200)
+
+
+def test_the_command_of_a_live_plan_plays_on_the_machine(
+    runs: Runs, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As it is typed, within the seconds that were planned."""
+    monkeypatch.setattr(search, "_LEAST", 4)
+    monkeypatch.setattr(search, "_MOST", 4)
+    words = ("cartpole_1q", "--backend", "fake_lima", "--episodes", 2, "--shots", 64)
+    found = planned(runs, *words, "--copies", 1, "--max-steps", 3, "--within", 60.5, "--live")
+    command = found["recommended"]["command"]
+    assert command.endswith(" --live --max-qpu-seconds 60.5")
+    assert not runs.service.ledger().jobs
+    answer = runs.call(*shlex.split(command)[1:], "--yes", "--json")
+    assert answer.code == 0, answer.err
+    told = answer.json()
+    assert told["kind"] == "hardware"
+    assert told["qpu_seconds"] == runs.service.ledger().charged_seconds
+    assert told["max_qpu_seconds"] == 60.5

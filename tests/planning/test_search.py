@@ -78,8 +78,24 @@ def test_more_shots_where_256_do_not_keep_enough(scripted: Search) -> None:
 
 
 def test_fewer_are_not_tried_where_one_failed(scripted: Search) -> None:
-    found = scripted({256: 100, 128: 50, 64: 100})
-    assert {point.settings.shots for point in found.points} == {256, 128}
+    found = scripted({256: 100, 192: 60, 128: 50, 64: 100})
+    assert {point.settings.shots for point in found.points} == {256, 192, 128}
+
+
+@pytest.mark.parametrize(
+    ("rewards", "shots"),
+    [
+        ({256: 100, 128: 100, 96: 98, 64: 50}, 96),
+        ({256: 100, 128: 100, 96: 96, 64: 50}, 128),
+        ({256: 50, 384: 97, 512: 100}, 384),
+    ],
+)
+def test_between_the_last_two_one_more_is_tried(
+    scripted: Search, rewards: dict[int, float], shots: int
+) -> None:
+    found = scripted(rewards)
+    assert found.recommended is not None
+    assert found.recommended.settings.shots == shots
 
 
 def test_what_keeps_enough_must_fit(scripted: Search) -> None:

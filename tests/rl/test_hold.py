@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from playing import Clock
 
-from qcompile.policy import AnyPolicy, load_policy, save_policy
+from qcompile.policy import AnyPolicy, Policy, load_policy, save_policy
 from qcompile.rl.checkpoint import load_checkpoint
 from qcompile.rl.ppo import Trainer
 from qcompile.rl.rollout import Collector, FinishedEpisode
@@ -179,3 +179,21 @@ def test_a_checkpoint_of_every_step_decided_is_read_as_it_was(
     assert read.settings == settings
     assert read.decisions == read.steps == 180
     assert read.train().episodes == whole.episodes
+
+
+@pytest.mark.parametrize("model", ["svqc", "surrogate"])
+def test_a_temperature_sharpens_what_is_handed_over_and_nothing_else(model: Any) -> None:
+    """At 1/2 the logits are twice as large: probabilities are squared, and add up to 1 again."""
+    settings = Settings(model=model, episodes=3, hold=2)
+    warm, cold = (
+        Trainer("CartPole-v1", settings.changed(temperature=temperature), 0).train()
+        for temperature in (1.0, 0.5)
+    )
+    assert warm.episodes == cold.episodes
+    assert isinstance(warm.policy, Policy)
+    assert isinstance(cold.policy, Policy)
+    values = np.random.default_rng(0).uniform(-1, 1, (5, len(warm.policy.program)))
+    squared = warm.policy.probabilities(values) ** 2
+    np.testing.assert_allclose(
+        cold.policy.probabilities(values), squared / squared.sum(axis=1, keepdims=True)
+    )

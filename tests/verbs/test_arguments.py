@@ -55,7 +55,7 @@ def test_no_argument_may_be_just_anything(name: str, argument: str) -> None:
         ("run", {"live": True}, "live cannot be True"),
         ("plan", {"copies": 0}, "copies cannot be 0"),
         ("plan", {"usd_per_second": math.nan}, "usd_per_second cannot be nan"),
-        ("plan", {"shots": None}, "shots cannot be None"),
+        ("plan", {"shots": "exact"}, "shots cannot be 'exact'"),
         ("calibrate", {"seed": -1}, "seed cannot be -1"),
         ("train", {"evaluate_every": 0}, "evaluate_every cannot be 0"),
         ("study", {"seeds": 2**32}, r"It is in \[1, 1000\]"),
