@@ -21,6 +21,7 @@ from frontier_pictures import draw_matrix, draw_seconds
 import qcompile
 from qcompile.deploy.settings import RunSettings
 from qcompile.execution import Workload, load_backend
+from qcompile.planning.point import undominated
 from qcompile.planning.search import Judge, Ladder, Wanted
 
 ROOT = Path(__file__).parents[1]
@@ -61,14 +62,9 @@ def _of_place(place: tuple[str, int, str]) -> list[dict[str, Any]]:
     return cell(*place)
 
 
-def undominated(points: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The points of which none is cheaper and as good, the cheapest first."""
-    best, found = float("-inf"), []
-    for point in sorted(points, key=lambda p: (p["qpu_seconds"], -p["mean_reward"])):
-        if point["mean_reward"] > best:
-            best = point["mean_reward"]
-            found.append(point)
-    return found
+def joined(points: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The undominated ones of plain values."""
+    return undominated(points, lambda point: (point["qpu_seconds"], point["mean_reward"]))
 
 
 def table(points: list[dict[str, Any]]) -> str:
@@ -79,7 +75,7 @@ def table(points: list[dict[str, Any]]) -> str:
     ]
     for task, device in product(TASKS, DEVICES):
         own = [p for p in points if (p["task"], p["device"]) == (task, device)]
-        for p in undominated(own):
+        for p in joined(own):
             copies = f"{p['copies']}, split" if p["split"] else p["copies"]
             low, high = p["qpu_seconds_80"]
             cells = [task, device, p["hold"], p["shots"], copies, p["speculate"], p["jobs"]]
@@ -109,7 +105,7 @@ def main() -> None:
     points = [value for value in values if "split" in value]
     paper = [value for value in values if "split" not in value and value["hold"] == 1]
     lines = {
-        place: undominated([p for p in points if (p["task"], p["device"]) == place])
+        place: joined([p for p in points if (p["task"], p["device"]) == place])
         for place in product(TASKS, DEVICES)
     }
     images = ROOT / "docs/images"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -67,6 +68,21 @@ def started(words: Sequence[str]) -> subprocess.Popen[bytes]:
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     )
+
+
+def killed(
+    service: StandIn, words: Sequence[str], request: str, times: int, pause_s: float
+) -> None:
+    """The command line with these words, killed soon after the service has seen the request."""
+    process = started(words)
+    try:
+        while service.ledger().requests.get(request, 0) < times:
+            assert process.poll() is None
+            time.sleep(0.002)
+        time.sleep(pause_s)
+    finally:
+        process.kill()
+        process.wait()
 
 
 def played(result: dict[str, Any]) -> dict[str, Any]:

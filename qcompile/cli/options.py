@@ -32,51 +32,30 @@ class Decorator(Protocol):
 
 
 class Shots(click.ParamType[int | str | None]):
-    """A number of shots, or "exact" for expectations without shot noise, which is `exact`."""
+    """A number of shots, or a word, which means `meaning`.
 
-    name = "n|exact"
+    "exact" asks for expectations without shot noise.
+    """
 
-    def __init__(self, exact: str | None = None):
-        self.exact = exact
+    def __init__(self, word: str = "exact", meaning: str | None = None):
+        self.name = f"n|{word}"
+        self._word, self._meaning = word, meaning
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> int | str | None:
         if value is None or isinstance(value, int):
             return value
-        if value == "exact":
-            return self.exact
+        if value == self._word:
+            return self._meaning
         try:
             shots = int(value)
         except ValueError:
-            self.fail(f"{value!r} is neither a number nor 'exact'.", param, ctx)
+            self.fail(f"{value!r} is neither a number nor '{self._word}'.", param, ctx)
         if not 1 <= shots <= MAX_SHOTS:
             self.fail(
                 f"{shots} shots cannot be run; the number lies in [1, {MAX_SHOTS}] "
-                "(1024 and 8192 are usual), or say 'exact'.",
-                param,
-                ctx,
-            )
-        return shots
-
-
-class CalibrationShots(click.ParamType["int | str"]):
-    """A number of shots, or "auto"."""
-
-    name = "n|auto"
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> int | str:
-        if value == "auto":
-            return "auto"
-        try:
-            shots = int(value)
-        except ValueError:
-            self.fail(f"{value!r} is neither a number nor 'auto'.", param, ctx)
-        if not 1 <= shots <= MAX_SHOTS:
-            self.fail(
-                f"{shots} shots cannot be run; the number lies in [1, {MAX_SHOTS}], or say 'auto'.",
+                f"(1024 and 8192 are usual), or say '{self._word}'.",
                 param,
                 ctx,
             )
@@ -255,7 +234,7 @@ level_option: Decorator = click.option(
 )
 calibration_shots_option: Decorator = click.option(
     "--calibration-shots",
-    type=CalibrationShots(),
+    type=Shots("auto", "auto"),
     default=8192,
     help="Shots of the calibration that is measured first. auto: few where --shots are few. "
     " [default: 8192; with --live auto]",

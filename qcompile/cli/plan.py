@@ -8,9 +8,9 @@ from typing import Any, Literal
 import click
 
 from qcompile.cli.options import (
-    CalibrationShots,
     Positive,
     Share,
+    Shots,
     backend_option,
     echo_json,
     echo_note,
@@ -67,7 +67,7 @@ def _one_or_several(
 )
 @click.option(
     "--calibration-shots",
-    type=CalibrationShots(),
+    type=Shots("auto", "auto"),
     help="Shots of the calibration, or auto.  [default: 8192; with --within auto]",
 )
 @click.option(
@@ -86,7 +86,7 @@ def _one_or_several(
 @click.option(
     "--within",
     type=Positive("seconds", most=MAX_QPU_SECONDS),
-    help="Find the cheapest settings that stay within so many QPU seconds; takes minutes.",
+    help="Find the cheapest settings that stay within this number of QPU seconds; takes minutes.",
 )
 @click.option(
     "--keep",

@@ -120,7 +120,7 @@ def command(
     With --live it is played on IBM's machine of that name, recorded step by step; Ctrl-C stops it
     and `qcompile resume` resumes it.
     """
-    from qcompile.report.tables import print_run
+    from qcompile.report.summary import print_run
     from qcompile.verbs.run import run
 
     result = run(

@@ -75,7 +75,7 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
 )
 @click.option(
     "--shots",
-    type=Shots(exact="exact"),
+    type=Shots(meaning="exact"),
     help="Shots of each circuit while it learns; svqc. "
     " [default: 1024 on a noisy backend, exact on ideal]",
 )
@@ -88,7 +88,7 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
     "--hold",
     type=click.IntRange(1),
     metavar="STEPS",
-    help="Decide once in so many steps of the environment and repeat the action between; whatever "
+    help="Decide once in this many steps of the environment and repeat the action between; whatever "
     "plays the policy does so.  [default: the preset's: 1, more with hardware]",
 )
 @import_option

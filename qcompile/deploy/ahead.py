@@ -33,8 +33,8 @@ from gymnasium.wrappers.utils import RunningMeanStd
 from numpy.typing import NDArray
 
 from qcompile.arrays import FloatArray, IntArray
-from qcompile.deploy.environments import Environment, environment_name, frames_per_second
-from qcompile.deploy.lockstep import Act, Episode, Frame
+from qcompile.deploy.environments import Environment, environment_name
+from qcompile.deploy.lockstep import Act, Episode, Frame, frames_of
 from qcompile.deploy.rows import Rows
 from qcompile.deploy.stepping import Stepper, check_finite
 from qcompile.errors import EnvironmentStepError, OptionError
@@ -90,8 +90,7 @@ def ahead(
         )
     ]
     if on_frame is not None:
-        fps, filmed = frames_per_second(environments[0]), environments[0]
-        living[0].played.on_step = lambda: on_frame(filmed.render(), fps)  # type: ignore[arg-type]
+        living[0].played.on_step = frames_of(environments[0], on_frame)
     for pair in living:
         pair.begin(first_seed + pair.number)
     on_begin([pair.played for pair in living])
@@ -111,7 +110,7 @@ def ahead(
             right += sum(agreed[row] for row in pair.rows[:count])
             rewards += pair.rewards
             if pair.is_over:
-                on_episode(Episode(pair.played.seed, pair.played.reward, pair.played.length))
+                on_episode(Episode.of(pair.played))
         if repeats and not all(pair.repeats for pair in living):
             repeats = _end(foresight, environments)
         living = [pair for pair in living if not pair.is_over]
@@ -173,7 +172,7 @@ class _Pair:
     def __init__(self, number: int, played: Stepper, scout: Stepper):
         self.number, self.played, self.scout = number, played, scout
         self._walked: int | None = None
-        """So many of the actions has the scout taken, and no others; None where it took others."""
+        """How many of the actions the scout has taken; None where it took others."""
         self.actions: list[int] = []
         self.answers: list[bytes] = []
         self.rows: list[int] = []
@@ -219,8 +218,7 @@ class _Pair:
             self._walked = None
             return None
         self.foreseen.append(_answer(observation, reward, terminated, truncated))
-        is_over = terminated or truncated or self.scout.length == self.scout.max_steps
-        return None if is_over else observation
+        return None if self.scout.has_ended else observation
 
     def _scouted(self, action: int) -> tuple[NDArray[Any], float, bool, bool]:
         answer = self.scout.step(action)
@@ -241,7 +239,7 @@ class _Pair:
             self.actions.append(actions[row])
             self.answers.append(_answer(observation, reward, terminated, truncated))
             self.rewards.append(reward)
-            self.is_over = terminated or truncated or self.played.length == self.played.max_steps
+            self.is_over = self.played.has_ended
             if k < len(self.foreseen):
                 is_foreseen = agreed[row]
                 self.repeats = not is_foreseen or self.answers[-1] == self.foreseen[k]

@@ -22,7 +22,7 @@ MOST_STEPS = 10_000
 def completed_rewards(player: Player, steppers: Sequence[Stepper]) -> FloatArray | None:
     """The rewards (episodes,) of episodes played with `player`, those cut by `max_steps` completed.
 
-    They go on from where they were cut, with their own streams: on a noise model, a twin or `ideal`
+    They continue where they were cut, with their own streams: on a noise model, a twin or `ideal`
     as if they had not been cut, elsewhere on the noise model of the device with the same settings.
     None where no episode was cut, where one does not end within MOST_STEPS or its environment
     fails, or after Ctrl-C.

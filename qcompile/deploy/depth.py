@@ -8,15 +8,11 @@ import numpy as np
 
 from qcompile.arrays import FloatArray
 from qcompile.execution import Workload
-from qcompile.limits import (
-    MAX_EXECUTIONS_PER_JOB,
-    MOST_AHEAD,
-    SECONDS_PER_EXECUTION,
-    SECONDS_PER_JOB,
-)
+from qcompile.execution.cost import qpu_seconds
+from qcompile.limits import MAX_EXECUTIONS_PER_JOB, MOST_AHEAD
 
 Speculate = int | Literal["auto"]
-"""Decisions of each episode that a job measures: so many, or as many as pay."""
+"""Decisions of each episode that a job measures: their number, or as many as pay."""
 
 _PRIOR_AGREED, _PRIOR_COMPARED = 9.0, 10.0
 """Before anything is compared nine of ten predictions are taken to be right."""
@@ -48,7 +44,7 @@ class Depth:
         return self.speculate
 
     def note(self, compared: int, agreed: int) -> None:
-        """So many rows of a job counted; in so many of them the prediction was right."""
+        """Of a job `compared` rows counted; in `agreed` of them the prediction was right."""
         self._compared += compared
         self._agreed += agreed
 
@@ -71,7 +67,7 @@ def seconds(load: Workload, depths: FloatArray) -> FloatArray:
     """
     jobs = np.ceil(depths * load.executions / MAX_EXECUTIONS_PER_JOB)
     jobs = np.maximum(jobs, 1.0 if load.jobs <= 1 else depths * load.jobs)
-    return np.asarray(SECONDS_PER_JOB * jobs + SECONDS_PER_EXECUTION * depths * load.executions)
+    return qpu_seconds(jobs, depths * load.executions)
 
 
 def deepest_that_pays(agreement: float, load: Workload) -> int:

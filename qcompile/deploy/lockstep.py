@@ -26,6 +26,19 @@ class Episode:
     reward: float
     length: int
 
+    @classmethod
+    def of(cls, stepper: Stepper) -> Episode:
+        """The episode that a stepper has ended."""
+        return cls(stepper.seed, stepper.reward, stepper.length)
+
+
+def frames_of(
+    environment: Environment, on_frame: Callable[[Frame, float], None]
+) -> Callable[[], None]:
+    """What a stepper calls after each step so that `on_frame` gets a frame of the environment."""
+    fps = frames_per_second(environment)
+    return lambda: on_frame(environment.render(), fps)  # type: ignore[arg-type]
+
 
 def lockstep(
     act: Act,
@@ -54,8 +67,7 @@ def lockstep(
     """
     living = [Stepper(environment, hold, max_steps) for environment in environments]
     if on_frame is not None:
-        fps, filmed = frames_per_second(environments[0]), environments[0]
-        living[0].on_step = lambda: on_frame(filmed.render(), fps)  # type: ignore[arg-type]
+        living[0].on_step = frames_of(environments[0], on_frame)
     numbers = np.arange(len(living)) if episodes is None else np.array(episodes)
     first = [
         stepper.reset(first_seed + i) for i, stepper in zip(numbers.tolist(), living, strict=True)
@@ -94,7 +106,7 @@ def proceed(
             rewards.append(reward)
             if terminated or truncated or stepper.length == stepper.max_steps:
                 over.append(i)
-                on_episode(Episode(stepper.seed, stepper.reward, stepper.length))
+                on_episode(Episode.of(stepper))
         check_finite(living, following)
         if over:
             living = [stepper for i, stepper in enumerate(living) if i not in over]

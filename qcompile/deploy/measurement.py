@@ -31,8 +31,8 @@ class Measurement:
     """A program compiled for an executor's device, with its mitigation.
 
     `settings` are resolved, and fitted here. The calibration is measured first where one is needed
-    and not given. `importance` (circuits,) guides the placement. With copies so many rows of a
-    batch are run side by side, by one execution; a split row has all of them, for some of its shots
+    and not given. `importance` (circuits,) guides the placement. With copies, as many rows of
+    a batch run side by side in one execution; a split row has all of them, for some of its shots
     each. `misfits` are the fits it stands on that contradict their own counts, `calibration_load`
     and `calibration_shots` the jobs, executions and shots of what was measured.
 

@@ -24,6 +24,10 @@ class Rows(NamedTuple):
         """One decision of each of the first `count` episodes."""
         return cls(np.arange(count), np.full(count, decision))
 
+    def copy(self, copies: int) -> IntArray:
+        """The number of the copy that each row is measured in."""
+        return (self.episode if self.order is None else self.order) % copies
+
     def at(self, places: IntArray) -> Rows:
         """The rows by number, in any shape; where that is -1 it does not matter which."""
         return Rows(self.episode[places], self.decision[places])
@@ -35,8 +39,7 @@ def packed(rows: Rows, copies: int) -> IntArray:
     A row is always measured in the copy of its episode, episode modulo `copies`, whatever else is
     measured: so an episode repeats alone. Within a copy rows come in their order.
     """
-    order = rows.episode if rows.order is None else rows.order
-    copy = order % copies
+    copy = rows.copy(copies)
     by_copy = np.argsort(copy, kind="stable")
     counts = np.bincount(copy, minlength=copies)
     rank = np.arange(len(copy)) - np.repeat(np.cumsum(counts) - counts, counts)
@@ -49,5 +52,4 @@ def executions(rows: Rows, copies: int) -> int:
     """How many executions it takes to measure the rows: those of the fullest copy."""
     if copies == 1:
         return len(rows.episode)
-    order = rows.episode if rows.order is None else rows.order
-    return int(np.bincount(order % copies, minlength=copies).max(initial=0))
+    return int(np.bincount(rows.copy(copies), minlength=copies).max(initial=0))

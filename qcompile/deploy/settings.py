@@ -59,7 +59,7 @@ class RunSettings(BaseModel):
     """Decisions of each episode that a job measures, along predicted steps; "auto": as many as pay.
     Where nothing is measured, with exact expectations, one."""
     max_steps: int | None = None
-    """Stop each episode after so many environment steps; None: play it to its end."""
+    """Environment steps after which each episode is stopped; None: play it to its end."""
 
     @classmethod
     def of(cls, settings: RunSettings | None = None, **changes: Any) -> RunSettings:
@@ -110,7 +110,7 @@ class RunSettings(BaseModel):
         return np.asarray(shots / shots.sum())
 
     def circuit_shots(self, circuits: int) -> CircuitShots:
-        """The shots of each circuit of the program, which has so many of them in each place."""
+        """The shots of each circuit of the program, which has `circuits` in each place."""
         if not self.split:
             return self.shots or 0
         return np.repeat(self.place_shots, circuits)
@@ -148,7 +148,7 @@ class RunSettings(BaseModel):
         A split row takes all of them, as long as each has a shot.
 
         Raises:
-            OptionError: there are no two.
+            OptionError: fewer than two fit.
         """
         if not self.split or self.copies is not None:
             return self

@@ -100,6 +100,11 @@ class Stepper:
             self._hold(self._action, self._left)
 
     @property
+    def has_ended(self) -> bool:
+        """Whether the episode is over, by the environment or by `max_steps`."""
+        return self.is_over or self.length == self.max_steps
+
+    @property
     def is_cut(self) -> bool:
         """Whether `max_steps` ended the episode, and not the environment."""
         return self.length == self.max_steps and not self.is_over

@@ -7,14 +7,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
-from qcompile.arrays import IntArray
+from qcompile.arrays import FloatArray, IntArray
 from qcompile.limits import MAX_EXECUTIONS_PER_JOB, SECONDS_PER_EXECUTION, SECONDS_PER_JOB
 
+Number = TypeVar("Number", float, FloatArray)
 
-def qpu_seconds(jobs: int, executions: int) -> float:
+
+def qpu_seconds(jobs: Number, executions: Number) -> Number:
     """IBM's published estimate; executions = circuits after packing times shots."""
     return SECONDS_PER_JOB * jobs + SECONDS_PER_EXECUTION * executions
 
@@ -28,7 +31,7 @@ class Portion:
 
 
 def portions(rows: Sequence[int], shots: int) -> list[list[Portion]]:
-    """The jobs of PUBs with so many `rows` of parameter values, `shots` of each row.
+    """The jobs of PUBs, each with its number of `rows` of parameter values, `shots` of each row.
 
     One job, as long as it has at most MAX_EXECUTIONS_PER_JOB executions; else each job is filled
     with rows before the next begins.
@@ -48,7 +51,7 @@ def portions(rows: Sequence[int], shots: int) -> list[list[Portion]]:
 
 
 def job_counts(circuits: IntArray, shots: int) -> IntArray:
-    """How many jobs `portions` makes of so many circuits with values, for an array of any shape.
+    """How many jobs `portions` makes of `circuits` rows of values, for an array of any shape.
 
     Exact expectations, without shots, count as one shot each.
     """

@@ -1,4 +1,4 @@
-"""Circuits of anybody's: told apart in a journal, and held to what a machine can run."""
+"""Any circuits: told apart in a journal, and held to what a machine can run."""
 
 from __future__ import annotations
 

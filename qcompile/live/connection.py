@@ -14,11 +14,11 @@ from qcompile.device import Device
 from qcompile.errors import LiveError, MissingExtraError, QcompileError
 from qcompile.live import words
 from qcompile.live.answers import UnreadableAnswerError
+from qcompile.live.client import clients, log_in, make_safe
 from qcompile.live.words import (
     Apart,
     duration,
     in_words,
-    never_left,
     retry_after_s,
     seconds_setting,
     transient,
@@ -30,8 +30,6 @@ T = TypeVar("T")
 _LOOKS, _PAUSE_S = 3, 0.5
 _LOGINS = 3
 """Tokens may expire one after the other; one that never holds is told."""
-_TIMEOUT_S = (5.0, 60.0)
-"""To connect, and between two pieces of an answer; by itself the client waits for ever."""
 _FREE = ["open"]
 
 
@@ -145,7 +143,7 @@ class Connection:
             LiveError: IBM gives none.
         """
         service = self.service
-        self._patient(lambda: _log_in(service))
+        self._patient(lambda: log_in(service))
 
     @property
     def crn(self) -> str:
@@ -173,8 +171,8 @@ class Connection:
                 name=self._account, instance=self._instance, plans_preference=_FREE
             )
         try:
-            _log_in(service)
-            self._prepare(service)
+            log_in(service)
+            self._make_safe(service)
         except AttributeError as error:
             raise LiveError(
                 "This version of qiskit-ibm-runtime is not known: it might submit a job twice.",
@@ -194,7 +192,7 @@ class Connection:
             except QiskitBackendNotFoundError as error:
                 missing = error
             else:
-                self._prepare(service)  # the client may have made another session for it
+                self._make_safe(service)  # the client may have made another session for it
                 return backend
             # The client says so as well where the list, or the backend's own data, did not arrive.
             known = {
@@ -211,41 +209,11 @@ class Connection:
             f"IBM lists the backend {self.name!r}, but does not give its data.", "Try later."
         ) from missing
 
-    def _prepare(self, service: Any) -> None:
-        """Let the client repeat what reads, and nothing else; and let no answer hang.
+    def _make_safe(self, service: Any) -> None:
+        make_safe(service, self._count)
 
-        By itself it repeats a POST that was answered with 504, though the job may have been
-        accepted, and sleeps for as long as a Retry-After says. Each submission that leaves this
-        machine is counted.
-        """
-        from requests.adapters import HTTPAdapter
-        from urllib3.util.retry import Retry
-
-        connection = self
-
-        class Adapter(HTTPAdapter):
-            def send(self, request: Any, *args: Any, **options: Any) -> Any:
-                path, _, _ = request.path_url.partition("?")
-                submits = request.method == "POST" and path.endswith("/jobs")
-                connection.submissions += submits
-                try:
-                    with Apart():
-                        return super().send(request, *args, **options)
-                except OSError as error:
-                    connection.submissions -= submits and never_left(error)
-                    raise
-
-        retry = Retry(
-            total=3,
-            connect=3,
-            backoff_factor=0.2,
-            status_forcelist=(500, 502, 504),
-            respect_retry_after_header=False,
-        )
-        for client in clients(service):
-            session = client._session
-            session._timeout = _TIMEOUT_S
-            session.mount(session.base_url, Adapter(max_retries=retry))
+    def _count(self, submissions: int) -> None:
+        self.submissions += submissions
 
     def _patient(
         self, call: Callable[[], T], about: str = "the account", patient: bool = True
@@ -296,20 +264,3 @@ def _check_extra() -> None:
     for package in ("qiskit_ibm_runtime", "tenacity"):
         if find_spec(package) is None:
             raise MissingExtraError("A run on real hardware", "ibm")
-
-
-def clients(service: Any) -> list[Any]:
-    """The client of each instance, that in use first."""
-    return list(dict.fromkeys([service._active_api_client, *service._api_clients.values()]))
-
-
-def _log_in(service: Any) -> None:
-    """Have each client hold a new token.
-
-    By itself a client that got none waits for a minute before each of its next requests.
-    """
-    for client in clients(service):
-        manager = getattr(client._session.auth, "tm", None)
-        if manager is not None:
-            manager.expire_time = manager.request_time = 0
-            manager.get_token()

@@ -12,7 +12,7 @@ from qcompile.live.request import Request
 
 
 def bits_of_ones(ones: CountArray, request: Request) -> list[Register]:
-    """Bits with so many ones (rows, circuits), ones first.
+    """Bits of which `ones` (rows, circuits) are 1, those first.
 
     Earlier formats kept nothing else of a job, whose circuits were those of packed rounds.
 

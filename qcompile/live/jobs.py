@@ -89,7 +89,7 @@ class Jobs:
 
         Raises:
             BudgetError: it was cut off at the limit.
-            LiveError: it cannot be had now; the run can be resumed later.
+            LiveError: it cannot be fetched now; the run can be resumed later.
             PaidFailureError: it was charged and gave no counts, and may not be sent again.
         """
         submission = self.journal.latest(number)
@@ -102,10 +102,10 @@ class Jobs:
         return self._recorded(submission, request)
 
     def fetch(self) -> None:
-        """Have the bits of every job that was sent, or of which IBM has one; none is sent.
+        """Fetch the bits of every job that was sent, or that IBM has; none is sent.
 
         Raises:
-            BudgetError, LiveError: one cannot be had.
+            BudgetError, LiveError: one cannot be fetched.
         """
         waiting = "state IN ('sending', 'sent')"
         for number in dict.fromkeys(made.number for made in self.journal.submissions(waiting)):

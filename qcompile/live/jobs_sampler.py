@@ -26,7 +26,7 @@ class SamplerJob(BasePrimitiveJob[Any, str]):  # type: ignore[misc]
         """The PrimitiveResult, waited for: a BitArray for each PUB and register.
 
         Raises:
-            LiveError: a job cannot be had now, or gave no counts; it can be asked for again.
+            LiveError: a job cannot be fetched now, or gave no counts; it can be asked for again.
         """
         parts = [
             self._jobs.bits(number, request)

@@ -2,8 +2,7 @@
 
 A submission is written down first, with what it measures and a tag that finds its job again; then
 that it is being sent, as a charge in doubt; then its job's id; then its bits; then what it was
-charged. Every write is
-on the disk before the next thing happens.
+charged. Every write is on the disk before the next thing happens.
 """
 
 from __future__ import annotations
@@ -65,7 +64,6 @@ class Journal:
                 format_ = self._read()
             if checked:
                 check_values(self._db.connection, self.path, format_)
-            if checked:
                 with reading(self.path):
                     schema.read_as_now(self._db.connection, format_)
         except BaseException:

@@ -1,4 +1,4 @@
-"""The sampler of a program of anybody's, whose jobs pass the guard."""
+"""A SamplerV2 for any program, whose jobs pass the guard."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from qcompile.live.pubs import Call
 from qcompile.live.sampling import SamplerTask
 
 _OPEN: weakref.WeakValueDictionary[Path, GuardedSampler] = weakref.WeakValueDictionary()
-"""The samplers of this process by folder: a notebook makes its own anew."""
+"""The samplers of this process by folder: a cell of a notebook that is run again makes another."""
 
 
 class GuardedJob(SamplerJob):
@@ -38,13 +38,13 @@ class GuardedJob(SamplerJob):
         """The PrimitiveResult, waited for: a BitArray for each PUB and register.
 
         Raises:
-            LiveError: a job cannot be had now, or gave no counts. Asked for again, here or by the
-                same PUBs, it is the same job.
+            LiveError: a job cannot be fetched now, or gave no counts. Asked for again, here or by
+                the same PUBs, it is the same job.
         """
         with self._sampler.asked_by_owner():
-            self._sampler.note_missing(self._call, self.numbers)
+            self._sampler.note_pending(self._call, self.numbers)
             result = super().result()
-            self._sampler.note_had(self._call, self.numbers)
+            self._sampler.note_fetched(self._call, self.numbers)
             return result
 
 
@@ -53,8 +53,9 @@ class GuardedSampler(JobsSampler):
 
     `backend` is the name of a machine, or an IBMBackend. No job is sent that might pass
     `max_qpu_seconds` in all; each is sent once, and what it gave is kept in the folder `journal`. A
-    program that is run again, with the same journal, gets what is recorded and goes on from there:
-    it has to ask for the same PUBs in the same order. One process and one thread asks at a time.
+    program that is run again, with the same journal, gets what is recorded and continues from
+    there: it has to ask for the same PUBs in the same order. One process and one thread asks at a
+    time.
 
     `account` and `instance` are names of IBM's own tools, by default theirs; without an instance
     only those of the Open Plan are used. With `batch` jobs go as a batch of IBM's; at most
@@ -63,10 +64,10 @@ class GuardedSampler(JobsSampler):
     happens.
 
     Raises:
-        BudgetError: the limit is no number of seconds that may be spent.
+        BudgetError: the limit is not a number of seconds that may be spent.
         LiveError: the account has no such machine, or the journal is another's, or in use.
         MissingExtraError: qiskit-ibm-runtime is not installed.
-        OptionError: `backend` is no machine of IBM's.
+        OptionError: `backend` is not a machine of IBM's.
     """
 
     def __init__(
@@ -91,7 +92,7 @@ class GuardedSampler(JobsSampler):
             _begin(folder, connection, account, max_qpu_seconds)
         self.journal = Journal(folder)
         self._owner = os.getpid(), threading.get_ident()
-        self._missing: dict[tuple[str, ...], list[list[int]]] = {}
+        self._pending: dict[tuple[str, ...], list[list[int]]] = {}
         with ExitStack() as stack:
             stack.callback(self.journal.__exit__)
             task = _task(self.journal, name, account)
@@ -149,7 +150,7 @@ class GuardedSampler(JobsSampler):
     def run(self, pubs: Iterable[Any], *, shots: int | None = None) -> GuardedJob:
         """The job of PUBs, once IBM or the journal has it; `shots` are those of PUBs without.
 
-        PUBs are anybody's: circuits of the machine's instructions, values of their parameters, in
+        Any PUBs will do: circuits of the machine's instructions, values of their parameters, in
         arrays of any shape, and shots, by default 4096. Where this fails nothing was asked for; the
         same PUBs may be asked for again.
 
@@ -161,20 +162,20 @@ class GuardedSampler(JobsSampler):
         """
         with self.asked_by_owner():
             call = Call(pubs, shots)
-            if missing := self._missing.get(_name(call)):
-                return GuardedJob(self, SamplerJob(self._jobs, call, missing.pop(0)))
+            if pending := self._pending.get(_name(call)):
+                return GuardedJob(self, SamplerJob(self._jobs, call, pending.pop(0)))
             return GuardedJob(self, super().run(call.pubs))
 
-    def note_missing(self, call: Call, numbers: list[int]) -> None:
-        """Until the result of a call is had, the same call means the same jobs."""
-        missing = self._missing.setdefault(_name(call), [])
-        if numbers not in missing:
-            missing.append(numbers)
-            missing.sort()
+    def note_pending(self, call: Call, numbers: list[int]) -> None:
+        """Until the result of a call is fetched, the same call means the same jobs."""
+        pending = self._pending.setdefault(_name(call), [])
+        if numbers not in pending:
+            pending.append(numbers)
+            pending.sort()
 
-    def note_had(self, call: Call, numbers: list[int]) -> None:
-        """The result of a call is had: the same call is another one."""
-        self._missing[_name(call)].remove(numbers)
+    def note_fetched(self, call: Call, numbers: list[int]) -> None:
+        """The result of a call is here: the same call asks for other jobs."""
+        self._pending[_name(call)].remove(numbers)
 
     @contextmanager
     def asked_by_owner(self) -> Iterator[None]:
@@ -264,7 +265,7 @@ def _begin(folder: Path, connection: Connection, account: str | None, limit_s: f
 
 
 def _task(journal: Journal, backend: str, account: str | None) -> SamplerTask:
-    """What the journal is of, if this sampler may go on with it.
+    """What the journal is of, if this sampler may continue it.
 
     Raises:
         LiveError: it is another run's, another machine's, or not at home here.

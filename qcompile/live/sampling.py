@@ -1,4 +1,4 @@
-"""A sampler of a program's: its jobs are asked for by the program, and by nobody else."""
+"""The task of a `GuardedSampler`, whose jobs its program asks for, and nobody else."""
 
 from __future__ import annotations
 

@@ -42,8 +42,8 @@ class Task(BaseModel):
     """Something to do on a live backend, with all it depends on: its journal holds it.
 
     `account` and `instance` are names of IBM's own tools; a token is never part of a task.
-    `planned_jobs` are those it is expected to take. One that never `ends` is asked for its jobs by
-    somebody's program.
+    `planned_jobs` are those it is expected to take. The jobs of one that never `ends` are
+    asked for by a user's program.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")

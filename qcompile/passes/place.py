@@ -12,7 +12,7 @@ from qcompile.noise import usable
 
 
 def copies_that_fit(circuits: int, device: Device) -> int:
-    """How many copies of so many circuits fit side by side on the usable qubits; one at least."""
+    """How many copies of `circuits` fit side by side on the usable qubits; one at least."""
     return max(len(usable(device)) // max(circuits, 1), 1)
 
 

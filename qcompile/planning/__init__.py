@@ -1,1 +1,1 @@
-"""Planning: the cheapest settings that keep a policy's reward, found before anything is sent."""
+"""Planning: what a run takes, and the cheapest settings that keep the reward, before it is sent."""

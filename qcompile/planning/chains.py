@@ -43,7 +43,7 @@ class Chains:
         return np.concatenate([zero, (~self.agree).cumsum(axis=1)], axis=1)
 
     def cut(self, decisions: int) -> Chains:
-        """The same episodes, stopped after so many decisions."""
+        """The same episodes, each stopped after `decisions` of its decisions."""
         return Chains(self.agree[:, :decisions], np.minimum(self.decisions, decisions))
 
     def take(self, episodes: IntArray) -> Chains:

@@ -22,8 +22,7 @@ def option_words(point: Point) -> list[str]:
         "calibration-shots": settings.calibration_shots if measures else None,
         "max-steps": settings.max_steps,
     }
-    words = [f"--{name} {value}" for name, value in options.items() if value is not None]
-    return " ".join([*words, *["--split"] * settings.split]).split()
+    return [*_words(options), *["--split"] * settings.split]
 
 
 def run_command(
@@ -50,13 +49,19 @@ def run_command(
     }
     words = ["qcompile", "run", policy, "--backend", backend, "--episodes", str(point.episodes)]
     words += option_words(point)
-    for name, value in options.items():
-        words += [] if value is None else [f"--{name}", str(value)]
-    words += ["--live"] * bool(live)
-    for name, value in (live or {}).items():
-        said = f"{value:.12g}" if isinstance(value, float) else value
-        words += [] if said is None else [f"--{name}", str(said)]
+    words += _words(options)
+    words += ["--live"] * bool(live) + _words(live or {})
     words += [word for module in imports for word in ("--import", module)]
     for name, value in (env or {}).items():
         words += ["--env", f"{name}={value if isinstance(value, str) else json.dumps(value)}"]
     return join(words)
+
+
+def _words(options: Mapping[str, Any]) -> list[str]:
+    """The options with their values, without those that are None."""
+    said = [
+        (name, f"{value:.12g}" if isinstance(value, float) else str(value))
+        for name, value in options.items()
+        if value is not None
+    ]
+    return [word for name, value in said for word in (f"--{name}", value)]

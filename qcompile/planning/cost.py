@@ -7,10 +7,10 @@ from functools import cached_property
 
 import numpy as np
 
-from qcompile.arrays import BoolArray, FloatArray, IntArray
+from qcompile.arrays import BoolArray, IntArray
 from qcompile.deploy.depth import Depth, Speculate
 from qcompile.execution import Workload
-from qcompile.execution.cost import job_counts
+from qcompile.execution.cost import job_counts, qpu_seconds
 from qcompile.planning.chains import Chains
 
 RESAMPLES = 100
@@ -20,7 +20,7 @@ _PERCENT = 10.0, 90.0
 
 @dataclass(frozen=True)
 class Packing:
-    """How rows are measured: `shots` in each execution of a program of so many `rounds`.
+    """How rows are measured: `shots` in each execution of a program of `rounds` circuits.
 
     Rows of up to `copies` episodes share an execution, each in the place of its episode modulo
     `copies`; a row whose shots are split over all places has one of its own.
@@ -93,10 +93,5 @@ class Price:
 
 
 def at_sub_jobs(load: Workload, sub_jobs: int = 4) -> float:
-    """QPU seconds, were every job counted as so many sub-jobs."""
-    return (load * 1).qpu_seconds + Workload((sub_jobs - 1) * load.jobs).qpu_seconds
-
-
-def spread(values: FloatArray) -> float:
-    """The variance of the mean of values (n,)."""
-    return float(values.var(ddof=1) / len(values)) if len(values) > 1 else 0.0
+    """QPU seconds if IBM counts every job as `sub_jobs` sub-jobs."""
+    return qpu_seconds(sub_jobs * load.jobs, load.executions)

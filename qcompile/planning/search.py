@@ -13,7 +13,7 @@ from qcompile.deploy.settings import RunSettings
 from qcompile.errors import OptionError
 from qcompile.execution import Backend, Executor
 from qcompile.passes import copies_that_fit
-from qcompile.planning.point import Point, best_depth
+from qcompile.planning.point import Point, best_depth, undominated
 from qcompile.planning.share import Baseline
 from qcompile.planning.simulation import Simulated, ideal_rewards, random_rewards, simulate
 from qcompile.policy import Policy
@@ -34,7 +34,7 @@ Show = Callable[[float, str], None]
 
 @dataclass(frozen=True)
 class Wanted:
-    """What is asked of a plan: `episodes` from `settings.seed` on, `within` so many QPU seconds.
+    """What is asked of a plan: `episodes` from `settings.seed` on, in at most `within` QPU seconds.
 
     `settings` say level, mitigation and calibration. What stands in `given` (shots, copies, split,
     speculate, calibration_shots, max_steps) is kept; the others are found.
@@ -72,12 +72,7 @@ class Found:
     @property
     def frontier(self) -> list[Point]:
         """The points of which none is cheaper and as good, the cheapest first; and the chosen."""
-        points = sorted(self.points, key=lambda point: (point.seconds, -point.mean_reward))
-        best, frontier = -np.inf, list[Point]()
-        for point in points:
-            if point.mean_reward > best:
-                best = point.mean_reward
-                frontier.append(point)
+        frontier = undominated(self.points, lambda point: (point.seconds, point.mean_reward))
         chosen = self.recommended
         if chosen is not None and chosen not in frontier:
             frontier.append(chosen)
@@ -247,7 +242,7 @@ class Ladder:
         return points
 
     def point(self, shots: int) -> Point:
-        """The cheapest place and depth for so many shots, simulated as they are."""
+        """The cheapest placement of rows and depth for `shots`, each simulated by itself."""
         self.show(1 - np.log2(shots) / 14, f"{self.policy.name}, {shots} shots")
         played, *others = self._ways(shots)
         first = best = self._point(self._simulated(shots, *played))

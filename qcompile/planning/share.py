@@ -8,10 +8,9 @@ import numpy as np
 
 from qcompile.arrays import FloatArray
 from qcompile.errors import OptionError
-from qcompile.planning.cost import spread
 
 _LEAST_ERRORS = 3.0
-"""The ideal must lie so many standard errors above random actions, or no share means anything."""
+"""Standard errors that the ideal lies above random actions at least, or no share means anything."""
 _NORMAL = 1.96
 
 
@@ -29,7 +28,7 @@ class Baseline:
     ideal: FloatArray
 
     def __post_init__(self) -> None:
-        error = np.sqrt(spread(self.random) + spread(self.ideal))
+        error = np.sqrt(_variance_of_mean(self.random) + _variance_of_mean(self.ideal))
         if not self.gap > _LEAST_ERRORS * error:
             raise OptionError(
                 f"Without noise the mean reward is {self.ideal.mean():.4g}, with random actions "
@@ -50,6 +49,12 @@ class Baseline:
     def share_95(self, rewards: FloatArray) -> tuple[float, float]:
         """Its 95 % interval, to first order; rewards of the same reset are compared."""
         share = self.share(rewards)
-        variance = spread(rewards - share * self.ideal) + (1 - share) ** 2 * spread(self.random)
+        variance = _variance_of_mean(rewards - share * self.ideal)
+        variance += (1 - share) ** 2 * _variance_of_mean(self.random)
         error = _NORMAL * float(np.sqrt(variance)) / self.gap
         return share - error, share + error
+
+
+def _variance_of_mean(values: FloatArray) -> float:
+    """That of the mean of values (n,)."""
+    return float(values.var(ddof=1) / len(values)) if len(values) > 1 else 0.0

@@ -66,7 +66,7 @@ class _Agreement(Recorder):
 def simulate(
     policy: Policy, backend: Backend | Executor, settings: RunSettings, episodes: int
 ) -> Simulated:
-    """So many episodes of the policy played on the backend, each to its end.
+    """`episodes` of the policy played on the backend, each to its end.
 
     A job measures one decision of each, whatever the settings say of speculation and cuts.
 

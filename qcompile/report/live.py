@@ -19,10 +19,11 @@ from qcompile.live.perform import costs, progress_in_words, task_of
 from qcompile.live.records import State, Submission
 from qcompile.mitigation.misfit import misfit_words
 from qcompile.report.calibration_values import calibration_values, print_calibration
-from qcompile.report.tables import cost_in_words, plural, print_run, print_table
+from qcompile.report.summary import print_run
+from qcompile.report.tables import cost_in_words, plural, print_table
 from qcompile.terminal import one_line
 
-_CONTINUES = "Its program is run again to go on."
+_CONTINUES = "Run its program again to continue."
 
 
 def overview(journal: Journal) -> dict[str, Any]:

@@ -1,8 +1,7 @@
-"""Tables on the terminal."""
+"""Tables on the terminal, and the words that several of them share."""
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Container, Iterable, Mapping, Sequence
 from typing import Any, Literal
@@ -12,24 +11,15 @@ from rich.cells import cell_len
 from rich.markup import escape
 from rich.table import Table
 
-from qcompile.mitigation import CALIBRATION_SHOTS
 from qcompile.mitigation.misfit import misfit_words
 from qcompile.notebook import reward_digits, reward_words
 from qcompile.policy.decision import held_words
 from qcompile.report.console import PlainConsole, console
 
-_KINDS = {
-    "ideal": "ideal simulation",
-    "noise-model": "noise model",
-    "measured-response": "twin of its calibration",
-    "hardware": "hardware",
-}
 _LEAST_FOR_INTERVAL = 5
 _LEAST_TEXT = 12
 """Letters of a name that stay together."""
 _UNBOUNDED = PlainConsole(width=100_000)
-_HOUR_S = 3600
-_BARS = "▁▂▃▄▅▆▇█"
 
 
 def print_table(
@@ -60,7 +50,7 @@ def print_table(
         table.add_column(escape(column), justify=justify, overflow="fold")
     for row in cells:
         table.add_row(*map(escape, row))
-    out = _console()
+    out = wide_console()
     room = out.width - _UNBOUNDED.measure(table).maximum
     widths = _widths(columns, list(zip(*cells, strict=True)) or [()] * len(columns), room)
     for narrowed, width in zip(table.columns, widths, strict=True):
@@ -73,7 +63,7 @@ def _cell(value: object) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
-def _console() -> PlainConsole:
+def wide_console() -> PlainConsole:
     """Standard output; as wide as a line gets where no terminal, nor COLUMNS, says how wide."""
     out = console(highlight=False)
     if not out.is_terminal and not os.environ.get("COLUMNS", "").isdecimal():
@@ -99,132 +89,10 @@ def _widths(columns: Sequence[str], cells: Sequence[Sequence[str]], room: int) -
     return widths
 
 
-def print_run(summary: dict[str, Any]) -> None:
-    """Print what a run found: `Run.summary`."""
-    out = _console()
-    backend = f"{summary['backend']} ({_KINDS.get(summary['kind'], summary['kind'])})"
-    policy, environment = escape(summary["policy"]), escape(summary["environment"])
-    out.print(f"[bold]{policy}[/] in {environment} on {escape(backend)}")
-    grid = Table.grid(padding=(0, 2))
-    grid.add_column(style="dim", no_wrap=True)
-    grid.add_column()
-    for name, value in _run_lines(summary):
-        grid.add_row(name, value)
-    out.print(grid)
-
-
-def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
-    from qcompile.deploy.intervals import unseen_share
-
-    rewards = [episode["reward"] for episode in summary["episodes"]]
-    if rewards:
-        interval = interval_words(summary)
-        interval = f" (95 % interval {interval})" if interval else ""
-        if summary["mean_reward"] is not None:
-            mean, _, deviation = reward_words(summary["mean_reward"], summary["std_reward"]).split()
-            yield (
-                "mean reward",
-                f"[bold]{mean}[/] ± {deviation} over {plural(len(rewards), 'episode')}{interval}",
-            )
-        yield "each episode", f"{_bars(rewards)}  {min(rewards):.0f} to {max(rewards):.0f}"
-        if interval and min(rewards) == max(rewards):
-            share = f"{unseen_share(len(rewards)):.0%}"
-            yield "all equal", f"up to {share} of all episodes may be others, with 95 % confidence"
-    if summary["solved"] is not None:
-        yield "solved", "yes" if summary["solved"] else "no"
-    if arguments := summary.get("environment_kwargs"):
-        said = ", ".join(f"{name}={json.dumps(value)}" for name, value in arguments.items())
-        yield "environment", escape(said)
-    if summary["circuits_per_step"]:
-        yield "settings", _circuit_settings(summary)
-    for words in misfit_words(summary.get("calibration_misfits", [])):
-        yield "doubtful", words
-    if summary["copies"] > 1 and not summary.get("split"):
-        yield "side by side", plural(summary["copies"], "episode")
-    if summary.get("speculate", 1) != 1:
-        yield (
-            "speculate",
-            f"{summary['speculate']}: {summary['measured_rows']:,} decisions measured, "
-            f"{summary['decisions']:,} of them count",
-        )
-    yield from _cut_lines(summary)
-    yield "actions", f"{'greedy' if summary['greedy'] else 'sampled'}, seed {summary['seed']}"
-    hold, steps = summary.get("hold", 1), f"{summary['env_steps']} steps"
-    if hold > 1:
-        yield "each decision", f"{_step_words(summary)}; {held_words(hold)}"
-        decisions = plural(summary["decisions"], "decision")
-        steps = f"{decisions}, {plural(summary['env_steps'], 'environment step')}"
-    else:
-        yield "each step", _step_words(summary)
-    yield "played", f"{steps} in {summary['wall_seconds']:.1f} s"
-    if "run" in summary:
-        yield (
-            "paid",
-            f"{plural(summary['jobs'], 'job')}, {summary['executions']:,} executions, "
-            f"{cost_in_words(summary)}; {summary['max_qpu_seconds']:g} allowed",
-        )
-        yield "run", summary["run"]
-    elif summary["qpu_seconds_estimate"] is not None and summary["kind"] != "ideal":
-        yield (
-            "on hardware",
-            f"{plural(summary['jobs'], 'job')}, {summary['executions']:,} executions, "
-            f"about {_qpu_words(summary['qpu_seconds_estimate'])}",
-        )
-
-
-def _qpu_words(seconds: float) -> str:
-    """QPU time in the unit in which it is a small number."""
-    if seconds < _HOUR_S:
-        return f"{seconds:.0f} QPU seconds"
-    return f"{seconds / _HOUR_S:,.1f} QPU hours"
-
-
-def _cut_lines(summary: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
-    """What `max_steps` did, and what would have been without it."""
-    if summary["max_steps"] is None:
-        return
-    after = f"after {plural(summary['max_steps'], 'step')}"
-    cut = summary.get("cut_episodes")
-    if cut is None:  # results of earlier versions
-        yield "cut", f"{after}: rewards are of parts of episodes"
-        return
-    if not cut:
-        yield "cut", f"{after}: no episode"
-        return
-    yield "cut", f"{after}: {plural(cut, 'episode')}, rewarded for the part that was played"
-    if (mean := summary.get("mean_reward_completed")) is None:
-        yield "completed", "not known: an episode does not end, or fails"
-        return
-    interval = interval_words(summary, "ci95_completed")
-    interval = f" (95 % interval {interval})" if interval else ""
-    on = " on the noise model" * (summary["kind"] == "hardware")
-    yield "completed", f"mean reward {reward_words(mean)}{interval}, cut episodes continued{on}"
-
-
 def print_hold(hold: int) -> None:
     """Print how long each decision is held, where that is more than a step."""
     if hold > 1:
-        _console().print(f"each decision is {held_words(hold)}")
-
-
-def _circuit_settings(summary: Mapping[str, Any]) -> str:
-    mitigation = f"mitigation {summary['mitigation']}"
-    words = "predistorted angles" if summary["predistort"] else mitigation
-    by = f" by {escape(file)}" if (file := summary["calibration"]) else ""
-    if (shots := summary.get("calibration_shots")) not in (None, CALIBRATION_SHOTS):
-        by = f" by {_shots(shots)} of calibration"
-    places = f", over {summary['copies']} places" if summary.get("split") else ""
-    return f"{_shots(summary['shots'])}{places}, level {summary['level']}, {words}{by}"
-
-
-def _step_words(summary: Mapping[str, Any]) -> str:
-    if not summary["circuits_per_step"]:
-        return "a network, without circuits"
-    gates = " + ".join(f"{n} {gate}" for gate, n in summary["gates_per_circuit"].items() if n)
-    return (
-        f"{plural(summary['circuits_per_step'], 'circuit')} of at most {gates or 'no gate'}, "
-        f"{plural(summary['rounds_per_step'], 'round')}"
-    )
+        wide_console().print(f"each decision is {held_words(hold)}")
 
 
 def print_grid(objects: Sequence[Mapping[str, Any]]) -> None:
@@ -243,7 +111,7 @@ def print_grid(objects: Sequence[Mapping[str, Any]]) -> None:
         print_table(_grid_columns(levels), rows, title, tight=True)
         for values in results:
             for words in misfit_words(values.get("calibration_misfits", [])):
-                _console().print(escape(f"{values['backend']}: {words}"))
+                wide_console().print(escape(f"{values['backend']}: {words}"))
 
 
 def grid_table(objects: Sequence[Mapping[str, Any]]) -> tuple[list[str], list[list[str]]]:
@@ -285,21 +153,9 @@ def interval_words(summary: Mapping[str, Any], key: str = "ci95") -> str:
     return f"{low:.{digits}f} to {high:.{digits}f}"
 
 
-def _shots(shots: int | str) -> str:
-    return f"{shots} expectations" if isinstance(shots, str) else plural(shots, "shot")
-
-
 def plural(count: int, word: str) -> str:
     """1 round, 2 rounds."""
     return f"{count} {word}" if count == 1 else f"{count} {word}s"
-
-
-def _bars(values: Sequence[float]) -> str:
-    """One bar for each of the first 40 values, from the least to the greatest."""
-    high, span = max(values), (max(values) - min(values)) or 1.0
-    drawn = values[:40]
-    bars = "".join(_BARS[-1 - round((high - v) / span * (len(_BARS) - 1))] for v in drawn)
-    return bars + ("…" if len(values) > len(drawn) else "")
 
 
 def cost_in_words(row: dict[str, Any]) -> str:

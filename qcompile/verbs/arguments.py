@@ -5,17 +5,20 @@ from __future__ import annotations
 import ast
 import math
 from collections.abc import Callable, Mapping
+from datetime import UTC, datetime
 from functools import cache, wraps
 from inspect import signature
 from numbers import Integral, Real
 from os import PathLike
+from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 
+from qcompile.calibration import Calibration, age_words, load_calibration
 from qcompile.errors import OptionError
 from qcompile.limits import MAX_EPISODES
-from qcompile.sweep.arguments import Planned, is_several, several
+from qcompile.sweep.arguments import Name, Planned, Words, is_several, several
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -70,6 +73,21 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
         return function(*bound.args, **bound.kwargs)
 
     return call
+
+
+def calibration_settings(calibration: Name | Calibration | None, on_note: Words) -> dict[str, Any]:
+    """The settings of a run that a calibration, or its file, is; `on_note` hears of its age.
+
+    Raises:
+        CalibrationError: the file has none.
+    """
+    if not isinstance(calibration, str | PathLike):
+        return {"calibration": calibration}
+    file = str(Path(calibration))
+    loaded = load_calibration(Path(calibration))
+    for words in age_words(file, loaded, datetime.now(UTC)):
+        on_note(words)
+    return {"calibration": loaded, "calibration_file": file}
 
 
 def _argument(name: str, value: Any, annotation: str) -> Any:

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from datetime import UTC, datetime
 from os import PathLike
-from pathlib import Path
 from typing import Any, Literal
 
-from qcompile.calibration import Calibration, age_words, load_calibration
+from qcompile.calibration import Calibration
 from qcompile.deploy.registration import import_modules
 from qcompile.deploy.settings import RunSettings
 from qcompile.device import Device
@@ -17,20 +15,18 @@ from qcompile.execution import Backend, Executor, load_backend
 from qcompile.execution.backend import DeviceBackend
 from qcompile.limits import FREE_SECONDS, USD_PER_SECOND
 from qcompile.live.connection import Connection
-from qcompile.live.plan import copies_that_fit, forecast, strategies
-from qcompile.live.play import RunTask
 from qcompile.planning.command import run_command
 from qcompile.planning.point import Point
 from qcompile.planning.search import KEEP, Wanted, search
+from qcompile.planning.ways import forecast, run_task, strategies
 from qcompile.policy import Policy, load_circuits
 from qcompile.policy.arguments import with_arguments
-from qcompile.policy.files import policy_values
 from qcompile.report import progress as bars
 from qcompile.report.figure import Figure
 from qcompile.report.frontier import draw_frontier
 from qcompile.report.seconds import draw_seconds
 from qcompile.sweep.arguments import Name, Words, ignore, several, shots_of
-from qcompile.verbs.arguments import checked
+from qcompile.verbs.arguments import calibration_settings, checked
 from qcompile.verbs.results import Result
 from qcompile.verbs.within import advice, frontier_table, within_values
 
@@ -177,17 +173,8 @@ def plan(
         with bars.progress_bar(title, 1.0, enabled=progress) as show:
             found = search(policies, opened, wanted, show)
     chosen = policies[0] if found is None or found.recommended is None else found.recommended.policy
-    task = RunTask.model_validate(
-        {
-            **RunSettings.of(settings, **{"shots": _SHOTS, "copies": copies, **given}).values,
-            "backend": opened.device.name,
-            "device": opened.device,
-            "policy": policy_values(chosen),
-            "episodes": episodes,
-            "copy_of": "episode",
-        }
-    )
-    task = task.model_copy(update={"copies": copies or copies_that_fit(task)})
+    settings = RunSettings.of(settings, **{"shots": _SHOTS, "copies": copies, **given})
+    task = run_task(chosen, opened.device, settings, episodes, backend=opened.device.name)
     forecasted = forecast(task, opened)
     values: dict[str, Any] = {
         "policy": task.policy.name,
@@ -207,10 +194,10 @@ def plan(
         spend = {"max-qpu-seconds": within, "account": account, "instance": instance}
 
         def command(point: Point) -> str | None:
-            typed = words[id(point.policy)], backend
+            typed = words[id(point.policy)], backend, calibration or ""
             if not all(isinstance(word, str | PathLike) for word in typed):
-                return None
-            policy, machine = map(str, typed)
+                return None  # an object cannot be typed
+            policy, machine, _ = map(str, typed)
             modules = [*map(str, several(imports))]
             return run_command(point, policy, machine, modules, env, spend if live else {})
 
@@ -242,11 +229,6 @@ def _settings(
     backend: Backend | Executor, calibration: Any, on_note: Words, **values: Any
 ) -> RunSettings:
     """The settings for the machine, with the calibration that is given or that of the twin."""
-    file = None
-    if isinstance(calibration, str | PathLike):
-        file, calibration = str(calibration), load_calibration(Path(calibration))
-        for words in age_words(file, calibration, datetime.now(UTC)):
-            on_note(words)
-    known = calibration or backend.calibration
-    settings = RunSettings.of(**values, calibration=known, calibration_file=file)
-    return settings.resolved(backend.device)
+    known = calibration_settings(calibration, on_note)
+    known["calibration"] = known["calibration"] or backend.calibration
+    return RunSettings.of(**values, **known).resolved(backend.device)

@@ -64,4 +64,4 @@ def live_settings(
     words = " ".join(option_words(point))
     kept = f"which keep {100 * point.share:.0f} % of the reward"
     on_note(f"planned: {words}, {kept}; other settings: give --shots")
-    return RunSettings.of(point.settings)
+    return point.settings

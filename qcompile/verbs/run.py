@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
-from datetime import UTC, datetime
-from os import PathLike
 from pathlib import Path
 from typing import Any, Literal
 
-from qcompile.calibration import Calibration, age_words, load_calibration
+from qcompile.calibration import Calibration
 from qcompile.deploy.depth import Speculate
 from qcompile.deploy.lockstep import Episode
 from qcompile.deploy.network import refuse_options
@@ -20,21 +18,19 @@ from qcompile.deploy.settings import RunSettings
 from qcompile.device import Device
 from qcompile.errors import OptionError, QcompileError
 from qcompile.execution import Backend, Executor, load_backend
-from qcompile.live.plan import copies_that_fit, forecast
-from qcompile.live.play import RunTask
 from qcompile.mitigation import CALIBRATION_SHOTS
 from qcompile.mitigation.misfit import misfit_words
 from qcompile.notebook import reward_words
+from qcompile.planning.ways import forecast, run_task
 from qcompile.policy import AnyPolicy, Network, Policy, load_circuits, load_policy
 from qcompile.policy.arguments import with_arguments
-from qcompile.policy.files import policy_values
 from qcompile.report import progress as bars
 from qcompile.report.figure import Figure
 from qcompile.report.film import SUFFIXES, Film
 from qcompile.report.rewards import draw_rewards
 from qcompile.report.tables import interval_words, plural
 from qcompile.sweep.arguments import Name, Planned, Shots, Words, ignore, several, shots_of
-from qcompile.verbs.arguments import checked
+from qcompile.verbs.arguments import calibration_settings, checked
 from qcompile.verbs.live import Live, check_live, spend
 from qcompile.verbs.proposal import given, live_settings, offline
 from qcompile.verbs.results import Result
@@ -190,13 +186,7 @@ def run(
     )
     import_modules(several(imports))
     loaded = with_arguments(load_policy(policy), env, kept=live is not None)
-    if isinstance(calibration, str | PathLike):
-        file = Path(calibration)
-        calibration = load_calibration(file)
-        settings = RunSettings.of(settings, calibration_file=str(file))
-        for words in age_words(str(file), calibration, datetime.now(UTC)):
-            on_note(words)
-    settings = RunSettings.of(settings, calibration=calibration)
+    settings = RunSettings.of(settings, **calibration_settings(calibration, on_note))
     if live is not None:
         said = given(planned)
         values = _run_live(load_circuits(loaded), backend, settings, said, episodes, live, on_note)
@@ -282,18 +272,7 @@ def _run_live(
     device = connection.device()
     limit_s = live.max_qpu_seconds
     settings = live_settings(policy, device, settings, said, episodes, limit_s, on_note)
-    task = RunTask.model_validate(
-        {
-            **settings.values,
-            **live.where,
-            "backend": backend,
-            "device": device,
-            "policy": policy_values(policy),
-            "episodes": episodes,
-            "copy_of": "episode",
-        }
-    )
-    task = task.model_copy(update={"copies": settings.copies or copies_that_fit(task)})
+    task = run_task(policy, device, settings, episodes, backend=backend, **live.where)
     forecasted = forecast(task)
     if (counted := forecasted.player.calibration_shots) is not None:
         task = task.model_copy(update={"calibration_shots": counted})  # as told, and as resumed

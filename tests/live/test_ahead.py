@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import sqlite3
 import time
 from collections.abc import Iterator
@@ -12,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from live_runs import LIMIT_S, Runs, check_paid_once, played, started
+from live_runs import LIMIT_S, Runs, check_paid_once, killed, played
 from standin import StandIn
 
 from qcompile.deploy.deployment import Deployment
@@ -94,15 +93,7 @@ def test_a_killed_run_goes_on(
 ) -> None:
     """Killed as soon as the service has seen so many of these requests."""
     runs.service.settings.run_seconds = 0.1
-    process = started(WORDS)
-    try:
-        while runs.service.ledger().requests.get(request_, 0) < times:
-            assert process.poll() is None
-            time.sleep(0.002)
-        time.sleep(pause_s)
-    finally:
-        process.send_signal(signal.SIGKILL)
-        process.wait()
+    killed(runs.service, WORDS, request_, times, pause_s)
     found = runs.until_finished(runs.call("resume", "last", "--json"))
     assert played(found) == unkilled
     check_paid_once(runs.service, found["jobs"])

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import signal
 import time
 from typing import Any
 
 import pytest
-from live_runs import LIMIT_S, Runs, check_paid_once, played, started
+from live_runs import LIMIT_S, Runs, check_paid_once, killed, played
 
 WORDS = (
     *("run", "cartpole", "--backend", "fake_lima", "--live", "--yes", "--json"),
@@ -25,15 +24,7 @@ def test_a_killed_run_goes_on(
 ) -> None:
     """Killed as soon as the service has seen so many of these requests."""
     runs.service.settings.run_seconds = 0.1
-    process = started(WORDS)
-    try:
-        while runs.service.ledger().requests.get(request_, 0) < times:
-            assert process.poll() is None
-            time.sleep(0.002)
-        time.sleep(pause_s)
-    finally:
-        process.send_signal(signal.SIGKILL)
-        process.wait()
+    killed(runs.service, WORDS, request_, times, pause_s)
     found = runs.until_finished(runs.call("resume", "last", "--json"))
     assert played(found) == undisturbed
     check_paid_once(runs.service, 3)
@@ -43,7 +34,7 @@ def test_a_killed_run_goes_on(
 def test_ctrl_c_stops_a_run_in_words(
     runs: Runs, undisturbed: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    runs.service.settings.run_seconds = 0.1
+    runs.service.settings.run_seconds = 2.0  # longer than a slow machine takes to the first look
     real = time.sleep
 
     def interrupt(seconds: float) -> None:
@@ -52,6 +43,7 @@ def test_ctrl_c_stops_a_run_in_words(
 
     monkeypatch.setattr("qcompile.live.jobs.time.sleep", interrupt)
     answer = runs.run()
+    runs.service.settings.run_seconds = 0.1
     assert answer.code == 1
     assert (
         "Error: Interrupted.\n  Jobs done: 0, steps played: 0; all of it is kept.\n"

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import shlex
+from dataclasses import replace
+from importlib import import_module
 from typing import Any
 
 import numpy as np
 import pytest
 
+import qcompile
 from qcompile.cli.run import command
 from qcompile.deploy.settings import RunSettings
 from qcompile.execution import Workload, load_backend
 from qcompile.planning.chains import Chains
 from qcompile.planning.command import run_command
 from qcompile.planning.point import Point
+from qcompile.planning.search import Found
 from qcompile.planning.share import Baseline
 from qcompile.planning.simulation import Simulated
 from qcompile.policy import load_circuits
@@ -31,7 +35,7 @@ def point(cut: int | None = None, speculate: Any = "auto", **settings: Any) -> P
         1,
         Workload(1, 100),
     )
-    baseline = Baseline(np.zeros(2), np.ones(2))
+    baseline = Baseline(np.zeros(2), np.ones(3))
     return Point(load_circuits("cartpole"), simulated, baseline, 12, speculate, cut)
 
 
@@ -65,3 +69,25 @@ def test_names_that_a_shell_would_split_are_quoted() -> None:
     words = run_command(point(shots=8), "my policy.pt", "fake_toronto", ["envs.py"], env)
     assert shlex.split(words)[2] == "my policy.pt"
     assert words.endswith("--import envs.py --env is_slippery=false --env map_name=8x8")
+
+
+@pytest.mark.parametrize("given", [None, "file", "object"])
+def test_a_plan_names_no_command_for_an_object(
+    given: str | None, tmp_path: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def search(policies: Any, backend: Any, wanted: Any, show: Any) -> Found:
+        chosen = replace(point(shots=64), policy=policies[0], episodes=3)
+        return Found(wanted, [chosen], chosen)
+
+    monkeypatch.setattr(import_module("qcompile.verbs.plan"), "search", search)
+    calibration: Any = None
+    if given is not None:
+        calibration = qcompile.calibrate("fake_lima", shots=256, parts=["readout"])
+    if given == "file":
+        calibration.save(file := tmp_path / "lima.json")
+        calibration = file
+    found = qcompile.plan(
+        "cartpole", "fake_lima", calibration=calibration, within=600, max_steps=2, progress=False
+    )
+    assert found.recommended is not None
+    assert (found.recommended["command"] is None) == (given == "object")

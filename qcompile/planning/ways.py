@@ -1,4 +1,4 @@
-"""What a run will cost in each way to run it, before anything is sent."""
+"""What a run takes in each way to run it, before anything is sent."""
 
 from __future__ import annotations
 
@@ -9,13 +9,16 @@ import numpy as np
 
 from qcompile.deploy.play import play
 from qcompile.deploy.result import Run
+from qcompile.deploy.settings import RunSettings
+from qcompile.device import Device
 from qcompile.execution import Backend, Executor, Workload
 from qcompile.limits import FREE_SECONDS, USD_PER_SECOND
 from qcompile.live.play import RunTask
 from qcompile.mitigation import CALIBRATION_SHOTS, calibration_workload
 from qcompile.mitigation.measure import LIVE_ANGLES_RAD
-from qcompile.passes import compile
-from qcompile.passes import copies_that_fit as copies_fitting
+from qcompile.passes import compile, copies_that_fit
+from qcompile.policy import Policy
+from qcompile.policy.files import policy_values
 
 PAPER, PACKED = "as in the paper", "packed"
 LOCKSTEP, TWIN = "packed, lockstep", "calibrate, play twin"
@@ -41,16 +44,38 @@ class Strategy:
         }
 
 
-def copies_that_fit(task: RunTask) -> int:
-    """How many of the task's episodes, or places of its split rows, fit side by side on its device.
+def run_task(
+    policy: Policy,
+    device: Device,
+    settings: RunSettings,
+    episodes: int,
+    *,
+    backend: str,
+    **where: Any,
+) -> RunTask:
+    """The episodes as the task of a live run on `backend`; `where` are fields on how it is sent.
+
+    Where the settings leave copies open, as many episodes, or places of a split row, as fit.
 
     Raises:
-        OptionError: there are no two places.
+        OptionError: rows are to be split, and two places do not fit.
     """
-    fit = copies_fitting(len(task.policy.policy().program), task.device)
-    if not task.split:
-        return min(task.episodes, fit)
-    return task.model_copy(update={"copies": None}).fitted(fit).places
+    task = RunTask.model_validate(
+        {
+            **settings.values,
+            **where,
+            "backend": backend,
+            "device": device,
+            "policy": policy_values(policy),
+            "episodes": episodes,
+            "copy_of": "episode",
+        }
+    )
+    if task.copies is not None:
+        return task
+    fit = copies_that_fit(len(policy.program), device)
+    copies = task.fitted(fit).places if task.split else min(episodes, fit)
+    return task.model_copy(update={"copies": copies})
 
 
 def forecast(task: RunTask, backend: Backend | Executor | None = None) -> Run:
