@@ -88,8 +88,8 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
     "--hold",
     type=click.IntRange(1),
     metavar="STEPS",
-    help="Decide once in this many steps of the environment and repeat the action between; whatever "
-    "plays the policy does so.  [default: the preset's: 1, more with hardware]",
+    help="Decide once in this many steps of the environment and repeat the action between; "
+    "whatever plays the policy does so.  [default: the preset's: 1, more with hardware]",
 )
 @import_option
 @env_option
