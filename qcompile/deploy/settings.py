@@ -15,6 +15,7 @@ from qcompile.errors import CalibrationError, CircuitError, CountsError, OptionE
 from qcompile.execution import check_shots
 from qcompile.limits import MOST_AHEAD
 from qcompile.mitigation import CALIBRATION_SHOTS, check_response_level
+from qcompile.notebook import count
 from qcompile.validation import explain
 
 MitigationName = Literal["none", "readout", "response"]
@@ -142,6 +143,19 @@ class RunSettings(BaseModel):
         settings._check()
         return settings
 
+    def check_shared(self, episodes: int) -> None:
+        """Nothing, if each copy has an episode, or a share of the shots.
+
+        Raises:
+            OptionError: there are more copies than so many episodes.
+        """
+        if not self.split and self.copies is not None and self.copies > episodes:
+            raise OptionError(
+                f"copies {self.copies} are more than the {count(episodes, 'episode')} there are "
+                "to share an execution.",
+                "--split spreads the shots of an episode over them.",
+            )
+
     def fitted(self, fit: int) -> Self:
         """Resolved settings for circuits of which `fit` copies fit side by side on the device.
 
@@ -154,10 +168,12 @@ class RunSettings(BaseModel):
             return self
         copies = fit if self.shots is None else min(fit, self.shots)
         if copies < 2:
+            shots = "" if self.shots is None else f", and a row has {self.shots} shots"
+            shots = shots.removesuffix("s") if self.shots == 1 else shots
             raise OptionError(
                 "There is nothing to split: the circuits fit on the device "
-                f"{'once' if fit == 1 else f'{fit} times'}, and a row has {self.shots} shots.",
-                "Leave split out; it is for devices with several times as many qubits as circuits.",
+                f"{'once' if fit == 1 else f'{fit} times'}{shots}.",
+                "Remove split; it is for devices with several times as many qubits as circuits.",
             )
         return self.model_copy(update={"copies": copies})
 

@@ -155,8 +155,10 @@ def check_limit(max_qpu_seconds: float) -> None:
     Raises:
         BudgetError: it is no number of seconds that may be spent.
     """
-    if not 0 < max_qpu_seconds <= MAX_QPU_SECONDS:
+    is_number = isinstance(max_qpu_seconds, int | float) and not isinstance(max_qpu_seconds, bool)
+    if not is_number or not 0 < max_qpu_seconds <= MAX_QPU_SECONDS:
+        found = f"{max_qpu_seconds:g}" if is_number else repr(max_qpu_seconds)
         raise BudgetError(
-            f"A limit of {max_qpu_seconds:g} QPU seconds cannot be kept.",
+            f"A limit of {found} QPU seconds cannot be kept.",
             f"Give a number above 0, {MAX_QPU_SECONDS:,.0f} at most.",
         )

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
 
-from qcompile.errors import LiveError
+from qcompile.errors import LiveError, OptionError
 from qcompile.live.charges import Charges
 from qcompile.live.words import duration, retry_after_s
 
@@ -16,6 +17,36 @@ _LATE_S = 5.0
 """A job of an earlier process may have reached IBM so long after it was sent, and counts since."""
 _LONGEST_S = 3600.0
 _LOOK_S = 1.0
+
+
+def check_seconds(name: str, value: float, most: float = math.inf) -> None:
+    """Nothing, if `value` is a number of seconds, above 0 and at most `most`.
+
+    Raises:
+        OptionError: it is not; the message calls it `name`.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value <= most:
+        raise OptionError(
+            f"{name} cannot be {value!r}.",
+            "It is a number of seconds above 0"
+            + (f" and at most {most:g}." if most < math.inf else "."),
+        )
+
+
+def check_pace(jobs_per_minute: int | None, max_wait_s: float | None) -> None:
+    """Nothing, if jobs can be sent and waited for so; None sends at once, and waits.
+
+    Raises:
+        OptionError: a number of jobs or seconds is none.
+    """
+    if max_wait_s is not None:
+        check_seconds("max_wait_s", max_wait_s)
+    jobs = jobs_per_minute
+    if jobs is not None and (isinstance(jobs, bool) or not isinstance(jobs, int) or jobs < 1):
+        raise OptionError(
+            f"jobs_per_minute cannot be {jobs!r}.",
+            "It is a whole number of jobs, 1 at least; None sends them as fast as it can.",
+        )
 
 
 class Pace:

@@ -96,8 +96,10 @@ def _pub(index: int, pub: Any, shots: int | None) -> Any:
     try:
         made = SamplerPub.coerce(pub, DEFAULT_SHOTS if shots is None else shots)
         made.validate()
-        made.parameter_values.as_array(made.circuit.parameters)  # they are those of the circuit
-    except (TypeError, ValueError, QiskitError) as error:
+        values = made.parameter_values.as_array(made.circuit.parameters)  # those of the circuit
+        if not np.isfinite(values).all():
+            raise ValueError("its values hold a number that is not finite.")
+    except (LookupError, TypeError, ValueError, QiskitError) as error:
         raise OptionError(
             f"PUB {index} is not one: {first_line(str(error))}",
             "A PUB is a circuit, or (circuit, values), or (circuit, values, shots).",

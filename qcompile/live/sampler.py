@@ -19,6 +19,7 @@ from qcompile.live.jobs import Jobs
 from qcompile.live.jobs_sampler import JobsSampler, SamplerJob
 from qcompile.live.journal import Journal
 from qcompile.live.opening import FILE
+from qcompile.live.pace import check_pace
 from qcompile.live.perform import costs, explained, run_versions, strangeness
 from qcompile.live.pubs import Call
 from qcompile.live.sampling import SamplerTask
@@ -67,7 +68,7 @@ class GuardedSampler(JobsSampler):
         BudgetError: the limit is not a number of seconds that may be spent.
         LiveError: the account has no such machine, or the journal is another's, or in use.
         MissingExtraError: qiskit-ibm-runtime is not installed.
-        OptionError: `backend` is not a machine of IBM's.
+        OptionError: `backend` is not a machine of IBM's, or another argument cannot be used.
     """
 
     def __init__(
@@ -85,7 +86,12 @@ class GuardedSampler(JobsSampler):
         say: Callable[[str], None] = lambda words: None,
     ):
         check_limit(max_qpu_seconds)
+        check_pace(jobs_per_minute, max_wait_s)
         name, given = _machine(backend)
+        if not isinstance(journal, str | Path):
+            raise OptionError(
+                f"journal is {what_it_is(journal)}.", "It is the name of a folder: 'runs/mine'."
+            )
         folder = Path(journal)
         connection = Connection(name, account, instance, given=given)
         if not (folder / FILE).is_file():

@@ -53,7 +53,7 @@ def run_command(
     words += ["--live"] * bool(live) + _words(live or {})
     words += [word for module in imports for word in ("--import", module)]
     for name, value in (env or {}).items():
-        words += ["--env", f"{name}={value if isinstance(value, str) else json.dumps(value)}"]
+        words += ["--env", f"{name}={_value_word(value)}"]
     return join(words)
 
 
@@ -65,3 +65,13 @@ def _words(options: Mapping[str, Any]) -> list[str]:
         if value is not None
     ]
     return [word for name, value in said for word in (f"--{name}", value)]
+
+
+def _value_word(value: Any) -> str:
+    """The value as `--env` takes it: a text as it stands, unless it would be read as JSON."""
+    if isinstance(value, str) and value == value.strip():
+        try:
+            json.loads(value)
+        except ValueError:
+            return value
+    return json.dumps(value)

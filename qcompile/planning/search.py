@@ -230,10 +230,12 @@ class Ladder:
         """A point for each number of shots: the best way to measure them."""
         if "shots" in self.wanted.given:
             return [self.point(self.wanted.given["shots"])]
-        start = LADDER.index(_FIRST)
-        points = [self.point(_FIRST)]
+        ladder = [shots for shots in LADDER if self._ways(shots)] or [LADDER[-1]]
+        first = max(_FIRST, ladder[0])
+        points = [self.point(first)]
         keeps = points[0].share >= self.wanted.keep
-        for shots in LADDER[start - 1 :: -1] if keeps else LADDER[start + 1 :]:
+        fewer = [shots for shots in reversed(ladder) if shots < first]
+        for shots in fewer if keeps else [shots for shots in ladder if shots > first]:
             points.append(self.point(shots))
             if (points[-1].share >= self.wanted.keep) != keeps:
                 before = points[-2].simulated.settings.shots or 0
@@ -244,7 +246,7 @@ class Ladder:
     def point(self, shots: int) -> Point:
         """The cheapest placement of rows and depth for `shots`, each simulated by itself."""
         self.show(1 - np.log2(shots) / 14, f"{self.policy.name}, {shots} shots")
-        played, *others = self._ways(shots)
+        played, *others = self._ways(shots) or [self._refused()]
         first = best = self._point(self._simulated(shots, *played))
         for copies, split in others:  # priced by the same episodes, and played if it is worth it
             settings = RunSettings.of(first.simulated.settings, copies=copies, split=split)
@@ -260,23 +262,34 @@ class Ladder:
         point = Point(self.policy, simulated, self.judge.baseline, episodes, 1, cut)
         return best_depth(point, given.get("speculate"))
 
-    def _ways(self, shots: int) -> list[tuple[int, bool]]:
+    def _ways(self, shots: int) -> list[tuple[int | None, bool]]:
         """Numbers of copies, and whether a row is split over them: the likelier one first.
 
         Split rows leave no copy empty, but where their shots are few the copies get unequal ones.
+        There is no way where each copy of a split row has no shot, or others have no episode.
+        """
+        given, episodes = self.wanted.given, self.wanted.episodes
+        fit = copies_that_fit(len(self.policy.program), self.backend.device)
+        copies = given.get("copies", min(fit, episodes))
+        split = given.get("copies", min(fit, shots))
+        is_even = -shots % split <= _EMPTY * shots
+        ways: list[tuple[int | None, bool]] = [(split, True)] * (2 <= split <= shots)
+        ways += [(copies, False)] * (copies <= episodes)
+        ways = [way for way in ways if given.get("split", way[1]) == way[1]]
+        return ways if is_even else ways[::-1]
+
+    def _refused(self) -> tuple[int | None, bool]:
+        """What is given, where that is not a way: simulating it says why.
+
+        Raises:
+            OptionError: there are more copies than episodes.
         """
         given = self.wanted.given
-        fit = copies_that_fit(len(self.policy.program), self.backend.device)
-        copies = given.get("copies", min(fit, self.wanted.episodes))
-        split = given.get("copies", min(fit, shots))
-        if "split" in given:
-            return [(split, True) if given["split"] else (copies, False)]
-        if split < 2:
-            return [(copies, False)]
-        ways = [(split, True), (copies, False)]
-        return ways if -shots % split <= _EMPTY * shots else ways[::-1]
+        settings = RunSettings.of(copies=given.get("copies"), split=given.get("split", False))
+        settings.check_shared(self.wanted.episodes)
+        return settings.copies, settings.split
 
-    def _simulated(self, shots: int, copies: int, split: bool) -> Simulated:
+    def _simulated(self, shots: int, copies: int | None, split: bool) -> Simulated:
         changes: dict[str, Any] = {"shots": shots, "copies": copies, "split": split}
         shots_of_calibration = self.wanted.given.get("calibration_shots", "auto")
         changes["calibration_shots"] = shots_of_calibration

@@ -7,13 +7,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from qcompile.arrays import BoolArray, FloatArray, IntArray
+from qcompile.deploy.completion import MOST_STEPS
 from qcompile.deploy.deployment import Deployment
 from qcompile.deploy.environments import close_environments, policy_environments
-from qcompile.deploy.lockstep import Act, Episode, lockstep
+from qcompile.deploy.lockstep import Act, lockstep
 from qcompile.deploy.play import Recorder, play
+from qcompile.deploy.result import Run
 from qcompile.deploy.rows import Rows
 from qcompile.deploy.settings import RunSettings
+from qcompile.deploy.stepping import Stepper
 from qcompile.device import Device
+from qcompile.errors import OptionError
 from qcompile.execution import Backend, Executor, Workload
 from qcompile.planning.chains import Chains
 from qcompile.policy import Policy
@@ -71,18 +75,17 @@ def simulate(
     A job measures one decision of each, whatever the settings say of speculation and cuts.
 
     Raises:
+        OptionError: an episode does not end.
         QcompileError: as `Deployment` and `play`.
     """
-    deployment = Deployment(policy, backend, settings, speculate=1, max_steps=None)
+    deployment = Deployment(policy, backend, settings, speculate=1, max_steps=MOST_STEPS)
     noted = _Agreement(deployment.predict)
-    run = play(deployment, episodes, recorder=noted)
-    if run.interrupted:
-        raise KeyboardInterrupt
+    run = _whole(play(deployment, episodes, recorder=noted))
     shots = deployment.calibration_shots
     counted = {} if shots is None else {"calibration_shots": shots}
     return Simulated(
         deployment.device,
-        RunSettings.of(deployment.settings, **counted),
+        RunSettings.of(deployment.settings, max_steps=None, **counted),
         run.rewards,
         np.array([episode.length for episode in run.episodes]),
         noted.chains(episodes),
@@ -93,27 +96,53 @@ def simulate(
 
 def ideal_rewards(policy: Policy, settings: RunSettings, episodes: int) -> FloatArray:
     """The rewards of the policy on exact `<Z>` without noise, from the resets of the settings."""
-    exact = RunSettings(shots=None, seed=settings.seed, greedy=settings.greedy)
-    run = play(Deployment(policy, "ideal", exact), episodes)
+    exact = RunSettings(
+        shots=None, seed=settings.seed, greedy=settings.greedy, max_steps=MOST_STEPS
+    )
+    return _whole(play(Deployment(policy, "ideal", exact), episodes)).rewards
+
+
+def _whole(run: Run) -> Run:
+    """The run, if each of its episodes was played to its end.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C came before.
+        OptionError: one does not end.
+    """
     if run.interrupted:
         raise KeyboardInterrupt
-    return run.rewards
+    if run.cut_episodes:
+        raise _endless(run.player.policy.environment)
+    return run
+
+
+def _endless(environment: str) -> OptionError:
+    return OptionError(
+        f"An episode of {environment} did not end within {MOST_STEPS:,} environment steps.",
+        "Settings are judged by whole episodes. Register the environment with "
+        "max_episode_steps, or choose shots yourself.",
+    )
 
 
 def random_rewards(policy: Policy, seed: int) -> FloatArray:
     """The rewards of 100 episodes of random actions in the policy's environment, same resets.
 
     A new action is drawn at every step of the environment, each as likely as the others.
+
+    Raises:
+        OptionError: an episode does not end.
     """
     draws, actions = Draws(seed, 0), policy.actions
-    finished: list[Episode] = []
+    steppers: list[Stepper] = []
 
     def act(observations: FloatArray, rows: Rows) -> IntArray:
         return np.asarray(draws.actions(rows.episode, rows.decision) * actions).astype(np.intp)
 
     environments = policy_environments(policy, RANDOM_EPISODES)
     try:
-        lockstep(act, environments, seed, on_episode=finished.append)
+        lockstep(act, environments, seed, max_steps=MOST_STEPS, on_begin=steppers.extend)
     finally:
         close_environments(environments)
-    return np.array([episode.reward for episode in finished])
+    if any(stepper.is_cut for stepper in steppers):
+        raise _endless(policy.environment)
+    return np.array([stepper.reward for stepper in steppers])

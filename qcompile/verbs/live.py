@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from qcompile.limits import FREE_SECONDS, MAX_QPU_SECONDS
 from qcompile.live.connection import Connection
 from qcompile.live.journal import Journal
 from qcompile.live.looking import doubts_in_words
+from qcompile.live.pace import check_pace, check_seconds
 from qcompile.live.perform import begin, complete, task_of
 from qcompile.live.task import Task
 from qcompile.report import progress as bars
@@ -45,27 +45,8 @@ class Live:
     confirm: Words = ignore
 
     def __post_init__(self) -> None:
-        limits = {"max_qpu_seconds": MAX_QPU_SECONDS}
-        if self.max_wait_s is not None:
-            limits["max_wait_s"] = math.inf
-        for name, most in limits.items():
-            value = getattr(self, name)
-            if (
-                isinstance(value, bool)
-                or not isinstance(value, int | float)
-                or not 0 < value <= most
-            ):
-                raise OptionError(
-                    f"{name} cannot be {value!r}.",
-                    "It is a number of seconds above 0"
-                    + (f" and at most {most:g}." if most < math.inf else "."),
-                )
-        jobs = self.jobs_per_minute
-        if jobs is not None and (isinstance(jobs, bool) or not isinstance(jobs, int) or jobs < 1):
-            raise OptionError(
-                f"jobs_per_minute cannot be {jobs!r}.",
-                "It is a whole number of jobs, 1 at least; None sends them as fast as it can.",
-            )
+        check_seconds("max_qpu_seconds", self.max_qpu_seconds, MAX_QPU_SECONDS)
+        check_pace(self.jobs_per_minute, self.max_wait_s)
 
     @property
     def where(self) -> dict[str, Any]:

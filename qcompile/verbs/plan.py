@@ -167,7 +167,9 @@ def plan(
     values_of = {"seed": seed, "level": level, "mitigation": mitigation}
     settings = _settings(opened, calibration, on_note, **values_of)
     found = None
-    if within is not None:
+    if within is None:
+        RunSettings.of(settings, copies=copies, split=bool(split)).check_shared(episodes)
+    else:
         wanted = Wanted(settings, episodes, within, keep, given)
         title = f"planning for {opened.device.name}"
         with bars.progress_bar(title, 1.0, enabled=progress) as show:

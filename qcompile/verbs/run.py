@@ -28,7 +28,7 @@ from qcompile.report import progress as bars
 from qcompile.report.figure import Figure
 from qcompile.report.film import SUFFIXES, Film
 from qcompile.report.rewards import draw_rewards
-from qcompile.report.tables import interval_words, plural
+from qcompile.report.tables import interval_words
 from qcompile.sweep.arguments import Name, Planned, Shots, Words, ignore, several, shots_of
 from qcompile.verbs.arguments import calibration_settings, checked
 from qcompile.verbs.live import Live, check_live, spend
@@ -225,12 +225,7 @@ def _settings(
     settings = RunSettings.of(**values)
     if video is not None and Path(video).suffix not in SUFFIXES:
         raise OptionError(f"{video} must end with .mp4 or .gif.")
-    if not settings.split and settings.copies is not None and settings.copies > episodes:
-        raise OptionError(
-            f"copies {settings.copies} are more than the {plural(episodes, 'episode')} there are "
-            "to share an execution.",
-            "--split spreads the shots of an episode over them.",
-        )
+    settings.check_shared(episodes)
     check_live(live)
     if live is not None:
         wrong = {"video": video is not None, "shots exact": settings.shots is None}

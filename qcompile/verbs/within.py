@@ -8,6 +8,7 @@ from typing import Any
 from qcompile.notebook import reward_words
 from qcompile.planning.point import Point
 from qcompile.planning.search import Found
+from qcompile.report.tables import plural
 
 Command = Callable[[Point], str | None]
 
@@ -71,7 +72,7 @@ def advice(values: Mapping[str, Any]) -> str:
         return "\n".join(filter(None, [words, chosen["command"]]))
     nearest = values["nearest"]
     fits = [
-        f"{nearest['episodes']} episodes" if nearest["episodes"] else "",
+        plural(nearest["episodes"], "episode") if nearest["episodes"] else "",
         f"{nearest['within']:,.0f} seconds" if nearest["within"] else "",
         f"keep {nearest['keep']:g}" if (nearest["keep"] or 0) > 0 else "",
     ]

@@ -133,6 +133,8 @@ def unmeasured() -> QuantumCircuit:
         ([], OptionError, "There is no PUB to run"),
         ([flipped(), "x"], OptionError, "PUB 1 is not one"),
         ([flipped(), two_registers()], OptionError, "PUB 1 is not one: The number of values"),
+        ([(two_registers(), VALUES[0] * np.nan)], OptionError, "values hold a number that is not"),
+        ([{"circuit": flipped()}], OptionError, "PUB 0 is not one"),
         ([(flipped(), None, 0)], OptionError, "shots must be positive"),
         ([(flipped(), None, 20_000_000)], CountsError, "20000000 shots cannot be run"),
         ([unmeasured()], OptionError, "PUB 0 measures nothing"),

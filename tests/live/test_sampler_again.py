@@ -19,7 +19,7 @@ import pytest
 from live_runs import number_of
 from standin import Fault, StandIn
 
-from qcompile.errors import BudgetError, LiveError, PaidFailureError, ReplayError
+from qcompile.errors import BudgetError, LiveError, OptionError, PaidFailureError, ReplayError
 from qcompile.live import GuardedSampler
 from qcompile.live.journal import Journal
 from qcompile.live.perform import costs
@@ -160,9 +160,24 @@ def test_the_limit_stops_a_program_before_it_sends(service: StandIn) -> None:
 
 
 def test_a_limit_that_is_none_is_refused(service: StandIn) -> None:
-    for limit_s in (0, -1, float("nan"), float("inf"), 1e7):
+    wrong: list[Any] = [0, -1, float("nan"), float("inf"), 1e7, "5", None, True]
+    for limit_s in wrong:
         with pytest.raises(BudgetError, match="cannot be kept"):
             GuardedSampler("fake_lima", max_qpu_seconds=limit_s)
+    assert not Path("runs").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        *(("jobs_per_minute", value) for value in (0, -1, 1.5, "x", True)),
+        *(("max_wait_s", value) for value in (0, -1, float("nan"), "x")),
+        *(("journal", value) for value in (5, None)),
+    ],
+)
+def test_an_argument_of_no_use_is_refused(service: StandIn, name: str, value: Any) -> None:
+    with pytest.raises(OptionError, match=name):
+        GuardedSampler("fake_lima", **{name: value})
     assert not Path("runs").exists()
 
 

@@ -91,3 +91,9 @@ def test_a_plan_names_no_command_for_an_object(
     )
     assert found.recommended is not None
     assert (found.recommended["command"] is None) == (given == "object")
+
+
+@pytest.mark.parametrize("value", ["true", "8", " 8x8 ", "8x8", "", "null", 8, [1, "a"]])
+def test_arguments_of_the_environment_are_read_as_they_were(value: Any) -> None:
+    words = run_command(point(shots=8), "cartpole", "fake_toronto", env={"size": value})
+    assert command.make_context("run", shlex.split(words)[2:]).params["env"] == {"size": value}

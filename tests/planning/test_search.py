@@ -168,3 +168,16 @@ def test_a_share_by_hand() -> None:
 def test_a_policy_like_random_actions_keeps_nothing(ideal: list[float]) -> None:
     with pytest.raises(OptionError, match="there is nothing to keep"):
         Baseline(np.array([0.0, 4.0]), np.array(ideal))
+
+
+def test_copies_that_are_given_have_a_shot_or_an_episode_each(scripted: Search) -> None:
+    """40 copies, 10 episodes: rows are split, over 64 shots at least."""
+    rewards = dict.fromkeys((8, 16, 32, 64, 128, 256), 100.0)
+    for split in ({}, {"split": True}):
+        found = scripted(rewards, given={"copies": 40, **split})
+        assert {(p.settings.copies, p.settings.split) for p in found.points} == {(40, True)}
+        assert min(p.settings.shots or 0 for p in found.points) == 64
+    with pytest.raises(OptionError, match="copies 40 are more than the 10 episodes"):
+        scripted(rewards, given={"copies": 40, "split": False})
+    with pytest.raises(OptionError, match="copies 40 are more than the 10 episodes"):
+        scripted(rewards, given={"copies": 40, "shots": 8})
