@@ -145,7 +145,7 @@ def _candidate(points: Sequence[Point], wanted: Wanted) -> Point | None:
     cut = _cheapest(_with_cuts(keeping, wanted), wanted.within)
     if whole is None or cut is None:
         return cut
-    return cut if cut.seconds < _WORTH_A_CUT * whole.seconds else whole
+    return cut if cut.most_seconds < _WORTH_A_CUT * whole.most_seconds else whole
 
 
 def _with_cuts(points: Sequence[Point], wanted: Wanted) -> list[Point]:
