@@ -90,7 +90,7 @@ class Found:
 
     def nearest(self) -> dict[str, Any]:
         """What would fit: fewer episodes, more seconds, a smaller share; None: nothing."""
-        within, points = self.wanted.within, _with_cuts(self.points, self.wanted)
+        within, points = self.wanted.within, [*self.points, *_shortened(self.points, self.wanted)]
         keeping = [point for point in points if point.share >= self.wanted.keep]
         cheapest = min(keeping, key=lambda point: point.most_seconds, default=None)
         fitting = [point.share for point in points if point.most_seconds <= within]
@@ -142,18 +142,17 @@ def _candidate(points: Sequence[Point], wanted: Wanted) -> Point | None:
     """The cheapest point that keeps the reward and fits, cut only where that saves much."""
     keeping = [point for point in points if point.share >= wanted.keep]
     whole = _cheapest(keeping, wanted.within)
-    cut = _cheapest(_with_cuts(keeping, wanted), wanted.within)
+    cut = _cheapest(_shortened(keeping, wanted), wanted.within)
     if whole is None or cut is None:
-        return cut
+        return whole or cut
     return cut if cut.most_seconds < _WORTH_A_CUT * whole.most_seconds else whole
 
 
-def _with_cuts(points: Sequence[Point], wanted: Wanted) -> list[Point]:
-    """The points, and where no cut is given each with one that touches few of its episodes."""
+def _shortened(points: Sequence[Point], wanted: Wanted) -> list[Point]:
+    """Points with a cut that touches few of their episodes; none where a cut is given."""
     if "max_steps" in wanted.given:
-        return [*points]
-    cut = [short for point in points if (short := point.shortened()) is not None]
-    return [*points, *cut]
+        return []
+    return [short for point in points if (short := point.shortened()) is not None]
 
 
 def _check(policies: Sequence[Policy]) -> None:
