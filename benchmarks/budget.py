@@ -45,7 +45,7 @@ def held(service: Service, seed: int) -> Iterator[Row]:
     """A hundred episodes of each policy that holds its decisions."""
     for policy, (mean, seconds) in HELD.items():
         if (_TRAINED / f"{policy}.json").exists():
-            row = service.planned("held", policy, LARGE, 100, seconds, seed)
+            row = service.planned("held", policy, LARGE, 100, seconds, seed, "--keep", "0.99")
             yield row.want_mean(mean).want_seconds(seconds).want_planned()
 
 

@@ -68,7 +68,7 @@ class GuardedSampler(JobsSampler):
         BudgetError: the limit is not a number of seconds that may be spent.
         LiveError: the account has no such machine, or the journal is another's, or in use.
         MissingExtraError: qiskit-ibm-runtime is not installed.
-        OptionError: `backend` is not a machine of IBM's, or another argument is of no use.
+        OptionError: `backend` is not a machine of IBM's, or another argument cannot be used.
     """
 
     def __init__(

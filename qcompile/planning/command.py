@@ -57,16 +57,6 @@ def run_command(
     return join(words)
 
 
-def _value_word(value: Any) -> str:
-    """The value as `--env` takes it: a text as it stands, unless it would be read as JSON."""
-    if isinstance(value, str) and value == value.strip():
-        try:
-            json.loads(value)
-        except ValueError:
-            return value
-    return json.dumps(value)
-
-
 def _words(options: Mapping[str, Any]) -> list[str]:
     """The options with their values, without those that are None."""
     said = [
@@ -75,3 +65,13 @@ def _words(options: Mapping[str, Any]) -> list[str]:
         if value is not None
     ]
     return [word for name, value in said for word in (f"--{name}", value)]
+
+
+def _value_word(value: Any) -> str:
+    """The value as `--env` takes it: a text as it stands, unless it would be read as JSON."""
+    if isinstance(value, str) and value == value.strip():
+        try:
+            json.loads(value)
+        except ValueError:
+            return value
+    return json.dumps(value)

@@ -24,6 +24,8 @@ LADDER = tuple(2**k for k in range(3, 14))
 _FIRST = 256
 _WORTH = 0.97
 """A second way to place rows must be so much cheaper than the first."""
+_WORTH_A_CUT = 0.8
+"""A run whose longest episodes are cut must be so much cheaper than one of whole episodes."""
 _EMPTY = 0.05
 """The share of a split row's shots that the places with fewer leave unused, at most."""
 _LEAST, _MOST = 200, 1000
@@ -88,7 +90,7 @@ class Found:
 
     def nearest(self) -> dict[str, Any]:
         """What would fit: fewer episodes, more seconds, a smaller share; None: nothing."""
-        within, points = self.wanted.within, _with_cuts(self.points, self.wanted)
+        within, points = self.wanted.within, [*self.points, *_shortened(self.points, self.wanted)]
         keeping = [point for point in points if point.share >= self.wanted.keep]
         cheapest = min(keeping, key=lambda point: point.most_seconds, default=None)
         fitting = [point.share for point in points if point.most_seconds <= within]
@@ -110,7 +112,8 @@ def search(
     A policy keeps it where the mean over whole episodes has at least `keep` of what the best of the
     policies earns over random actions without noise. Points are judged from 256 shots downwards
     until one fails, or upwards until one passes, and then one in between; what is to be recommended
-    is judged again by more episodes. An episode is cut only where nothing fits without.
+    is judged again by more episodes. An episode is cut only where that saves a fifth of the
+    seconds, or nothing fits without.
 
     Raises:
         OptionError: the policies are of different environments, or no better than random.
@@ -136,18 +139,20 @@ def search(
 
 
 def _candidate(points: Sequence[Point], wanted: Wanted) -> Point | None:
-    """The cheapest point that keeps the reward and fits, cut only where none does without."""
+    """The cheapest point that keeps the reward and fits, cut only where that saves much."""
     keeping = [point for point in points if point.share >= wanted.keep]
-    found = _cheapest(keeping, wanted.within)
-    return found or _cheapest(_with_cuts(keeping, wanted), wanted.within)
+    whole = _cheapest(keeping, wanted.within)
+    cut = _cheapest(_shortened(keeping, wanted), wanted.within)
+    if whole is None or cut is None:
+        return whole or cut
+    return cut if cut.most_seconds < _WORTH_A_CUT * whole.most_seconds else whole
 
 
-def _with_cuts(points: Sequence[Point], wanted: Wanted) -> list[Point]:
-    """The points, and where no cut is given each with one that touches few of its episodes."""
+def _shortened(points: Sequence[Point], wanted: Wanted) -> list[Point]:
+    """Points with a cut that touches few of their episodes; none where a cut is given."""
     if "max_steps" in wanted.given:
-        return [*points]
-    cut = [short for point in points if (short := point.shortened()) is not None]
-    return [*points, *cut]
+        return []
+    return [short for point in points if (short := point.shortened()) is not None]
 
 
 def _check(policies: Sequence[Policy]) -> None:

@@ -142,7 +142,7 @@ def _step_words(summary: Mapping[str, Any]) -> str:
         return "a network, without circuits"
     gates = " + ".join(f"{n} {gate}" for gate, n in summary["gates_per_circuit"].items() if n)
     return (
-        f"{summary['circuits_per_step']} circuits of at most {gates or 'no gate'}, "
+        f"{plural(summary['circuits_per_step'], 'circuit')} of at most {gates or 'no gate'}, "
         f"{plural(summary['rounds_per_step'], 'round')}"
     )
 

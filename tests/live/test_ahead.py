@@ -110,9 +110,10 @@ def test_a_job_that_was_sent_is_the_same_whatever_is_predicted_later(
         monkeypatch.setattr("qcompile.live.jobs.time.sleep", real)
         raise KeyboardInterrupt
 
-    runs.service.settings.run_seconds = 0.1
+    runs.service.settings.run_seconds = 2.0  # longer than a slow machine takes to the first look
     monkeypatch.setattr("qcompile.live.jobs.time.sleep", interrupt)
     answer = runs.run(**SETTINGS)
+    runs.service.settings.run_seconds = 0.1
     assert answer.code == 1
     assert "Jobs done: 0, steps played: 0;" in answer.err
     [begun] = steps()

@@ -71,12 +71,6 @@ def test_names_that_a_shell_would_split_are_quoted() -> None:
     assert words.endswith("--import envs.py --env is_slippery=false --env map_name=8x8")
 
 
-@pytest.mark.parametrize("value", ["true", "8", " 8x8 ", "8x8", "", "null", 8, [1, "a"]])
-def test_arguments_of_the_environment_are_read_as_they_were(value: Any) -> None:
-    words = run_command(point(shots=8), "cartpole", "fake_toronto", env={"size": value})
-    assert command.make_context("run", shlex.split(words)[2:]).params["env"] == {"size": value}
-
-
 @pytest.mark.parametrize("given", [None, "file", "object"])
 def test_a_plan_names_no_command_for_an_object(
     given: str | None, tmp_path: Any, monkeypatch: pytest.MonkeyPatch
@@ -97,3 +91,9 @@ def test_a_plan_names_no_command_for_an_object(
     )
     assert found.recommended is not None
     assert (found.recommended["command"] is None) == (given == "object")
+
+
+@pytest.mark.parametrize("value", ["true", "8", " 8x8 ", "8x8", "", "null", 8, [1, "a"]])
+def test_arguments_of_the_environment_are_read_as_they_were(value: Any) -> None:
+    words = run_command(point(shots=8), "cartpole", "fake_toronto", env={"size": value})
+    assert command.make_context("run", shlex.split(words)[2:]).params["env"] == {"size": value}

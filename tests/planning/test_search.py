@@ -120,19 +120,26 @@ def test_fewer_episodes_fit_as_nearest_says(scripted: Search) -> None:
     assert found.nearest()["episodes"] == 2
 
 
-def test_an_episode_is_cut_only_where_nothing_fits_without(scripted: Search) -> None:
+@pytest.mark.parametrize("within", [20, 600])
+def test_an_episode_is_cut_where_that_saves_much(scripted: Search, within: float) -> None:
     """Of 200 episodes four are long: a cut at 8 steps touches 2 % of them."""
     long = [*[8] * 49, 800]
     table = dict.fromkeys((8, 16, 32, 64, 128, 256), 100.0)
-    free = scripted(table, within=600, decisions=long).recommended
-    assert free is not None
-    assert free.cut is None
-    found = scripted(table, within=20, decisions=long)
+    found = scripted(table, within=within, decisions=long)
     assert found.recommended is not None
     assert found.recommended.cut == 8
     assert found.recommended.mean_reward == 100  # of whole episodes
     assert found.recommended in found.frontier
     assert scripted(table, 20, decisions=[*[8] * 30, 800]).recommended is None  # 3 %
+
+
+def test_an_episode_is_not_cut_where_that_saves_little(scripted: Search) -> None:
+    """Sixteen steps that are always predicted take a job, as eight do; and few executions more."""
+    table = dict.fromkeys((8, 16, 32, 64, 128, 256), 100.0)
+    chosen = scripted(table, within=600, decisions=[*[8] * 49, 16]).recommended
+    assert chosen is not None
+    assert chosen.cut is None
+    assert chosen.shortened() is not None
 
 
 def test_what_is_given_is_kept(scripted: Search) -> None:
