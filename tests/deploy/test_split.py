@@ -166,7 +166,7 @@ def test_a_row_takes_all_places_that_have_a_shot(shots: int, copies: int) -> Non
     [
         ({"copies": 1}, OptionError, "over several copies, found one"),
         ({"copies": 9, "shots": 8}, OptionError, "8 shots cannot be split over 9 copies"),
-        ({"shots": 1}, OptionError, "fit on the device once, and a row has 1 shots"),
+        ({"shots": 1}, OptionError, "fit on the device once, and a row has 1 shot"),
         ({"shots": 0}, CountsError, "0 shots cannot be run"),
         ({}, OptionError, "nothing to split: the circuits fit on the device once"),
         ({"split": False, "calibration_shots": 0}, CountsError, "0 shots cannot be run"),
