@@ -135,7 +135,8 @@ class Jobs:
             self.journal.note_failed(found, "Another one was asked for before it was sent.")
             return
         raise ReplayError(
-            f"Job {number} of run {self.journal.id} was another one when it was sent."
+            f"Job {number} of run {self.journal.id} was another one when it was sent.",
+            *(self._finder.words_on_doubts() if found.state == "sending" else ()),
         )
 
     def _job_of(self, last: Submission | None, number: int, request: Request) -> str:

@@ -70,8 +70,8 @@ def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
     if summary.get("speculate", 1) != 1:
         yield (
             "speculate",
-            f"{summary['speculate']}: {summary['measured_rows']:,} decisions measured, "
-            f"{summary['decisions']:,} of them count",
+            f"{summary['speculate']}: {plural(summary['measured_rows'], 'decision')} measured, "
+            f"{summary['decisions']} of them counted",
         )
     yield from _cut_lines(summary)
     yield "actions", f"{'greedy' if summary['greedy'] else 'sampled'}, seed {summary['seed']}"

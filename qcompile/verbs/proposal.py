@@ -62,6 +62,12 @@ def live_settings(
         found = search([policy], DeviceBackend(device), wanted, show)
     point = found.recommended or found.closest
     words = " ".join(option_words(point))
-    kept = f"which keep {100 * point.share:.0f} % of the reward"
-    on_note(f"planned: {words}, {kept}; other settings: give --shots")
+    kept = f"{words}, which keep {100 * point.share:.0f} % of the reward"
+    if found.recommended is None:
+        on_note(
+            f"planned: nothing fits; the nearest is {kept} and may take "
+            f"{point.most_seconds:.0f} QPU seconds"
+        )
+    else:
+        on_note(f"planned: {kept}; other settings: give --shots")
     return point.settings

@@ -54,7 +54,7 @@ def test_with_shots_nothing_is_planned(runs: Runs) -> None:
 def test_where_nothing_fits_the_guard_refuses(runs: Runs) -> None:
     answer = runs.call(*SMALL, "--live", "--yes", "--max-qpu-seconds", 3)
     assert answer.code == 1
-    assert "planned: --shots" in answer.err
+    assert "planned: nothing fits; the nearest is --shots" in answer.err
     assert "more than the 3 allowed. Nothing was sent." in answer.err
     assert "`qcompile plan` shows cheaper ways" in answer.err
     assert not runs.service.ledger().jobs

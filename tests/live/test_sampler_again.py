@@ -118,6 +118,17 @@ def test_other_pubs_in_a_place_are_refused_and_not_sent(service: StandIn) -> Non
     assert service.ledger().jobs == before.jobs
 
 
+def test_other_pubs_after_a_refusal_are_told_what_the_place_waits_for(service: StandIn) -> None:
+    """A 404 to a job does not say that it was not accepted: it is in doubt for a minute."""
+    service.faults.once(Fault.NOT_FOUND, on="POST /jobs", times=10)
+    with GuardedSampler("fake_lima") as sampler:
+        with pytest.raises(LiveError):
+            sampler.run(pubs(0), shots=SHOTS)
+        with pytest.raises(ReplayError, match=r"(?s)another one when .*may have accepted"):
+            sampler.run(pubs(1), shots=SHOTS)
+    assert not service.ledger().jobs
+
+
 def test_a_program_that_changed_takes_no_job_of_an_older_one(service: StandIn) -> None:
     """The journal was restored from a copy, which does not know what was sent since."""
     with GuardedSampler("fake_lima") as sampler:
