@@ -20,7 +20,7 @@ from qcompile.planning.simulation import Simulated
 from qcompile.policy import Policy
 
 DEPTHS: tuple[int, ...] = (1, 2, 4, 8, 16, 32, MOST_AHEAD)
-_AUTO_MARGIN = 1.05
+_AUTO_MARGIN = 1.15
 """`auto` is taken where it costs no more than this much of the best depth: it adapts on the
 machine, where predictions may fail more often than on a model of it."""
 _MOST_CUT = 0.02
