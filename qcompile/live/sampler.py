@@ -201,7 +201,7 @@ class GuardedSampler(JobsSampler):
         if self.is_closed:
             raise LiveError(
                 f"The sampler of {self.journal.folder} is closed.",
-                "Make another one with the same journal: it goes on from there.",
+                "Make another one with the same journal: it continues from there.",
             )
         if self._owner != _caller():
             raise LiveError(
