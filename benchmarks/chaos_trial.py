@@ -39,7 +39,7 @@ SCENARIOS = {
     "batch": (*PLAY, "--shots", "256", "--mitigation", "response", "--batch", *LIVE),
     "calibrate": (
         *("calibrate", "--backend", "fake_lima", "--parts", "readout,response"),
-        *("--out", "made.json", "--force", *LIVE),
+        *("--shots", "1024", "--out", "made.json", "--force", *LIVE),
     ),
     "validate": ("validate", "twin.json", "--policy", "acrobot", "--shots", "512", *LIVE),
     "ahead": (*PLAY, "--shots", "64", "--mitigation", "none", "--speculate", "3", *LIVE),

@@ -83,8 +83,6 @@ def _qasm(circuit: Any) -> str:
 
 def unsupported(circuit: Any, target: Any) -> str | None:
     """What of a circuit is not among the instructions of a machine's Target, in words, if any."""
-    if target is None:
-        return None
     if circuit.num_qubits > (target.num_qubits or 0):
         return f"It has {circuit.num_qubits} qubits, the machine {target.num_qubits}."
     return _unsupported(circuit, target, range(circuit.num_qubits))

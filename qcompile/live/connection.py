@@ -103,6 +103,15 @@ class Connection:
             about=f"the backend {self.name}",
         )
 
+    def target(self) -> Any:
+        """What the backend can run, as Qiskit's Target.
+
+        Raises:
+            LiveError: as for `backend`.
+        """
+        backend = self.backend
+        return self.ask(lambda service: backend.target, about=f"the backend {self.name}")
+
     def ask(
         self, question: Callable[[Any], T], *, about: str = "the account", patient: bool = True
     ) -> T:

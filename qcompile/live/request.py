@@ -60,16 +60,16 @@ class Request:
             digest.update(rounded(values).astype("<f8").tobytes())
         return DIGEST + digest.hexdigest()
 
-    def check_runs_on(self, backend: Any) -> None:
-        """Nothing, if each circuit consists of instructions that the backend has.
+    def check_runs_on(self, backend: str, target: Any) -> None:
+        """Nothing, if each circuit consists of instructions of the Target of `backend`.
 
         Raises:
             LiveError: one does not; IBM would fail the job.
         """
         for index, pub in enumerate(self.pubs):
-            if words := unsupported(pub.circuit, getattr(backend, "target", None)):
+            if words := unsupported(pub.circuit, target):
                 raise LiveError(
-                    f"{backend.name} cannot run circuit {index} of the job.",
+                    f"{backend} cannot run circuit {index} of the job.",
                     words,
                     "Compile it for the machine: generate_preset_pass_manager(backend=backend).",
                 )

@@ -70,7 +70,7 @@ class Sender:
             ):
                 raise in_words(error) from error
             error = None
-            request.check_runs_on(self._connection.backend)
+            request.check_runs_on(self._connection.name, self._connection.target())
             try:
                 cap_s = self._cap_s(submission.executions)
             except BudgetError as full:

@@ -8,10 +8,15 @@ from typing import Any
 
 import pytest
 from live_runs import Runs, check_paid_once, played
-from standin import Fault
+from standin import Fault, StandIn
 from standin.errors import ApiError
 from standin.server import Application
 from standin.service import Service
+
+from qcompile.errors import LiveError
+from qcompile.live import GuardedSampler
+
+from .sampled import flipped
 
 STEP_S = 2.1792
 CAP_S = 19
@@ -210,3 +215,17 @@ def test_a_failed_job_whose_results_are_not_there_is_sent_again(
     assert found.code == 0, found.err
     assert played(found.json()) == undisturbed
     check_paid_once(runs.service, 3)
+
+
+@pytest.mark.parametrize("wrong", [{"qubits": None}, "text"])
+def test_a_sampler_explains_properties_of_another_shape(
+    service: StandIn, monkeypatch: pytest.MonkeyPatch, wrong: Any
+) -> None:
+    """They are read before the first job is sent; the same program is run again."""
+    reshape(monkeypatch, "GET /backends/{id}/properties", lambda body: wrong, times=1)
+    with GuardedSampler("fake_lima") as sampler:
+        with pytest.raises(LiveError, match="the backend fake_lima"):
+            sampler.run([flipped(0)], shots=100)
+        assert not service.ledger().jobs
+        sampler.run([flipped(0)], shots=100).result()
+    assert len(service.ledger().jobs) == 1
