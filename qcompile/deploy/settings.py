@@ -147,7 +147,7 @@ class RunSettings(BaseModel):
         """Nothing, if each copy has an episode, or a share of the shots.
 
         Raises:
-            OptionError: there are more copies than so many episodes.
+            OptionError: there are more copies than episodes.
         """
         if not self.split and self.copies is not None and self.copies > episodes:
             raise OptionError(

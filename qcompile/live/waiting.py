@@ -58,7 +58,7 @@ class Remaining:
         return left * max((time.monotonic() - self._began) / own, self._job_s)
 
     def words(self, done: int) -> str:
-        """The time in words; empty where there is no telling."""
+        """The time in words; empty where it cannot be told."""
         if done >= self._planned > 0:
             return "longer than planned" if done > self._planned else ""
         seconds = self.seconds(done)
