@@ -1,4 +1,4 @@
-"""What the rows of jobs cost on a machine, and the seconds of runs with other seeds."""
+"""What runs cost on a machine: the mean of many, and where most of them lie."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from qcompile.execution.cost import job_counts, qpu_seconds
 from qcompile.planning.chains import Chains
 
 RESAMPLES = 100
-"""Runs that are resampled for an interval of seconds."""
+"""Runs that are resampled for a mean and an interval."""
 _PERCENT = 10.0, 90.0
 
 
@@ -48,8 +48,10 @@ class Packing:
 
 @dataclass(frozen=True, eq=False)
 class Price:
-    """What the first `episodes` of the chains take, at a depth, and others like them.
+    """What runs of `episodes` like those of the chains take, at a depth.
 
+    They are resampled: as many episodes, drawn with replacement from all of the chains by `seed`. A
+    machine draws noise of its own, so that even a run from the same resets is one of them.
     `calibration` is what is measured before the first episode.
     """
 
@@ -58,22 +60,30 @@ class Price:
     packing: Packing
     speculate: Speculate
     calibration: Workload
+    seed: int = 0
 
     @cached_property
     def load(self) -> Workload:
-        """Jobs and executions of the first episodes, and of the calibration."""
-        return self._load_of(np.arange(self.episodes)) + self.calibration
+        """Jobs and executions of a run on average, each rounded, those of the calibration too."""
+        jobs, executions = np.mean([(run.jobs, run.executions) for run in self._runs], axis=0)
+        return Workload(round(jobs), round(executions))
 
-    def seconds_80(self, seed: int = 0) -> tuple[float, float]:
-        """The 80 % interval of the QPU seconds of runs with other seeds.
+    @cached_property
+    def seconds(self) -> float:
+        """The QPU seconds of a run on average."""
+        return float(np.mean([run.qpu_seconds for run in self._runs]))
 
-        From runs of as many episodes, drawn with replacement from all of the chains.
-        """
-        rng = np.random.default_rng(seed)
-        drawn = rng.integers(len(self.chains.decisions), size=(RESAMPLES, self.episodes))
-        seconds = [(self._load_of(some) + self.calibration).qpu_seconds for some in drawn]
-        low, high = np.percentile(seconds, _PERCENT)
+    @cached_property
+    def seconds_80(self) -> tuple[float, float]:
+        """The 80 % interval of the QPU seconds of a run."""
+        low, high = np.percentile([run.qpu_seconds for run in self._runs], _PERCENT)
         return float(low), float(high)
+
+    @cached_property
+    def _runs(self) -> list[Workload]:
+        rng = np.random.default_rng(self.seed)
+        drawn = rng.integers(len(self.chains.decisions), size=(RESAMPLES, self.episodes))
+        return [self._load_of(some) + self.calibration for some in drawn]
 
     @cached_property
     def _rows(self) -> IntArray:

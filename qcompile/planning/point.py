@@ -70,7 +70,9 @@ class Point:
         if self.cut is not None:
             chains = chains.cut(-(-self.cut // self.policy.hold))
         calibration = self.simulated.calibration
-        return Price(chains, self.episodes, self.packing, self.speculate, calibration)
+        return Price(
+            chains, self.episodes, self.packing, self.speculate, calibration, self.settings.seed
+        )
 
     @cached_property
     def settings(self) -> RunSettings:
@@ -85,17 +87,17 @@ class Point:
 
     @property
     def seconds(self) -> float:
-        """QPU seconds of the episodes of the seed itself."""
-        return self.price.load.qpu_seconds
+        """QPU seconds of the episodes on average."""
+        return self.price.seconds
 
-    @cached_property
+    @property
     def seconds_80(self) -> tuple[float, float]:
-        """The 80 % interval of the QPU seconds with other seeds."""
-        return self.price.seconds_80(self.settings.seed)
+        """The 80 % interval of the QPU seconds."""
+        return self.price.seconds_80
 
     @property
     def most_seconds(self) -> float:
-        """What a limit must allow: the seed's own seconds, and the upper end of the interval."""
+        """What a limit must allow: the upper end of the interval."""
         return max(self.seconds, self.seconds_80[1])
 
     @property
@@ -135,7 +137,7 @@ class Point:
             "episodes": self.episodes,
             "jobs": load.jobs,
             "executions": load.executions,
-            "qpu_seconds": load.qpu_seconds,
+            "qpu_seconds": self.seconds,
             "qpu_seconds_80": list(self.seconds_80),
             "qpu_seconds_at_4_sub_jobs": at_sub_jobs(load),
             "mean_reward": self.mean_reward,

@@ -56,9 +56,8 @@ class Softmax:
         if np.shape(u) != (len(values),):
             raise PolicyError(f"u has shape {np.shape(u)}.", f"It needs {(len(values),)}.")
         sums = np.add.accumulate(_odds(self.logits(values)), axis=1)
-        reached = sums[:, -1] * u
-        sums[:, -1] = np.inf
-        return np.asarray((sums > reached[:, np.newaxis]).argmax(axis=1))
+        passed = sums[:, :-1] <= (sums[:, -1] * u)[:, np.newaxis]
+        return np.asarray(np.add.reduce(passed, axis=1))
 
     def sample(self, values: FloatArray, /, rng: np.random.Generator) -> IntArray:
         """One action for each row of values, drawn from its exact probabilities."""

@@ -15,12 +15,14 @@ from qcompile.streams.stream import Stream
 
 _DECISIONS = 64
 """Decisions of a block at most."""
+_GROWTH = 8
+"""How many times the decisions of a block the next one has."""
 _NUMBERS = 2_000_000
 """Numbers of a block at most: 16 megabytes."""
 
 PlaceArray = NDArray[np.int64]
-Draw = Callable[[PlaceArray, PlaceArray], FloatArray]
-"""From episodes and decisions, both (rows,), to numbers, (arrays, rows, ...)."""
+Fill = Callable[[PlaceArray, PlaceArray, FloatArray], None]
+"""Writes the numbers of episodes and decisions, both (rows,), to (arrays, rows, width)."""
 
 
 class Draws:
@@ -33,14 +35,14 @@ class Draws:
 
     def __init__(self, seed: int, circuits: int):
         self.circuits = circuits
-        self._counts, actions = Stream(seed, "shots"), Stream(seed, "actions")
-        self._uniforms = _Ahead(lambda *places: actions.uniforms(*places)[None], 1)
+        self._counts, self._actions = Stream(seed, "shots"), Stream(seed, "actions")
+        self._uniforms = _Ahead(self._fill_uniforms, 1, 1)
         self._shots: CircuitShots = 1
         self._scores = self._scores_ahead(self._shots)
 
     def actions(self, episode: PlaceArray, decision: PlaceArray) -> FloatArray:
         """A number in [0, 1) for each episode (B,) at its decision (B,)."""
-        uniforms: FloatArray = self._uniforms.numbers(episode, decision)[0]
+        uniforms: FloatArray = self._uniforms.numbers(episode, decision)[0, :, 0].copy()
         return uniforms
 
     def binomial(
@@ -71,10 +73,13 @@ class Draws:
         return RowDraws(self, episode, decision)
 
     def _scores_ahead(self, shots: CircuitShots) -> _Ahead:
-        def draw(episode: PlaceArray, decision: PlaceArray) -> FloatArray:
-            return self._counts.scores(shots, episode, decision, self.circuits)
+        def fill(episode: PlaceArray, decision: PlaceArray, out: FloatArray) -> None:
+            self._counts.scores(shots, episode, decision, self.circuits, out)
 
-        return _Ahead(draw, ARRAYS * self.circuits)
+        return _Ahead(fill, ARRAYS, self.circuits)
+
+    def _fill_uniforms(self, episode: PlaceArray, decision: PlaceArray, out: FloatArray) -> None:
+        out[0, :, 0] = self._actions.uniforms(episode, decision)
 
 
 class RowDraws(NamedTuple):
@@ -90,30 +95,35 @@ class RowDraws(NamedTuple):
 
 
 class _Ahead:
-    """Numbers of `draw`, of a block of decisions at once where they follow each other.
+    """Numbers of `fill`, of a block of decisions at once where they follow each other.
 
-    A block that was used up is followed by one of twice as many decisions; every other starts with
-    a single one.
+    A block that was used up is followed by a longer one; every other starts with a single decision.
+    All are written to the same memory: new memory would cost more than the numbers.
     """
 
-    def __init__(self, draw: Draw, width: int):
-        self._draw = draw
-        self._width = width
+    def __init__(self, fill: Fill, arrays: int, width: int):
+        self._fill, self._arrays, self._width = fill, arrays, width
         self._first = self._length = 0
         self._episodes = np.empty(0, dtype=np.int64)
-        self._block = np.empty((1, 0, 0))
+        self._memory = np.empty(0)
+        self._block = np.empty((arrays, 0, 0, width))
         self._asked = b""
         """The episodes of the last call, and where each of them stands in the block."""
         self._position: IntArray | None = None
 
     def numbers(self, episode: PlaceArray, decision: PlaceArray) -> FloatArray:
-        """Those of the places of both arrays, flat: (arrays, places, ...)."""
+        """Those of the places of both arrays, flat: (arrays, places, width).
+
+        They hold until the next call.
+        """
         episode = np.asarray(episode, dtype=np.int64)
         decision = np.asarray(decision, dtype=np.int64)
         asked, decisions = episode.tobytes(), decision.tobytes()
         size = episode.size
         if size == 0 or decisions != decisions[:8] * size:
-            return self._draw(episode.ravel(), decision.ravel())
+            alone = np.empty((self._arrays, size, self._width))
+            self._fill(episode.ravel(), decision.ravel(), alone)
+            return alone
         offset = int(decision.flat[0]) - self._first
         if asked != self._asked or not 0 <= offset < self._length:
             offset = self._search(episode.ravel(), offset)
@@ -132,16 +142,27 @@ class _Ahead:
             if np.array_equal(self._episodes[position], episode):
                 self._position = position
                 return offset
-        most = max(1, _NUMBERS // (self._width * episode.size))
-        length = min(2 * self._length, _DECISIONS, most) if offset == self._length else 1
+        follows = offset == self._length
         self._episodes, position = np.unique(episode, return_inverse=True)
         self._position = None if np.array_equal(self._episodes, episode) else position
         self._first += offset
-        self._length = max(length, 1)
-        decisions = np.arange(self._first, self._first + self._length)
-        block = self._draw(
-            np.tile(self._episodes, self._length), np.repeat(decisions, len(self._episodes))
-        )
-        shape = len(block), self._length, len(self._episodes), *block.shape[2:]
-        self._block = block.reshape(shape)
+        episodes = len(self._episodes)
+        most = min(_DECISIONS, max(1, _NUMBERS // max(1, self._arrays * self._width * episodes)))
+        self._length = min(_GROWTH * self._length, most) if follows and self._length else 1
+        self._fill_block(most * episodes)
         return 0
+
+    def _fill_block(self, most_rows: int) -> None:
+        """Draw all decisions of the block, in memory that holds `most_rows` rows."""
+        rows = self._length * len(self._episodes)
+        numbers = self._arrays * self._width
+        if self._memory.size < numbers * rows:
+            self._memory = np.empty(numbers * most_rows)
+        block = self._memory[: numbers * rows].reshape(self._arrays, rows, self._width)
+        decisions = np.arange(self._first, self._first + self._length)
+        self._fill(
+            np.tile(self._episodes, self._length),
+            np.repeat(decisions, len(self._episodes)),
+            block,
+        )
+        self._block = block.reshape(self._arrays, self._length, len(self._episodes), self._width)

@@ -42,23 +42,20 @@ def equal_shots(shots: CircuitShots) -> list[tuple[int, slice]]:
     return [(int(shots[start]), slice(start, stop)) for start, stop in pairwise(borders)]
 
 
-def normal_scores(
-    shots: CircuitShots, row: WordArray, circuits: int, keys: RoundKeys
-) -> FloatArray:
-    """The arrays of counts in `shots` shots, (ARRAYS, rows, circuits).
+def fill_scores(shots: CircuitShots, row: WordArray, keys: RoundKeys, scores: FloatArray) -> None:
+    """Fill `scores` (ARRAYS, rows, circuits), the arrays of counts in `shots` shots.
 
     `row` (rows,) holds episode * 2**32 + decision. u is an odd multiple of 2**-53, so that neither
     u nor 1 - u is ever 0: 52 bits of the number c % 2 of counter (episode, decision, c // 2, 0),
     for circuit c.
     """
-    scores, alike = np.empty((ARRAYS, len(row), circuits)), equal_shots(shots)
-    height = max(1, _BLOCK // max(circuits, 1))
+    alike = equal_shots(shots)
+    height = max(1, _BLOCK // max(scores.shape[2], 1))
     for start in range(0, len(row), height):
         block = scores[:, start : start + height]
         _uniforms(row[start : start + height], keys, block[0])
         for equal, which in alike:
             polynomials(equal, block[:, :, which])
-    return scores
 
 
 def _uniforms(row: WordArray, keys: RoundKeys, uniform: FloatArray) -> None:

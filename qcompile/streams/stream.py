@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from qcompile.arrays import CircuitShots, CountArray, FloatArray
 from qcompile.streams.philox import THIRTY_TWO, RoundKeys, WordArray, constant, philox, round_keys
 from qcompile.streams.quantile import binomial_quantiles
-from qcompile.streams.scores import normal_scores
+from qcompile.streams.scores import ARRAYS, fill_scores
 
 Purpose = Literal["shots", "actions"]
 """What a stream is for. The order is part of the law: a new purpose goes to the end."""
@@ -52,13 +52,21 @@ class Stream:
         return np.asarray((bits >> _ELEVEN) * 2.0**-53).reshape(shape)
 
     def scores(
-        self, shots: CircuitShots, episode: ArrayLike, decision: ArrayLike, circuits: int
+        self,
+        shots: CircuitShots,
+        episode: ArrayLike,
+        decision: ArrayLike,
+        circuits: int,
+        out: FloatArray | None = None,
     ) -> FloatArray:
         """What counts of `shots` shots take from the stream, (ARRAYS, B, circuits), as scores.py.
 
-        `episode` and `decision` are (B,) integers.
+        `episode` and `decision` are (B,) integers. The result is `out`, if that is given.
         """
-        return normal_scores(shots, _pair(episode, decision), circuits, self._keys)
+        row = _pair(episode, decision)
+        scores = np.empty((ARRAYS, len(row), circuits)) if out is None else out
+        fill_scores(shots, row, self._keys, scores)
+        return scores
 
     def binomial(
         self, shots: int, p: FloatArray, episode: ArrayLike, decision: ArrayLike

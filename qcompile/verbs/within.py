@@ -66,8 +66,8 @@ def advice(values: Mapping[str, Any]) -> str:
     if chosen is not None:
         low, high = chosen["qpu_seconds_80"]
         words = (
-            f"* {chosen['qpu_seconds']:.1f} QPU seconds with this seed, {low:.0f} to {high:.0f} "
-            "with four of five others"
+            f"* {chosen['qpu_seconds']:.1f} QPU seconds on average, {low:.0f} to {high:.0f} "
+            "in four of five runs"
         )
         return "\n".join(filter(None, [words, chosen["command"]]))
     nearest = values["nearest"]

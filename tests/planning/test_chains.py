@@ -83,21 +83,26 @@ def test_jobs_are_those_of_the_portions(rounds: int, shots: int) -> None:
     assert job_counts(rows * rounds, shots).tolist() == expected
 
 
-def test_the_price_counts_the_first_episodes_and_the_calibration() -> None:
-    price = Price(chains(FIRST, SECOND, FIRST), 2, Packing(1, 100), 4, Workload(1, 1000))
-    assert price.load == Workload(3, 1000 + 100 * 13)
-    assert at_sub_jobs(price.load) == pytest.approx(3 * 8 + 0.00035 * 2300)
+def test_the_price_counts_the_calibration() -> None:
+    price = Price(chains(*[FIRST] * 5), 2, Packing(1, 100), 4, Workload(1, 1000))
+    # four rows to the wrong one, which counts third, and the four that are left; of two episodes
+    assert price.load == Workload(3, 1000 + 100 * 16)
+    assert price.seconds == pytest.approx(3 * 2 + 0.00035 * 2600)
+    assert at_sub_jobs(price.load) == pytest.approx(3 * 8 + 0.00035 * 2600)
 
 
-def test_the_interval_of_equal_episodes_has_no_width() -> None:
+def test_runs_of_equal_episodes_are_equal() -> None:
     price = Price(chains(*[FIRST] * 9), 5, Packing(1, 100), 2, Workload())
-    assert price.seconds_80() == pytest.approx((4 * 2 + 0.00035 * 4000,) * 2)
+    assert price.seconds_80 == pytest.approx((4 * 2 + 0.00035 * 4000,) * 2)
+    assert price.seconds == pytest.approx(4 * 2 + 0.00035 * 4000)
 
 
-def test_the_interval_is_that_of_runs_of_other_episodes() -> None:
+def test_a_run_is_one_of_episodes_drawn_from_all() -> None:
     """One episode in a hundred needs 50 jobs, the others 1: a run of n has it with 1 - .99^n."""
     rare = chains("1" * 50, *["1"] * 99)
-    low, high = Price(rare, 3, Packing(1, 1), 1, Workload()).seconds_80()
-    assert (low, high) == pytest.approx((2.0, 2.0), abs=0.01)  # 3 %
-    low, high = Price(rare, 30, Packing(1, 1), 1, Workload()).seconds_80()
-    assert (low, high) == pytest.approx((2.0, 100.0), abs=0.1)  # 26 %
+    few = Price(rare, 3, Packing(1, 1), 1, Workload())
+    assert few.seconds_80 == pytest.approx((2.0, 2.0), abs=0.01)  # 3 %
+    many = Price(rare, 30, Packing(1, 1), 1, Workload())
+    assert many.seconds_80 == pytest.approx((2.0, 100.0), abs=0.1)  # 26 %
+    share, spread = 1 - 0.99**30, 98 * (0.26 * 0.74 / 100) ** 0.5
+    assert many.seconds == pytest.approx(2 + 98 * share, abs=3 * spread)
