@@ -45,6 +45,9 @@ python_use_unqualified_type_names = True
 
 html_theme = "furo"
 html_title = f"qcompile {version}"
+html_logo = html_favicon = "images/logo.svg"
+html_static_path = ["static"]
+html_css_files = ["pages.css"]
 html_theme_options: dict[str, object] = {}
 if address := repository():
     html_theme_options["source_edit_link"] = f"{address.rstrip('/')}/edit/main/docs/{{filename}}"
