@@ -53,6 +53,7 @@ DOORS = {
         "qcompile.report.calibration_values.calibration_html",
         "qcompile.report.calibration_values.calibration_values",
         "qcompile.report.figure.Figure",
+        "qcompile.report.style.AnyStyle",
     },
 }
 """The only imports that point upwards: Program.from_*, Executable.to_qiskit and Calibration.plot
