@@ -137,7 +137,7 @@ def _refuse_measuring(ctx: click.Context) -> None:
 
 
 def _show(result: CalibrationResult, plot: Path | None, as_json: bool) -> None:
-    from qcompile.mitigation.misfit import misfit_words
+    from qcompile.mitigation.misfit import misfit_warnings
     from qcompile.report.calibration_values import print_calibration
     from qcompile.report.live import charged
 
@@ -146,7 +146,7 @@ def _show(result: CalibrationResult, plot: Path | None, as_json: bool) -> None:
         echo_json(values)
         return
     print_calibration(values)
-    lines = misfit_words(values["calibration_misfits"])
+    lines = misfit_warnings(values["calibration_misfits"])
     if check := values.get("check"):
         drifted = ", ".join(map(str, check["drifted"])) or "none"
         age = f"{check['age_hours']:.1f} hours old"

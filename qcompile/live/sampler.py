@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from qcompile.errors import LiveError, OptionError, QcompileError
-from qcompile.foreign import what_it_is
+from qcompile.foreign import describe
 from qcompile.live.charges import check_limit
 from qcompile.live.commands import resume_command
 from qcompile.live.connection import Connection
@@ -90,7 +90,7 @@ class GuardedSampler(JobsSampler):
         name, given = _machine(backend)
         if not isinstance(journal, str | Path):
             raise OptionError(
-                f"journal is {what_it_is(journal)}.", "It is the name of a folder: 'runs/mine'."
+                f"journal is {describe(journal)}.", "It is the name of a folder: 'runs/mine'."
             )
         folder = Path(journal)
         connection = Connection(name, account, instance, given=given)
@@ -239,7 +239,7 @@ def _machine(backend: Any) -> tuple[str, Any]:
     if "qiskit_ibm_runtime.ibm_backend" in homes:
         return backend.name, backend
     raise OptionError(
-        f"GuardedSampler found {what_it_is(backend)}.",
+        f"GuardedSampler found {describe(backend)}.",
         "It takes the name of a machine, or the IBMBackend of QiskitRuntimeService.backend(name).",
         "Sessions and batches are not taken; batch=True makes one.",
         "A simulator costs nothing and needs no guard: use its own sampler.",

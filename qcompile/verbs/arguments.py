@@ -15,7 +15,7 @@ from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 
-from qcompile.calibration import Calibration, age_words, load_calibration
+from qcompile.calibration import Calibration, age_warnings, load_calibration
 from qcompile.errors import OptionError
 from qcompile.limits import MAX_EPISODES
 from qcompile.sweep.arguments import Name, Planned, Words, is_several, several
@@ -85,7 +85,7 @@ def calibration_settings(calibration: Name | Calibration | None, on_note: Words)
         return {"calibration": calibration}
     file = str(Path(calibration))
     loaded = load_calibration(Path(calibration))
-    for words in age_words(file, loaded, datetime.now(UTC)):
+    for words in age_warnings(file, loaded, datetime.now(UTC)):
         on_note(words)
     return {"calibration": loaded, "calibration_file": file}
 

@@ -19,8 +19,8 @@ from qcompile.device import Device
 from qcompile.errors import OptionError, QcompileError
 from qcompile.execution import Backend, Executor, load_backend
 from qcompile.mitigation import CALIBRATION_SHOTS
-from qcompile.mitigation.misfit import misfit_words
-from qcompile.notebook import reward_words
+from qcompile.mitigation.misfit import misfit_warnings
+from qcompile.notebook import reward_text
 from qcompile.planning.ways import forecast, run_task
 from qcompile.policy import AnyPolicy, Network, Policy, load_circuits, load_policy
 from qcompile.policy.arguments import with_arguments
@@ -86,7 +86,7 @@ class RunResult(Result):
     @property
     def table(self) -> tuple[list[str], list[list[str]]]:
         values = self.to_dict()
-        mean = "-" if self.mean_reward is None else reward_words(self.mean_reward)
+        mean = "-" if self.mean_reward is None else reward_text(self.mean_reward)
         mitigation = "predistort" if values["predistort"] else values["mitigation"]
         hold = values["hold"]
         row = [values["policy"], values["backend"], values["kind"], str(values["shots"])]
@@ -206,7 +206,7 @@ def run(
 
         def count(episode: Episode) -> None:
             rewards.append(episode.reward)
-            show(len(rewards), f"mean reward {reward_words(sum(rewards) / len(rewards))}")
+            show(len(rewards), f"mean reward {reward_text(sum(rewards) / len(rewards))}")
 
         on_frame = None if film is None else film.add
         result = play(
@@ -277,6 +277,6 @@ def _run_live(
     if (counted := forecasted.player.calibration_shots) is not None:
         task = task.model_copy(update={"calibration_shots": counted})  # as told, and as resumed
     if task.calibration is not None:
-        for words in misfit_words(forecasted.player.misfits):
+        for words in misfit_warnings(forecasted.player.misfits):
             on_note(f"{task.calibration_file or 'the calibration'}: {words}")
     return spend(task, forecasted.total_load, live, connection, on_note)
