@@ -159,7 +159,7 @@ def test_verbs_load_no_more_than_the_environments() -> None:
 
 
 def test_playing_live_loads_no_more_than_the_environments() -> None:
-    rooms = "qcompile.live.perform, qcompile.live.validate, qcompile.planning.ways"
+    rooms = "qcompile.live.perform, qcompile.live.validate, qcompile.planning.strategies"
     assert loaded_by(f"import {rooms}") <= {"gymnasium"}
 
 

@@ -21,7 +21,7 @@ from qcompile.execution import Backend, Executor, load_backend
 from qcompile.mitigation import CALIBRATION_SHOTS
 from qcompile.mitigation.misfit import misfit_warnings
 from qcompile.notebook import reward_text
-from qcompile.planning.ways import forecast, run_task
+from qcompile.planning.strategies import forecast, run_task
 from qcompile.policy import AnyPolicy, Network, Policy, load_circuits, load_policy
 from qcompile.policy.arguments import with_arguments
 from qcompile.report import progress as bars
