@@ -20,6 +20,7 @@ from qcompile.cli.options import (
     json_option,
     once,
 )
+from qcompile.cli.reports import check_report, report_option, write_report
 from qcompile.limits import MAX_EPISODES
 
 if TYPE_CHECKING:
@@ -118,6 +119,7 @@ class _Mitigation(click.ParamType[str]):
     type=MarkdownPath(),
     help="Markdown page of --paper.  [default: devices.md in the folder]",
 )
+@report_option
 @engine_options("cells")
 @json_option
 def command(
@@ -135,6 +137,7 @@ def command(
     paper: bool,
     out: Path,
     page: Path | None,
+    report: Path | None,
     engine: Engine,
     address: str | None,
     workers: int | None,
@@ -168,6 +171,7 @@ def command(
         )
     if page is not None and not paper:
         raise click.UsageError("--page is the page of --paper.")
+    check_report(report, page=page)
     shared: dict[str, Any] = {
         "episodes": episodes,
         "seed": seed,
@@ -187,4 +191,5 @@ def command(
         print_grid(result.cells)
         paths = ", ".join(map(str, result.paths))
         click.echo(f"{result.played} cells played, {result.there} were there; written: {paths}")
+    write_report(result, report)
     result.check_complete()

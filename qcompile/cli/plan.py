@@ -20,6 +20,7 @@ from qcompile.cli.options import (
     level_option,
     max_steps_option,
 )
+from qcompile.cli.reports import check_report, report_option, write_report
 from qcompile.limits import (
     FREE_SECONDS,
     MAX_EPISODES,
@@ -108,6 +109,7 @@ def _one_or_several(
 @click.option("--live", is_flag=True, help="Ask IBM for the machine's qubits; this spends nothing.")
 @click.option("--account", help="With --live: account of IBM's own tools.")
 @click.option("--instance", help="With --live: CRN or name.")
+@report_option
 @json_option
 def command(
     policy: str | list[str],
@@ -130,6 +132,7 @@ def command(
     live: bool,
     account: str | None,
     instance: str | None,
+    report: Path | None,
     as_json: bool,
 ) -> None:
     """Say what episodes with POLICY (default lunarlander) cost on a machine, before anything is
@@ -143,6 +146,7 @@ def command(
     from qcompile.report.tables import plural, print_table
     from qcompile.verbs.plan import plan
 
+    check_report(report, calibration=calibration)
     planned = plan(
         policy,
         backend,
@@ -202,4 +206,5 @@ def command(
         )
         if planned.recommended is not None:
             click.echo(planned.remark)
+    write_report(planned, report)
     planned.check_fits()

@@ -16,6 +16,7 @@ from qcompile.cli.options import (
     import_option,
     json_option,
 )
+from qcompile.cli.reports import check_report, report_option, write_report
 
 if TYPE_CHECKING:
     from qcompile.sweep.engine import Engine
@@ -60,6 +61,7 @@ if TYPE_CHECKING:
     type=MarkdownPath(),
     help="Markdown page to write.  [default: reproduction.md in the folder]",
 )
+@report_option
 @import_option
 @env_option
 @engine_options("trainings")
@@ -71,6 +73,7 @@ def command(
     workers: int | None,
     listing: bool,
     as_json: bool,
+    report: Path | None,
     **choice: Any,
 ) -> None:
     """Train every row of a study with several seeds and write up all that the folder holds.
@@ -91,11 +94,14 @@ def command(
             columns = ["row", "environment", "seeds", "left"]
             print_table(columns, [[*row.values()] for row in members])
         return
+    check_report(report, page=choice["page"])
     result = study(**choice, engine=engine, address=address, workers=workers, on_note=echo_note)
     if as_json:
         echo_json(result.to_dict())
+        write_report(result, report)
         return
     print_table(*result.table, right=(1, 2, 3))
     click.echo(
         f"{result.trained} trainings done, {result.there} were there; written up in {result.page}"
     )
+    write_report(result, report)
