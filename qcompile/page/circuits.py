@@ -11,12 +11,15 @@ from qcompile.noise import REFERENCE_SHOTS, expected_error, unusable
 from qcompile.page.document import Block, Code, Heading, Prose, Qubits, Section, Tile
 from qcompile.passes import LEVELS, Executable, compile
 from qcompile.policy import AnyPolicy, Network, Policy
+from qcompile.report.placement import PERFECT
 from qcompile.report.tables import plural
 from qcompile.report.wires import wire
 
 _MOST_SHAPES = 6
 _MOST_NUMBERS = 12
 _MOST_TILES = 400
+_WARM = 2.0
+"""A qubit whose error is that much above a perfect one's, as a share of it, has the full colour."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,14 +147,13 @@ def _placement(compiled: Compiled, executable: Executable, name: str) -> Iterato
     for index, qubit in enumerate(executable.qubits.tolist()):
         circuits.setdefault(qubit, []).append(index % count)
     errors = [expected_error(device, qubit) for qubit in range(len(device.qubits))]
-    worst = max((error for error in errors if error is not None), default=1.0)
     left_out = unusable(device)
     shown = sorted(circuits) if len(errors) > _MOST_TILES else range(len(errors))
     tiles = [
         Tile(
             qubit,
             "unknown" if (error := errors[qubit]) is None else f"{error:.4f}",
-            1.0 if error is None else error / (worst or 1.0),
+            1.0 if error is None else min(max((error / PERFECT - 1) / _WARM, 0.0), 1.0),
             _placed(circuits.get(qubit, [])),
             left_out.get(qubit, ""),
         )
@@ -163,8 +165,8 @@ def _placement(compiled: Compiled, executable: Executable, name: str) -> Iterato
         f"Qubits of {name}",
         tiles,
         f"{plural(count, 'circuit')}{side} in {rounds}; the circuits that matter most are on the "
-        f"best qubits. The number below a qubit is its error of <Z>: root mean square at "
-        f"{REFERENCE_SHOTS} shots, readout mitigated.",
+        f"best qubits. The number beside a qubit is its error of <Z>: root mean square at "
+        f"{REFERENCE_SHOTS} shots, readout mitigated; {PERFECT:.4f} if perfect.",
     )
 
 

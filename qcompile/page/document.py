@@ -80,11 +80,12 @@ class Picture:
 
 @dataclass(frozen=True)
 class Code:
-    """Text whose blanks and line breaks count; `label` names it."""
+    """Text whose blanks and line breaks count; `label` names it. Long lines break if it `wraps`."""
 
     kind: ClassVar[str] = "code"
     label: str
     text: str
+    wraps: bool = False
 
 
 @dataclass(frozen=True)

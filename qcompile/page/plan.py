@@ -100,7 +100,7 @@ def _within_headline(values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 def _recommended(values: Mapping[str, Any], remark: str) -> Iterator[Block]:
     chosen = values.get("recommended")
     if chosen is not None and chosen["command"]:
-        yield Code("Command that plays it", chosen["command"])
+        yield Code("Command that plays it", chosen["command"], wraps=True)
 
 
 def _figure(

@@ -50,10 +50,9 @@ def draw_distributions(
             counts, _ = np.histogram(sample.rewards, edges)
             heights = 0.52 * counts / counts.max()
             colour = _GREY if sample.grey else look.colours[0]
-            axes.bar(
-                edges[:-1], heights, np.diff(edges), base, align="edge", color=colour, alpha=0.45,
-                linewidth=0,
-            )  # fmt: skip
+            axes.stairs(
+                base + heights, edges, baseline=base, fill=True, color=colour, alpha=0.45, lw=0
+            )
             axes.axhline(base, color=_GREY, linewidth=0.5)
             if len(sample.rewards) <= _MOST_TICKS:
                 axes.vlines(
