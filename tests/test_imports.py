@@ -56,6 +56,7 @@ DOORS = {
         "qcompile.report.figure.Figure",
         "qcompile.page.calibration.calibration_document",
         "qcompile.page.render.write_report",
+        "qcompile.report.style.AnyStyle",
     },
 }
 """The only imports that point upwards: Program.from_*, Executable.to_qiskit and Calibration.plot

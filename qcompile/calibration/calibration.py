@@ -26,6 +26,7 @@ from qcompile.validation import Line, Many, Record, explain
 
 if TYPE_CHECKING:
     from qcompile.report.figure import Figure
+    from qcompile.report.style import AnyStyle
 
 
 class Calibration(Record):
@@ -103,12 +104,15 @@ class Calibration(Record):
         """Hours from its creation to `now`, which has a time zone."""
         return (now - self.created).total_seconds() / 3600
 
-    def plot(self) -> Figure:
-        """Response curves, residuals and readout errors of every qubit as a picture."""
-        from qcompile.report.calibration import draw_calibration
-        from qcompile.report.figure import Figure
+    def plot(self, style: AnyStyle = None) -> Figure:
+        """Response curves, residuals and readout errors of every qubit as a figure.
 
-        return Figure(draw_calibration(self))
+        Raises:
+            FigureError: the style cannot be read.
+        """
+        from qcompile.report.calibration import draw_calibration
+
+        return draw_calibration(self, style)
 
     def report(self, path: str | PathLike[str]) -> None:
         """Write a page of HTML with figures, tables and settings; it opens offline.

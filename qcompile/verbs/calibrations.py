@@ -11,7 +11,7 @@ import numpy as np
 
 from qcompile.calibration import Calibration
 from qcompile.device import Device
-from qcompile.errors import CalibrationError, OptionError
+from qcompile.errors import CalibrationError
 from qcompile.limits import CLOCK_HOURS
 from qcompile.mitigation.measure import PARTS, Part
 from qcompile.mitigation.misfit import misfit_words
@@ -19,7 +19,8 @@ from qcompile.output import check_writable
 from qcompile.page.calibration import calibration_document
 from qcompile.page.document import Document
 from qcompile.report.calibration_values import calibration_table
-from qcompile.report.figure import Figure
+from qcompile.report.figure import Figure, check_figure_path
+from qcompile.report.style import AnyStyle
 from qcompile.verbs.files import check_distinct, check_new
 from qcompile.verbs.reports import Reported
 
@@ -36,10 +37,11 @@ class CalibrationOutputs:
         """Nothing, if the names fit each other and those of the files that are read.
 
         Raises:
-            OptionError: the picture's file is no .png, or is one of the others.
+            FigureError: no figure has such a name.
+            OptionError: the figure's file is one of the others.
         """
-        if self.plot is not None and self.plot.suffix != ".png":
-            raise OptionError(f"{self.plot} must end with .png.")
+        if self.plot is not None:
+            check_figure_path(self.plot)
         check_distinct({**inputs, "plot": self.plot})
         check_distinct({"out": self.out, "plot": self.plot})
 
@@ -85,9 +87,13 @@ class CalibrationResult(Reported):
         super().__init__(values)
         self.calibration, self.file = calibration, file
 
-    def plot(self) -> Figure:
-        """Curves, residuals and readout errors of every qubit."""
-        return self.calibration.plot()
+    def plot(self, style: AnyStyle = None) -> Figure:
+        """Curves, residuals and readout errors of every qubit.
+
+        Raises:
+            FigureError: the style cannot be read.
+        """
+        return self.calibration.plot(style)
 
     @property
     def table(self) -> tuple[list[str], list[list[str]]]:

@@ -20,6 +20,7 @@ from qcompile.policy import AnyPolicy
 from qcompile.report import progress as bars
 from qcompile.report.figure import Figure
 from qcompile.report.intervals import draw_intervals
+from qcompile.report.style import AnyStyle
 from qcompile.report.tables import grid_table, plural
 from qcompile.sweep.arguments import Name, Shots, Words, ignore, several
 from qcompile.sweep.complete import CellFailure
@@ -61,10 +62,13 @@ class EvaluationResult(Reported):
         """
         self._evaluation.check_complete()
 
-    def plot(self, policy: str | None = None) -> Figure:
+    def plot(self, policy: str | None = None, style: AnyStyle = None) -> Figure:
         """Mean rewards and their 95 % intervals, a panel for each policy, or of this one alone.
 
+        Policies of one environment share the axis of rewards.
+
         Raises:
+            FigureError: the style cannot be read.
             StudyError: there is no such policy.
         """
         names = list(dict.fromkeys(values["policy"] for values in self.cells))
@@ -81,7 +85,7 @@ class EvaluationResult(Reported):
         episodes = plural(len(self.cells[0]["episodes"]), "episode")
         environments = {cell["environment"] for cell in self.cells if cell["policy"] in shown}
         title = f"{' and '.join(sorted(environments))}, {episodes}"
-        return Figure(draw_intervals(title, drawing, same_scale=len(environments) == 1))
+        return draw_intervals(title, drawing, style)
 
     def document(self, command: str) -> Document:
         cells = self._evaluation.cells

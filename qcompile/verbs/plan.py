@@ -28,6 +28,7 @@ from qcompile.report import progress as bars
 from qcompile.report.figure import Figure
 from qcompile.report.frontier import draw_frontier
 from qcompile.report.seconds import draw_seconds
+from qcompile.report.style import AnyStyle
 from qcompile.sweep.arguments import Name, Words, ignore, several, shots_of
 from qcompile.verbs.arguments import calibration_settings, checked
 from qcompile.verbs.reports import Reported
@@ -66,10 +67,14 @@ class Plan(Reported):
         chosen: dict[str, Any] | None = self.to_dict().get("recommended")
         return chosen
 
-    def plot(self) -> Figure:
-        """The QPU seconds of each way, or reward against seconds, on a logarithmic scale."""
-        values = self.to_dict()
-        return draw_frontier(values) if "frontier" in values else draw_seconds(values)
+    def plot(self, style: AnyStyle = None) -> Figure:
+        """The QPU seconds of each way, or reward against seconds, on a logarithmic scale.
+
+        Raises:
+            FigureError: the style cannot be read.
+        """
+        draw = draw_frontier if "frontier" in self.to_dict() else draw_seconds
+        return draw(self.to_dict(), style)
 
     def document(self, command: str) -> Document:
         return plan_document(

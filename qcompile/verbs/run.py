@@ -32,6 +32,7 @@ from qcompile.report import progress as bars
 from qcompile.report.figure import Figure
 from qcompile.report.film import SUFFIXES, Film
 from qcompile.report.rewards import draw_rewards
+from qcompile.report.style import AnyStyle
 from qcompile.report.tables import interval_words
 from qcompile.sweep.arguments import Name, Planned, Shots, Words, ignore, several, shots_of
 from qcompile.verbs.arguments import calibration_settings, checked
@@ -84,9 +85,13 @@ class RunResult(Reported):
         interval: list[float] | None = self.to_dict()["ci95"]
         return interval
 
-    def plot(self) -> Figure:
-        """The reward of each episode, their mean and its interval."""
-        return draw_rewards(self.to_dict())
+    def plot(self, style: AnyStyle = None) -> Figure:
+        """The reward of each episode, their mean and its interval.
+
+        Raises:
+            FigureError: the style cannot be read.
+        """
+        return draw_rewards(self.to_dict(), style)
 
     @property
     def table(self) -> tuple[list[str], list[list[str]]]:
