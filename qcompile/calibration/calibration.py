@@ -114,6 +114,18 @@ class Calibration(Record):
 
         return draw_calibration(self, style)
 
+    def report(self, path: str | PathLike[str]) -> None:
+        """Write a page of HTML with figures, tables and settings; it opens offline.
+
+        Raises:
+            OptionError: the file does not end with .html.
+            OutputError: it cannot be written.
+        """
+        from qcompile.page.calibration import calibration_document
+        from qcompile.page.render import write_report
+
+        write_report(calibration_document(self, self.to_dict(), self.plot), Path(path))
+
     def __repr__(self) -> str:
         measured = {"readout": self.readout_counts, "response": self.response_counts}
         parts = " and ".join(part for part, counts in measured.items() if counts is not None)
