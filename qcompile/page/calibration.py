@@ -154,7 +154,10 @@ def _settings(calibration: Calibration, values: Mapping[str, Any]) -> Iterator[t
     counts = {"readout": calibration.readout_counts, "response": calibration.response_counts}
     for part, counted in counts.items():
         if counted is not None:
-            yield f"{part} circuits", f"{len(counted.ones)}, {_number(counted.shots or 'exact')} shots"
+            yield (
+                f"{part} circuits",
+                f"{len(counted.ones)}, {_number(counted.shots or 'exact')} shots",
+            )
     yield "device", device.source
     if values.get("file"):
         yield "file", str(values["file"])

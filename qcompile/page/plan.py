@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from qcompile.limits import SECONDS_PER_EXECUTION, SECONDS_PER_JOB
-from qcompile.notebook import reward_words
+from qcompile.notebook import reward_text
 from qcompile.page.circuits import Compiled, circuits_section, placement_section
 from qcompile.page.document import Block, Code, Document, Facts, Picture, Score, Section, Table
 from qcompile.report.figure import Figure
@@ -75,7 +75,9 @@ def _headline(values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 def _within_score(values: Mapping[str, Any]) -> Score | None:
     chosen = values["recommended"]
     if chosen is None:
-        return Score("settings that fit", "none", interval=f"within {values['within']:g} QPU seconds")
+        return Score(
+            "settings that fit", "none", interval=f"within {values['within']:g} QPU seconds"
+        )
     low, high = chosen["qpu_seconds_80"]
     return Score(
         "recommended settings take",
@@ -90,7 +92,7 @@ def _within_headline(values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     yield "limit", f"{values['within']:g} QPU seconds"
     if chosen is not None:
         yield "reward kept", f"{100 * chosen['share']:.1f} %"
-        yield "mean reward", reward_words(chosen["mean_reward"])
+        yield "mean reward", reward_text(chosen["mean_reward"])
         yield "shots of a circuit", f"{chosen['shots']:,}"
         yield "jobs", f"{chosen['jobs']:,}"
     paper = values["paper"]
@@ -131,8 +133,8 @@ def _figure(
         "ahead: decisions of an episode in a job, at most. At 4 sub-jobs: should IBM count a job as "
         f"four, which is not known. Rewards are of {values['judged_episodes']} whole episodes on a "
         "model of the machine, more for what is recommended; kept is their share between random "
-        f"actions, {reward_words(values['random_reward'])}, and no noise, "
-        f"{reward_words(values['ideal_reward'])}."
+        f"actions, {reward_text(values['random_reward'])}, and no noise, "
+        f"{reward_text(values['ideal_reward'])}."
     )
     yield Table("Settings of the frontier", columns, rows, note, marked)
 

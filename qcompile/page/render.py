@@ -30,12 +30,16 @@ def render(document: Document, now: datetime | None = None) -> str:
     known = versions(*document.packages)
     named = {"qcompile": known.pop("qcompile"), "Python": platform.python_version()} | known
     sections = [section for section in document.sections if section.blocks]
-    return _environment().get_template("page.html").render(
-        document=document,
-        sections=sections,
-        made=f"{made.astimezone(UTC):%d %B %Y, %H:%M} UTC".lstrip("0"),
-        versions={name: number for name, number in named.items() if number != "none"},
-        greys=_GREYS,
+    return (
+        _environment()
+        .get_template("page.html")
+        .render(
+            document=document,
+            sections=sections,
+            made=f"{made.astimezone(UTC):%d %B %Y, %H:%M} UTC".lstrip("0"),
+            versions={name: number for name, number in named.items() if number != "none"},
+            greys=_GREYS,
+        )
     )
 
 

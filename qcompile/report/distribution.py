@@ -62,7 +62,11 @@ def draw_distributions(
             axes.plot([mean], [middle], "D", color=line, markersize=3.5, label="mean", linestyle="")
             if sample.ci95 is not None:
                 axes.hlines(
-                    middle, *sample.ci95, color=line, linewidth=1.2, label="95 % interval of the mean"
+                    middle,
+                    *sample.ci95,
+                    color=line,
+                    linewidth=1.2,
+                    label="95 % interval of the mean",
                 )
             if len(samples) > 1:
                 axes.annotate(
@@ -79,9 +83,9 @@ def draw_distributions(
     return Figure(drawing, look)
 
 
-def _edges(rewards: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> np.ndarray[
-    tuple[int, ...], np.dtype[np.float64]
-]:
+def _edges(
+    rewards: np.ndarray[tuple[int, ...], np.dtype[np.float64]],
+) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
     """The edges of bins that hold all of the rewards."""
     low, high = float(rewards.min()), float(rewards.max())
     if low == high:

@@ -57,10 +57,10 @@ _WORDS = {
 
 
 def checked(function: Callable[P, R]) -> Callable[P, R]:
-    """`function`, whose arguments of plain types are checked, and plain when it gets them.
+    """`function` with its plain arguments checked and converted before each call.
 
-    A result that has a report keeps its call. numpy's numbers become Python's, and arrays and generators lists. Other types are left to the
-    function, whose module has `from __future__ import annotations`.
+    numpy's numbers become Python's; arrays and generators become lists. A result that has a report
+    keeps its call. Other types are left to the function, whose module has `from __future__ import annotations`.
 
     Raises:
         OptionError: an argument is of another type or out of range, when the function is called.

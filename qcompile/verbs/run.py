@@ -112,7 +112,7 @@ class RunResult(Reported):
         film = None
         if self._video is not None:
             film = film_block(self._video, "The first episode", "")
-        warnings = [*filter(None, [self.remark]), *misfit_words(values["calibration_misfits"])]
+        warnings = [*filter(None, [self.remark]), *misfit_warnings(values["calibration_misfits"])]
         return run_document(
             values, self.plot, self._compiled, film, warnings=warnings, command=command
         )
