@@ -20,10 +20,10 @@ from qcompile.verbs.results import Result
 
 
 class StudyResult(Result):
-    """What a study's folder holds: its rows, trainings of before included.
+    """The rows of a study in its folder, with earlier trainings.
 
-    `trained` counts the trainings done now, `there` those asked for that the folder had; `files`
-    are what was written besides the trainings, `page` among them.
+    `trained` is the number of trainings done now, `there` of those that the folder already had;
+    `files` are the other files written, among them `page`.
     """
 
     def __init__(self, study: Study):
@@ -33,17 +33,17 @@ class StudyResult(Result):
         self._study = study
 
     def plot(self, figure: str | None = None) -> Figure:
-        """The learning curves of a figure of the study, by default its first.
+        """The learning curves of a figure of the study, by default the first.
 
         Raises:
-            StudyError: the folder holds no training of such a figure.
+            StudyError: the folder has no trainings of that figure.
         """
         pictures = draw_figures(self._study.request.study, self._study.summaries)
         name = next(iter(pictures)) if figure is None else figure
         if name not in pictures:
             raise StudyError(
-                f"There are no trainings of a figure {name!r}.",
-                f"There are: {', '.join(pictures)}.",
+                f"There are no trainings of figure {name!r}.",
+                f"Figures with trainings: {', '.join(pictures)}.",
             )
         return Figure(pictures[name])
 
@@ -87,21 +87,21 @@ def study(
     progress: bool = True,
     on_note: Words = ignore,
 ) -> StudyResult:
-    """Train every row of a study with several seeds and write up all that the folder holds.
+    """Train every row of a study with several seeds, and write up the results.
 
-    The study is "paper", or a .toml file of rows. `figures` and `rows` (beginnings of their names)
-    choose rows, `seeds` their number of seeds. `episodes` shortens every training, for a first
-    look; the final models play `evaluation` fresh episodes. Trainings, results.csv, curves.csv and
-    a picture for each figure are written to `out`, whose trainings are not repeated: by default
-    the folder `study`, for a file a folder of its name. The Markdown page is by default
-    reproduction.md in `out`. Trainings run side by side by `engine`: "processes", "dask" or "ray",
-    the cluster at `address`, with so many `workers`. `imports` are modules that register
-    environments; `env` changes arguments that those of every row are made with. `on_note` is told
-    when workers were lost.
+    The study is "paper", or a .toml file of rows. `figures` and `rows` (beginnings of row names)
+    choose rows; `seeds` is the number of seeds of each. `episodes` shortens every training, for a
+    first look. Each trained model plays `evaluation` episodes at the end.
+
+    Trainings, results.csv, curves.csv and the figures are written to `out`: by default the folder
+    `study`, or the name of the file. Trainings already there are not repeated. The Markdown page is
+    by default reproduction.md in `out`. `engine` ("processes", "dask" or "ray", with the cluster at
+    `address`) runs `workers` trainings at a time. `imports` are modules that register environments;
+    `env` changes arguments of the environments of all rows. `on_note` is told if workers stopped.
 
     Raises:
-        QcompileError: no such study, figure or row; an output that cannot be written; a training
-            that fails; Ctrl-C, after which `out` holds what is finished.
+        QcompileError: there is no such study, figure or row; an output cannot be written; a
+            training fails; Ctrl-C, after which finished trainings are in `out`.
     """
     request = StudyRequest(
         name=name,
