@@ -108,6 +108,6 @@ def _show_traceback(
 
 
 def _without_secrets(words: str) -> str:
-    from qcompile.live.words import without_secrets
+    from qcompile.live.client_errors import without_secrets
 
     return without_secrets(words)

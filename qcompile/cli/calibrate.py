@@ -19,13 +19,14 @@ from qcompile.cli.options import (
     echo_note,
     json_option,
 )
+from qcompile.cli.reports import check_report, report_option, write_report
 
 if TYPE_CHECKING:
     from qcompile.mitigation.measure import Part
     from qcompile.verbs.calibrations import CalibrationResult
     from qcompile.verbs.live import Live
 
-_REFIT_OPTIONS = {"from_file", "qubits", "out", "force", "plot", "as_json"}
+_REFIT_OPTIONS = {"from_file", "qubits", "out", "force", "plot", "report", "as_json"}
 """The options that can be used with --from."""
 
 
@@ -73,6 +74,7 @@ _REFIT_OPTIONS = {"from_file", "qubits", "out", "force", "plot", "as_json"}
     help="With --check: the greatest age at which the calibration holds.  [default: 24]",
 )
 @click.option("--seed", type=Integer(0), help="Seed of the shots.  [default: a new one each time]")
+@report_option
 @live_options
 @json_option
 @click.pass_context
@@ -90,6 +92,7 @@ def command(
     check: Path | None,
     max_age_hours: float | None,
     seed: int | None,
+    report: Path | None,
     as_json: bool,
     live: Live | None,
 ) -> None:
@@ -104,10 +107,12 @@ def command(
     from qcompile.verbs.calibrate import calibrate_into, check_calibration, refit
     from qcompile.verbs.calibration_request import CalibrationRequest
 
+    check_report(report, out=out, plot=plot, check=check, **{"from": from_file})
     if from_file is not None:
         _refuse_measuring(ctx)
         refitted = refit(from_file, qubits, out=out, force=force, plot=plot)
         _show(refitted, plot, as_json)
+        write_report(refitted, report)
         return
     if backend is None:
         raise click.UsageError(
@@ -119,12 +124,15 @@ def command(
         backend, qubits, shots, policy, parts, seed, live=live, on_note=echo_note
     )
     if check is None:
-        _show(calibrate_into(request, out, force=force, plot=plot), plot, as_json)
+        calibrated = calibrate_into(request, out, force=force, plot=plot)
+        _show(calibrated, plot, as_json)
+        write_report(calibrated, report)
         return
     checked = check_calibration(
         check, request, max_age_hours=max_age_hours, out=out, force=force, plot=plot
     )
     _show(checked, plot, as_json)
+    write_report(checked, report)
     checked.check_holds()
 
 
@@ -137,7 +145,7 @@ def _refuse_measuring(ctx: click.Context) -> None:
 
 
 def _show(result: CalibrationResult, plot: Path | None, as_json: bool) -> None:
-    from qcompile.mitigation.misfit import misfit_words
+    from qcompile.mitigation.misfit import misfit_warnings
     from qcompile.report.calibration_values import print_calibration
     from qcompile.report.live import charged
 
@@ -146,7 +154,7 @@ def _show(result: CalibrationResult, plot: Path | None, as_json: bool) -> None:
         echo_json(values)
         return
     print_calibration(values)
-    lines = misfit_words(values["calibration_misfits"])
+    lines = misfit_warnings(values["calibration_misfits"])
     if check := values.get("check"):
         drifted = ", ".join(map(str, check["drifted"])) or "none"
         age = f"{check['age_hours']:.1f} hours old"

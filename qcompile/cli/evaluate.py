@@ -21,6 +21,7 @@ from qcompile.cli.options import (
     json_option,
     once,
 )
+from qcompile.cli.reports import check_report, report_option, write_report
 from qcompile.limits import MAX_EPISODES
 
 if TYPE_CHECKING:
@@ -122,6 +123,7 @@ class _Mitigation(click.ParamType[str]):
     type=MarkdownPath(),
     help="With --paper: Markdown page to write.  [default: devices.md in --out]",
 )
+@report_option
 @engine_options("cells")
 @json_option
 def command(
@@ -139,6 +141,7 @@ def command(
     paper: bool,
     out: Path,
     page: Path | None,
+    report: Path | None,
     engine: Engine,
     address: str | None,
     workers: int | None,
@@ -173,6 +176,7 @@ def command(
         )
     if page is not None and not paper:
         raise click.UsageError("--page needs --paper.")
+    check_report(report, page=page)
     shared: dict[str, Any] = {
         "episodes": episodes,
         "seed": seed,
@@ -194,4 +198,5 @@ def command(
         click.echo(
             f"{plural(result.played, 'cell')} played, {result.there} loaded; written: {paths}"
         )
+    write_report(result, report)
     result.check_complete()

@@ -21,6 +21,7 @@ from qcompile.cli.options import (
     level_option,
     max_steps_option,
 )
+from qcompile.cli.reports import check_report, report_option, write_report
 from qcompile.limits import (
     FREE_SECONDS,
     MAX_EPISODES,
@@ -126,6 +127,7 @@ def _one_or_several(
 )
 @click.option("--account", help="With --live: name of an account saved with qiskit-ibm-runtime.")
 @click.option("--instance", help="With --live: CRN or name of an IBM instance.")
+@report_option
 @json_option
 def command(
     policy: str | list[str],
@@ -148,6 +150,7 @@ def command(
     live: bool,
     account: str | None,
     instance: str | None,
+    report: Path | None,
     as_json: bool,
 ) -> None:
     """Estimate what episodes with POLICY (default lunarlander) cost on a machine. Nothing is sent.
@@ -163,6 +166,7 @@ def command(
     from qcompile.report.tables import plural, print_table
     from qcompile.verbs.plan import plan
 
+    check_report(report, calibration=calibration)
     planned = plan(
         policy,
         backend,
@@ -226,4 +230,5 @@ def command(
         )
         if planned.recommended is not None:
             click.echo(planned.remark)
+    write_report(planned, report)
     planned.check_fits()

@@ -117,11 +117,11 @@ def _agree(journal: Journal, max_qpu_seconds: float | None, yes: bool) -> None:
         LiveError: nobody is there to answer, or `yes` needs a limit beside it.
     """
     from qcompile.errors import LiveError
-    from qcompile.live.perform import is_from_elsewhere, strangeness
+    from qcompile.live.perform import is_from_another_machine, resume_warning
     from qcompile.report.live import terms
 
     limit_s = journal.max_qpu_seconds
-    strange, foreign = strangeness(journal), is_from_elsewhere(journal)
+    strange, foreign = resume_warning(journal), is_from_another_machine(journal)
     if strange:
         click.echo(strange, err=True)
         click.echo(terms(journal, max_qpu_seconds or limit_s), err=True)
@@ -137,6 +137,6 @@ def _agree(journal: Journal, max_qpu_seconds: float | None, yes: bool) -> None:
     elif max_qpu_seconds is not None and max_qpu_seconds > limit_s and not yes:
         confirm(f"Allow {max_qpu_seconds:g} QPU seconds instead of {limit_s:g}?")
     if strange or max_qpu_seconds is not None:
-        with journal.held():  # which marks the run as resumed in this folder
+        with journal.locked():  # which marks the run as resumed in this folder
             if max_qpu_seconds is not None:
                 journal.allow(max_qpu_seconds)

@@ -24,6 +24,7 @@ from qcompile.cli.options import (
     max_steps_option,
     split_option,
 )
+from qcompile.cli.reports import check_report, report_option, write_report
 from qcompile.limits import MAX_EPISODES
 
 if TYPE_CHECKING:
@@ -102,6 +103,7 @@ if TYPE_CHECKING:
     type=click.Path(dir_okay=False, path_type=Path),
     help="Film the first episode; .mp4 or .gif, overwritten.",
 )
+@report_option
 @live_options
 @json_option
 def command(
@@ -123,6 +125,7 @@ def command(
     imports: tuple[str, ...],
     env: dict[str, Any],
     video: Path | None,
+    report: Path | None,
     as_json: bool,
     live: Live | None,
 ) -> None:
@@ -135,6 +138,7 @@ def command(
     from qcompile.report.summary import print_run
     from qcompile.verbs.run import run
 
+    check_report(report, video=video, calibration=calibration_file)
     result = run(
         policy,
         backend,
@@ -160,4 +164,5 @@ def command(
         echo_json(result.to_dict())
     else:
         print_run(result.to_dict())
+    write_report(result, report)
     result.check_complete()

@@ -82,7 +82,7 @@ def _print_runs(overviews: list[dict[str, Any]]) -> None:
 @click.pass_obj
 def show(of_group: Path, run_id: str, runs: Path | None, as_json: bool) -> None:
     """Show the result of run ID, or its progress if it is not finished."""
-    from qcompile.live.looking import doubts_in_words
+    from qcompile.live.finder import describe_doubts
     from qcompile.live.perform import finished
     from qcompile.live.runs import find_journal
     from qcompile.report.live import overview, print_overview, print_result, result_values
@@ -94,7 +94,7 @@ def show(of_group: Path, run_id: str, runs: Path | None, as_json: bool) -> None:
             echo_json({**overview(journal), "result": shown})
         elif result is not None:
             print_result(journal.kind, result)
-            for line in doubts_in_words(journal):
+            for line in describe_doubts(journal):
                 click.echo(line)
         else:
             print_overview(journal)

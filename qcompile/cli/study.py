@@ -17,6 +17,7 @@ from qcompile.cli.options import (
     import_option,
     json_option,
 )
+from qcompile.cli.reports import check_report, report_option, write_report
 
 if TYPE_CHECKING:
     from qcompile.sweep.engine import Engine
@@ -68,6 +69,7 @@ if TYPE_CHECKING:
     type=MarkdownPath(),
     help="Markdown page to write.  [default: reproduction.md in --out]",
 )
+@report_option
 @import_option
 @env_option
 @engine_options("trainings")
@@ -81,6 +83,7 @@ def command(
     workers: int | None,
     listing: bool,
     as_json: bool,
+    report: Path | None,
     **choice: Any,
 ) -> None:
     """Train every row of a study with several seeds, and write up the results.
@@ -102,12 +105,15 @@ def command(
             columns = ["row", "environment", "seeds", "to do"]
             print_table(columns, [[*row.values()] for row in members])
         return
+    check_report(report, page=choice["page"])
     result = study(**choice, engine=engine, address=address, workers=workers, on_note=echo_note)
     if as_json:
         echo_json(result.to_dict())
+        write_report(result, report)
         return
     print_table(*result.table, right=(1, 2, 3))
     click.echo(
         f"{plural(result.trained, 'training')} done, {result.there} loaded; "
         f"results written to {result.page}"
     )
+    write_report(result, report)

@@ -12,7 +12,7 @@ import click
 from qcompile.noise import REFERENCE_SHOTS, USABLE_CONTRAST
 from qcompile.report.tables import plural, print_table
 
-_PERFECT = math.sqrt(2 / 3 / REFERENCE_SHOTS)
+PERFECT = math.sqrt(2 / 3 / REFERENCE_SHOTS)
 """The error of a perfect qubit, from shot noise: the mean of 1 - z^2 over z in [-1, 1] is 2/3."""
 
 
@@ -52,7 +52,7 @@ def _lines(values: dict[str, Any], weighed: bool) -> Iterator[str]:
         yield "importance: variance of the circuit's weights over the actions, as a share of all"
     yield (
         f"error of <Z>: root mean square at {REFERENCE_SHOTS} shots, with readout mitigation; "
-        f"{_PERFECT:.4f} on a perfect qubit"
+        f"{PERFECT:.4f} on a perfect qubit"
     )
     if values["left_out"]:
         yield left_out_words({row["qubit"]: row["reason"] for row in values["left_out"]})

@@ -15,10 +15,12 @@ from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 
-from qcompile.calibration import Calibration, age_words, load_calibration
+from qcompile.calibration import Calibration, age_warnings, load_calibration
 from qcompile.errors import OptionError
 from qcompile.limits import MAX_EPISODES
+from qcompile.page.words import call as call_words
 from qcompile.sweep.arguments import Name, Planned, Words, is_several, several
+from qcompile.verbs.reports import Reported
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -55,10 +57,11 @@ _WORDS = {
 
 
 def checked(function: Callable[P, R]) -> Callable[P, R]:
-    """Return `function` with its arguments of plain types checked and converted on each call.
+    """Return `function` with its plain arguments checked and converted on each call.
 
     NumPy numbers become Python numbers; arrays and generators become lists. The function checks
-    arguments of other types itself. Its module needs `from __future__ import annotations`.
+    arguments of other types itself. A result that has a report remembers the call. The function's
+    module needs `from __future__ import annotations`.
 
     Raises:
         OptionError: on a call, an argument has the wrong type or is out of range.
@@ -70,7 +73,10 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
         bound = form.bind(*args, **kwargs)
         for name, value in bound.arguments.items():
             bound.arguments[name] = _argument(name, value, str(form.parameters[name].annotation))
-        return function(*bound.args, **bound.kwargs)
+        result = function(*bound.args, **bound.kwargs)
+        if isinstance(result, Reported):
+            result.call = call_words(function.__name__, bound.arguments)
+        return result
 
     return call
 
@@ -85,7 +91,7 @@ def calibration_settings(calibration: Name | Calibration | None, on_note: Words)
         return {"calibration": calibration}
     file = str(Path(calibration))
     loaded = load_calibration(Path(calibration))
-    for words in age_words(file, loaded, datetime.now(UTC)):
+    for words in age_warnings(file, loaded, datetime.now(UTC)):
         on_note(words)
     return {"calibration": loaded, "calibration_file": file}
 

@@ -9,7 +9,7 @@ from qcompile.deploy.settings import RunSettings
 from qcompile.device import Device
 from qcompile.execution.backend import DeviceBackend
 from qcompile.planning.command import option_words
-from qcompile.planning.search import Wanted, search
+from qcompile.planning.search import Goal, search
 from qcompile.policy import Policy
 from qcompile.report import progress as bars
 from qcompile.sweep.arguments import Planned, Words
@@ -58,9 +58,9 @@ def live_settings(
     if "shots" in explicit:
         changes = {"copies": settings.copies, **_WITHOUT_A_PLAN, **explicit}
         return RunSettings.of(resolved, **changes)
-    wanted = Wanted(resolved, episodes, max(limit_s - 1, 0), given=dict(explicit))
+    goal = Goal(resolved, episodes, max(limit_s - 1, 0), fixed=dict(explicit))
     with bars.progress_bar(f"planning for {device.name}", 1.0) as show:
-        result = search([policy], DeviceBackend(device), wanted, show)
+        result = search([policy], DeviceBackend(device), goal, show)
     point = result.recommended or result.closest
     options = " ".join(option_words(point))
     words = f"{options}, which keep {100 * point.share:.0f} % of the reward"
