@@ -291,4 +291,4 @@ def test_running_statistics_are_refused_in_words(wrap: Callable[[Any], Any]) -> 
     check_repeatable(TimeLimit(Path(), 5))
     with pytest.raises(OptionError, match=r"keeps running statistics \(Normalize") as refused:
         check_repeatable(wrap(Path()))
-    assert "Take speculate 1." in str(refused.value)
+    assert "Use speculate 1." in str(refused.value)

@@ -173,7 +173,7 @@ def test_a_calibration_that_is_given_is_used() -> None:
 
 
 def test_a_wrong_measurement_is_refused() -> None:
-    with pytest.raises(OptionError, match="exclude each other"):
+    with pytest.raises(OptionError, match="cannot be combined"):
         measured(predistort=True, mitigation="response")
     with pytest.raises(CountsError):
         measured(shots=0)

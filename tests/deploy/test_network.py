@@ -130,7 +130,7 @@ def test_what_is_said_of_a_network_may_be_so() -> None:
 )
 def test_settings_of_circuits_are_refused(changes: dict[str, Any], words: str) -> None:
     with pytest.raises(
-        OptionError, match=f"^net is a network, not circuits: it takes no {words}\\.\n  A"
+        OptionError, match=f"^net is a network, not circuits: it does not accept {words}\\.\n  A"
     ):
         NetworkPlayer(network(), **changes)
 

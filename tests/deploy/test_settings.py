@@ -45,7 +45,7 @@ def test_the_default_mitigation(
     ("changes", "error", "words"),
     [
         ({"mitigation": "magic"}, CalibrationError, "Unknown mitigation 'magic'"),
-        ({"predistort": True, "mitigation": "readout"}, OptionError, "exclude each other"),
+        ({"predistort": True, "mitigation": "readout"}, OptionError, "cannot be combined"),
         ({"mitigation": "response", "level": 1}, CalibrationError, "level"),
         ({"copies": 0}, CircuitError, "0 copies"),
         ({"shots": 0}, CountsError, "0 shots"),
@@ -68,7 +68,7 @@ def test_wrong_names_and_values_are_told(changes: dict[str, Any]) -> None:
 
 def test_a_calibration_that_nothing_reads_is_refused() -> None:
     settings = RunSettings.of(calibration=calibrated("readout"), mitigation="none")
-    with pytest.raises(OptionError, match="Nothing else reads it"):
+    with pytest.raises(OptionError, match="Nothing else uses it"):
         settings.resolved(LIMA)
 
 

@@ -164,11 +164,11 @@ def test_a_row_takes_all_places_that_have_a_shot(shots: int, copies: int) -> Non
 @pytest.mark.parametrize(
     ("changes", "error", "words"),
     [
-        ({"copies": 1}, OptionError, "over several copies, found one"),
+        ({"copies": 1}, OptionError, "over several copies; copies is 1"),
         ({"copies": 9, "shots": 8}, OptionError, "8 shots cannot be split over 9 copies"),
         ({"shots": 1}, OptionError, "fit on the device once, and a row has 1 shot"),
         ({"shots": 0}, CountsError, "0 shots cannot be run"),
-        ({}, OptionError, "nothing to split: the circuits fit on the device once"),
+        ({}, OptionError, "nothing to split over: the circuits fit on the device once"),
         ({"split": False, "calibration_shots": 0}, CountsError, "0 shots cannot be run"),
     ],
 )

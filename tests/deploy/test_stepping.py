@@ -236,7 +236,7 @@ def test_a_reset_that_gives_the_observation_alone(registered: Callable[..., str]
     """Its first feature would be taken for the observation."""
     assert refused(registered(usual, reset=GOOD)) == (
         "its reset: reset gave an array of shape (2,) and type float32.\n"
-        "  It must give (observation, info)."
+        "  It must return (observation, info)."
     )
 
 
@@ -368,7 +368,7 @@ def test_a_run_names_the_episode(
 
 def test_a_step_that_gives_nothing_is_told(registered: Callable[..., str]) -> None:
     said = refused(registered(lambda step: None))
-    assert said.startswith("step 1: step gave another number of values.\n")
+    assert said.startswith("step 1: step returned a wrong number of values.\n")
 
 
 @pytest.mark.parametrize("reward", [1e308, -2e150])

@@ -109,8 +109,8 @@ def test_where_ibm_ignores_tags_no_job_of_another_run_is_taken_or_cancelled(
     answer = runs.run()
     assert answer.code == 1
     assert (
-        "Error: IBM's service lists jobs that do not have the tag that was asked for.\n"
-        "  Whether a job is this run's cannot be told: none was taken, cancelled or sent.\n"
+        "Error: IBM's service lists jobs without the requested tag.\n"
+        "  It is unclear which jobs belong to this run: none was used, cancelled or sent.\n"
     ) in answer.err
     after = runs.service.ledger()
     assert after.jobs == before.jobs

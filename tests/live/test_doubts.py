@@ -56,8 +56,8 @@ def test_a_job_that_is_listed_after_the_end_is_told_at_its_cap_and_then_at_its_c
     assert result["qpu_seconds"] == pytest.approx(3 * STEP_S + CAP_S)
     assert result["qpu_seconds_settled"] == pytest.approx(3 * STEP_S)
     assert (result["jobs_in_doubt"], result["jobs_uncharged"]) == (1, 0)
-    assert "IBM may have accepted 1 job that is not known, of 19 s at most; `qcompile" in found.err
-    assert " UTC settles it.\n" in found.err
+    assert "IBM may have accepted 1 more job, at most 19 s; `qcompile" in found.err
+    assert " UTC finds out.\n" in found.err
 
     again = runs.call("resume", "last", "--json").json()  # IBM does not list it yet
     assert (again["qpu_seconds"], again["jobs_in_doubt"]) == (result["qpu_seconds"], 1)
@@ -175,8 +175,8 @@ def test_a_submission_that_stays_unanswered_stops_a_run_at_its_limit(
     runs.service.faults.once(Fault.SERVER_ERROR, on=SUBMIT)
     stopped = runs.run(max_qpu_seconds=8)
     assert stopped.code == 1
-    assert "The limit of 8 QPU seconds would be passed: 8.0 s are spent or may" in stopped.err
-    assert "IBM may have accepted 1 job that is not known, of 8 s at most; " in stopped.err
+    assert "The limit of 8 QPU seconds would be exceeded: 8.0 s are spent or may" in stopped.err
+    assert "IBM may have accepted 1 more job, at most 8 s; " in stopped.err
     assert not runs.service.ledger().jobs
     monkeypatch.setenv("QCOMPILE_DOUBT_SECONDS", "0")
     found = runs.until_finished(runs.call("resume", "last", "--json"))

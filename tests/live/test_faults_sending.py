@@ -54,12 +54,12 @@ def test_a_service_that_takes_nothing_is_explained_and_resumed(
     answer = runs.run()
     assert answer.code == 1
     assert "Error: IBM's service does not answer.\n" in answer.err
-    assert "  Jobs done: 0, steps played: 0; all of it is kept.\n" in answer.err
+    assert "  Jobs done: 0, steps played: 0; everything is kept.\n" in answer.err
     [row] = runs.call("runs", "--json").json()
     assert (row["jobs_in_doubt"], row["qpu_seconds"], row["qpu_seconds_settled"]) == (3, 57, 0)
     stopped = runs.call("resume", "last")  # the first job fits what is left, the second does not
     assert stopped.code == 1
-    assert "  IBM may have accepted 3 jobs that are not known, of 57 s at most; " in stopped.err
+    assert "  IBM may have accepted 3 more jobs, at most 57 s; " in stopped.err
     monkeypatch.setenv("QCOMPILE_DOUBT_SECONDS", "0")
     found = runs.until_finished(runs.call("resume", "last", "--json"))
     assert runs.errors == []
@@ -163,7 +163,7 @@ def test_a_job_that_is_refused_is_explained_and_costs_nothing(
     refuse(monkeypatch, 0)
     answer = runs.run()
     assert answer.code == 1
-    assert "Error: IBM's service or client refuses.\n  It says: " in answer.err
+    assert "Error: IBM's service or client refused the request.\n  It says: " in answer.err
     assert "I do not take it." in answer.err
     assert states() == [("sending", 0)]
     found = runs.until_finished(runs.call("resume", "last", "--json"))
@@ -230,6 +230,6 @@ def test_a_settling_time_that_is_no_number_of_seconds_is_explained(
     assert answer.code == 1
     assert answer.err.endswith(
         f"Error: QCOMPILE_SETTLE_SECONDS is {said!r}.\n"
-        "  It needs a number of seconds, such as 0.05, and a day's at most.\n"
+        "  It must be a number of seconds, such as 0.05, and at most a day.\n"
     )
     assert not runs.service.ledger().jobs

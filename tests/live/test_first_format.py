@@ -198,7 +198,7 @@ def test_ones_that_cannot_be_are_explained(runs: Runs, ones: np.ndarray[Any, Any
     db.close()
     answer = runs.call("resume", "last")
     assert answer.code == 1
-    words = "is damaged: the counts of a job are wrong.\n  Restore a copy.\n"
+    words = "is damaged: the counts of a job are not valid.\n  Restore a backup.\n"
     assert f"Error: {path} {words}" in answer.err
     assert len(runs.service.ledger().jobs) == 3
 

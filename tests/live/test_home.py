@@ -21,8 +21,8 @@ from qcompile.live.perform import complete
 from qcompile.live.runs import find_journal
 
 RUNS = Path("runs")
-IN_FOLDER = "was last resumed in another folder: there may be another copy of it.\n"
-ON_MACHINE = "was last resumed on another machine: there may be another copy of it.\n"
+IN_FOLDER = "was last resumed in another folder: another copy of it may exist.\n"
+ON_MACHINE = "was last resumed on another machine: another copy of it may exist.\n"
 NOBODY = "Error: Nobody said yes. Nothing was sent.\n  In a script say --yes"
 
 
@@ -117,7 +117,7 @@ def test_a_journal_that_does_not_say_where_it_was_is_asked_about(stopped: Runs) 
     before = sent(stopped)
     asked = stopped.call("resume", "last")
     assert asked.code == 1
-    assert f"Run {journal.id} does not say on which machine it was resumed last.\n" in asked.err
+    assert f"The journal of run {journal.id} does not say where it was last resumed.\n" in asked.err
     assert sent(stopped) == before
     assert stopped.call("resume", "last", "--yes", "--max-qpu-seconds", 60).code == 0
 

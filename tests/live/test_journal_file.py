@@ -180,7 +180,7 @@ def test_an_array_is_as_large_as_its_bytes(shape: str, dtype: str) -> None:
     with pytest.raises(LiveError):
         to_array(b"")  # what is loaded for messages is there from now on
     tracemalloc.start()
-    with pytest.raises(LiveError, match="An array in the run's journal is damaged"):
+    with pytest.raises(LiveError, match="An array in the journal is damaged"):
         to_array(contents)
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
@@ -212,8 +212,8 @@ def test_a_result_of_another_shape_is_explained(kind: Any, result: dict[str, Any
         journal.finish(result)
         with pytest.raises(LiveError) as caught:
             finished(journal)
-    assert str(caught.value).startswith(f"{journal.path} is damaged: its result is wrong.\n")
-    assert f"`qcompile runs export {journal.id}` gives what was measured." in str(caught.value)
+    assert str(caught.value).startswith(f"{journal.path} is damaged: its result is not valid.\n")
+    assert f"`qcompile runs export {journal.id}` saves the measurements." in str(caught.value)
 
 
 # Made whole, and one at a time

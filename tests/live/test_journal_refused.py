@@ -96,7 +96,7 @@ def test_a_file_that_cannot_be_written_is_explained() -> None:
             assert str(caught.value) == (
                 f"The run's journal in {journal.folder} cannot be read or written: database is "
                 "locked.\n"
-                "  What was sent has its tag in it and is found again, once this is mended."
+                "  Jobs that were sent are recorded in it and are found again once this is fixed."
             )
     assert journal.submissions() == [made]
     assert journal.result is None
@@ -124,7 +124,7 @@ def test_a_folder_that_cannot_be_made_is_explained_before_anything_is_sent() -> 
     Path("runs").write_text("a file stands where the folder should be")
     with pytest.raises(LiveError) as caught:
         new()
-    assert "The run's journal cannot be written to runs/" in str(caught.value)
+    assert "Cannot write the run's journal to runs/" in str(caught.value)
     assert "\n  Nothing was sent. Choose another folder with --runs." in str(caught.value)
 
 

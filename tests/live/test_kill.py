@@ -46,7 +46,7 @@ def test_ctrl_c_stops_a_run_in_words(
     runs.service.settings.run_seconds = 0.1
     assert answer.code == 1
     assert (
-        "Error: Interrupted.\n  Jobs done: 0, steps played: 0; all of it is kept.\n"
+        "Error: Interrupted.\n  Jobs done: 0, steps played: 0; everything is kept.\n"
         "  `qcompile resume "
     ) in answer.err
     found = runs.until_finished(runs.call("resume", "last", "--json"))

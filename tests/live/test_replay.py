@@ -81,9 +81,9 @@ def test_a_changed_input_is_explained_and_not_sent(runs: Runs, part: str) -> Non
     answer = runs.call("resume", "last")
     assert answer.code == 1
     assert answer.err.split("Error: ")[1] == (
-        f"Job 0 of run {journal.id} was another one when it was sent.\n"
+        f"Job 0 of run {journal.id} differs from the one that was sent.\n"
         "  The versions are the same.\n"
-        f"  `qcompile runs export {journal.id}` gives what was measured.\n"
+        f"  `qcompile runs export {journal.id}` saves the measurements.\n"
     )
     assert runs.service.ledger() == before
 
@@ -121,7 +121,7 @@ def test_an_angle_that_another_processor_rounds_otherwise_is_the_same(
     if same:
         assert run(x + by).tolist() == ones.tolist()
     else:
-        with pytest.raises(ReplayError, match=r"Job 0 of run .* was another one when it was sent"):
+        with pytest.raises(ReplayError, match=r"Job 0 .* differs from the one that was sent"):
             run(x + by)
     assert len(service.ledger().jobs) == 1
 
@@ -144,7 +144,7 @@ def test_versions_that_differ_are_named(runs: Runs) -> None:
     answer = runs.call("resume", "last")
     assert answer.code == 1
     assert (
-        f"was another one when it was sent.\n  It began with machine abacus, now "
+        f"differs from the one that was sent.\n  It began with machine abacus, now "
         f"{was['machine']}; numpy 1.0.0, now {was['numpy']}.\n  `qcompile runs export "
     ) in answer.err
 
@@ -166,7 +166,8 @@ def test_what_the_environment_shows_is_checked(runs: Runs, column: str, by: floa
     answer = runs.call("resume", "last")
     assert answer.code == 1
     assert answer.err.split("Error: ")[1].startswith(
-        f"The {column} of step 1 are not those recorded: the environment does not repeat itself.\n"
+        f"The {column} of step 1 differ from the recorded ones: the environment does "
+        "not repeat itself.\n"
         "  The versions are the same.\n"
         "  `qcompile runs export "
     )

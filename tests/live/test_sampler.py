@@ -116,7 +116,7 @@ def fake() -> Any:
 
 @pytest.mark.parametrize("make", [aer, fake, lambda: None, lambda: 3])
 def test_what_is_no_machine_of_ibms_is_refused(service: StandIn, make: Callable[[], Any]) -> None:
-    with pytest.raises(OptionError, match=r"It takes the name of a machine, or the IBMBackend"):
+    with pytest.raises(OptionError, match=r"It takes the name of a machine, or an IBMBackend"):
         GuardedSampler(make())
     assert not service.ledger().requests
 
@@ -128,13 +128,13 @@ def unmeasured() -> QuantumCircuit:
 @pytest.mark.parametrize(
     ("pubs", "kind", "words"),
     [
-        (flipped(), OptionError, "PUBs come in a list"),
-        (3, OptionError, "PUBs come in a list"),
+        (flipped(), OptionError, "PUBs must be in a list"),
+        (3, OptionError, "PUBs must be in a list"),
         ([], OptionError, "There is no PUB to run"),
-        ([flipped(), "x"], OptionError, "PUB 1 is not one"),
-        ([flipped(), two_registers()], OptionError, "PUB 1 is not one: The number of values"),
-        ([(two_registers(), VALUES[0] * np.nan)], OptionError, "values hold a number that is not"),
-        ([{"circuit": flipped()}], OptionError, "PUB 0 is not one"),
+        ([flipped(), "x"], OptionError, "PUB 1 is not valid"),
+        ([flipped(), two_registers()], OptionError, "PUB 1 is not valid: The number of values"),
+        ([(two_registers(), VALUES[0] * np.nan)], OptionError, "one of its values is not finite"),
+        ([{"circuit": flipped()}], OptionError, "PUB 0 is not valid"),
         ([(flipped(), None, 0)], OptionError, "shots must be positive"),
         ([(flipped(), None, 20_000_000)], CountsError, "20000000 shots cannot be run"),
         ([unmeasured()], OptionError, "PUB 0 measures nothing"),
@@ -171,7 +171,7 @@ def branching() -> QuantumCircuit:
     [
         (entangled(), r"Its swap on qubits \(0, 1\) is not an instruction"),
         (branching(), "Its h on qubit 1 is not an instruction"),
-        (QuantumCircuit(6, 1), "It has 6 qubits, the machine 5"),
+        (QuantumCircuit(6, 1), "It has 6 qubits; the machine has 5"),
     ],
 )
 def test_a_circuit_that_the_machine_cannot_run_is_not_sent(
@@ -199,7 +199,7 @@ def test_two_calls_are_sent_before_either_is_waited_for(service: StandIn) -> Non
         assert [job.status() for job in jobs] == ["DONE"] * 3
         assert (jobs[0].done(), jobs[0].cancelled()) == (True, False)
         ids = [job_id for job in jobs for job_id in job.job_ids()]
-        with pytest.raises(LiveError, match=f"IBM's own tools cancel it: {ids[0]}"):
+        with pytest.raises(LiveError, match=f"IBM's own tools can cancel it: {ids[0]}"):
             jobs[0].cancel()
     assert ids == [job.id for job in service.ledger().jobs]
     assert len({job.job_id() for job in jobs}) == 3
@@ -222,6 +222,6 @@ def test_parameters_may_be_named_in_any_way(service: StandIn) -> None:
 def test_an_unknown_parameter_is_refused(service: StandIn) -> None:
     with (
         GuardedSampler("fake_lima") as sampler,
-        pytest.raises(OptionError, match="PUB 0 is not one: Could not find placement"),
+        pytest.raises(OptionError, match="PUB 0 is not valid: Could not find placement"),
     ):
         sampler.run([(two_registers(), {Parameter("z"): [1.0], Parameter("y"): [1.0]})])

@@ -99,8 +99,8 @@ def test_a_list_that_says_it_is_longer_than_it_is_ends_in_words(
         answer = runs.run()
     assert answer.code == 1
     assert (
-        f"Error: IBM's service says that it has {more} jobs of one tag, and lists 0.\n"
-        "  Whether one is missing cannot be told: nothing was sent or cancelled. Resume later.\n"
+        f"Error: IBM's service counts {more} jobs with one tag but lists 0.\n"
+        "  A job may be missing, so nothing was sent or cancelled. Resume later.\n"
     ) in answer.err
     assert not runs.service.ledger().jobs
     assert runs.service.ledger().requests["GET /jobs"] == 1
