@@ -139,7 +139,7 @@ def command(
     the machine. With --within the cheapest settings are found that keep the reward, among those of
     several policies too, and the command that plays them.
     """
-    from qcompile.policy.decision import held_words
+    from qcompile.policy.decision import hold_text
     from qcompile.report.tables import plural, print_table
     from qcompile.verbs.plan import plan
 
@@ -173,7 +173,7 @@ def command(
         steps = f"{values['env_steps']} steps"
         if values["hold"] > 1:
             decisions = plural(values["decisions"], "decision")
-            steps = f"{decisions}, each {held_words(values['hold'])}"
+            steps = f"{decisions}, each {hold_text(values['hold'])}"
         print_table(
             *planned.table,
             f"{values['policy']} on {values['backend']}: {plural(episodes, 'episode')}, "

@@ -103,7 +103,7 @@ def test_where_circuits_are_needed_it_is_refused(
     answer = qcompile(*words)
     assert (answer.code, answer.out) == (1, "")
     first, second = answer.err.splitlines()
-    assert first.endswith(" is a network, not circuits: there is nothing to compile or to measure.")
+    assert first.endswith(" is a network, not circuits: there is nothing to compile or measure.")
     assert second == "  `qcompile run` and `qcompile evaluate` play it, on `ideal`."
     assert left() == [net]
 

@@ -82,5 +82,5 @@ def test_it_is_played_planned_and_resumed_with_the_module(
 def test_arguments_that_a_journal_could_not_keep_are_refused(runs: Runs) -> None:
     answer = runs.run("--env", "track=../a.xml")
     assert answer.code == 2
-    assert "env cannot be kept in a policy file: track has the text '../a.xml'" in answer.err
+    assert "env cannot be stored in a policy file: track has the string '../a.xml'" in answer.err
     assert not Path("runs").exists()

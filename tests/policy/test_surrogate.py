@@ -258,10 +258,10 @@ def test_too_many_angles_on_one_qubit_are_refused() -> None:
     with pytest.raises(PolicyError) as caught:
         Surrogate.of(made(["h", text], [1.0] * 12))
     assert re.fullmatch(
-        r"Circuit 1 has more terms than its surrogate can be written out with\.\n"
+        r"Circuit 1 has too many terms for a surrogate\.\n"
         r"  Found [\d,]+; the limit is 10,000\.\n"
-        r"  Each different angle within a circuit multiplies them: put fewer inputs on a qubit, "
-        r"or give the copies of an input one scale\.",
+        r"  Each different angle in a circuit multiplies them: put fewer inputs on a qubit, "
+        r"or give the copies of an input the same scale\.",
         str(caught.value),
     )
 

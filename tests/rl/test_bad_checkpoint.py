@@ -305,9 +305,9 @@ def test_a_model_that_the_file_does_not_hold_is_not_built(
     saved_at(1, "CartPole-v1", Settings(model="fcn", hidden=(4,), episodes=6), path)
     settings = json.loads(torch.load(path, weights_only=True)["settings"])
     words = {
-        "hidden": ([10_000] * 40, r"Its actor has 30 numbers, by its settings 3,900,\d+,\d+\."),
-        "critic_hidden": ([10_000] * 9, r"Its critic has 25 numbers, by its settings 800,"),
-        "environments": (10_000, r"It has 1 environments, by its settings 10000\."),
+        "hidden": ([10_000] * 40, r"Its actor has 30 numbers; its settings need 3,900,\d+,\d+\."),
+        "critic_hidden": ([10_000] * 9, r"Its critic has 25 numbers; its settings need 800,"),
+        "environments": (10_000, r"It has 1 environments; its settings say 10000\."),
     }
     for name, (value, message) in words.items():
         change = {name: value, "horizon": 10}
@@ -324,13 +324,13 @@ def test_an_average_must_be_that_of_the_settings(tmp_path: Path, saved_at: Saved
     settings, tensors = json.loads(saved["settings"]), saved["tensors"]
     average = tensors["average"]
     wrong = {
-        "It has no average, by its settings a share of 0.5.": {
+        "It has no average, but its settings have average_share 0.5.": {
             "tensors": {**tensors, "average": None}
         },
-        "It has an average, by its settings a share of 0.0.": {
+        "It has an average, but its settings have average_share 0.0.": {
             "settings": json.dumps(settings | {"average_share": 0.0})
         },
-        "Its average has a number that is not finite.": {
+        "Its average contains a number that is not finite.": {
             "tensors": tensors
             | {
                 "average": average

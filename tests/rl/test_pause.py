@@ -25,7 +25,7 @@ def scripted(pause: Pause, rewards: list[float]) -> tuple[list[bool], list[int |
     for number, reward in enumerate(rewards, 1):
         actor.episode = number
         finished = [FinishedEpisode(number, number, reward, number)]
-        held.append(pause.holds(finished, actor))  # type: ignore[arg-type]
+        held.append(pause.skips(finished, actor))  # type: ignore[arg-type]
         kept.append(pause.best["episode"] if pause.best else None)  # type: ignore[arg-type]
     return held, kept
 

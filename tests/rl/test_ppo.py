@@ -191,7 +191,7 @@ def test_ctrl_c_keeps_what_was_learned() -> None:
 
 
 def test_a_trainer_checks_what_it_is_given() -> None:
-    with pytest.raises(TrainingError, match="4 environments without a horizon"):
+    with pytest.raises(TrainingError, match="4 environments need a horizon"):
         Trainer("Match-v0", Settings(environments=4, steps=1), 0)
     with pytest.raises(EnvironmentMismatchError, match="Unknown environment 'CartPoll-v1'"):
         Trainer("CartPoll-v1", QUICK, 0)

@@ -100,7 +100,7 @@ def test_an_unknown_name_gets_the_nearest() -> None:
 
 
 def test_settings_that_contradict_each_other_are_refused() -> None:
-    assert "4 environments without a horizon" in refused(environments=4, horizon=None)
+    assert "4 environments need a horizon" in refused(environments=4, horizon=None)
     assert "The training has no end" in refused(steps=None)
     for settings in (Settings(environments=4, steps=1), Settings()):
         with pytest.raises(TrainingError):
