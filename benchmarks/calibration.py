@@ -1,7 +1,7 @@
-"""What calibrations and their tests hold: fits that are lost, false alarms, p-values and power.
+"""The quality of calibrations and their tests: lost fits, false alarms, p-values and power.
 
-Clean devices are noise models, on which every test is right; `Neighbours` is one whose bits are
-read in part from the qubit beside them.
+Clean devices are noise models that satisfy every test's assumptions; in `Neighbours` some bits are
+read from the neighbouring qubit.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ FITTED, TESTED = 300, 200
 
 
 def live(executor, qubits, shots: int = 8192) -> Calibration:  # type: ignore[no-untyped-def]
-    """What `calibrate --live` measures."""
+    """A calibration as measured by `calibrate --live`."""
     angles = LIVE_ANGLES_RAD
     return calibrate(executor, qubits, shots, parts=["response"], angles_rad=angles)
 
 
 def lost() -> list[Row]:
-    """Calibrations without a fit, of perfect qubits: their curves lie on the border of the cone."""
+    """Lost fits of perfect qubits, whose curves lie on the border of the cone."""
     rows = []
     for shots in (1024, 8192):
         found = [
@@ -57,7 +57,7 @@ def lost() -> list[Row]:
 
 
 def neighbours() -> list[Row]:
-    """How often a calibration is doubted: of clean devices, and where neighbours are seen."""
+    """How often a calibration is doubted, on clean devices and with neighbours read."""
     rows = []
     for name in CLEAN:
         device = qcompile.load_device(name)
@@ -92,7 +92,7 @@ def uniform(what: str, p_values: np.ndarray) -> Row:
 
 
 def p_values() -> list[Row]:
-    """Of `validate` and of `calibrate --check`, where nothing moved."""
+    """P-values of `validate` and `calibrate --check` when nothing changed."""
     rows = []
     for name in ("fake_lima", "fake_toronto"):
         device, policy = qcompile.load_device(name), qcompile.load_policy("lunarlander")
@@ -113,7 +113,7 @@ def p_values() -> list[Row]:
 
 
 def power() -> list[Row]:
-    """How often `validate` and `--check` find a p01 of one qubit that is raised by EFFECT."""
+    """How often `validate` and `--check` detect a p01 of one qubit raised by EFFECT."""
     device, policy = qcompile.load_device("fake_toronto"), qcompile.load_policy("lunarlander")
     executable = qcompile.compile(policy.trained_program, device, importance=policy.importance)
     qubits = np.unique(executable.qubits)
@@ -147,4 +147,4 @@ def rows() -> list[Row]:
 
 
 if __name__ == "__main__":
-    show(rows, "What calibrations and their tests hold.")
+    show(rows, "The quality of calibrations and their tests.")

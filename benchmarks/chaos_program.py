@@ -1,7 +1,7 @@
-"""A program of somebody's on a GuardedSampler: entangled qubits, two registers, arrays of values.
+"""A user's program on a GuardedSampler: entangled qubits, two registers, arrays of values.
 
-It sends two calls before it waits for either, one call whose PUBs have several shots, and one whose
-values depend on what was measured.
+It sends two calls before waiting for either, one call whose PUBs have different shots, and one
+whose values depend on measurements.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def entangled() -> QuantumCircuit:
 
 
 def turned() -> QuantumCircuit:
-    """One qubit by an angle, one flipped, each in a register of its own."""
+    """One qubit rotated by an angle and one flipped, each in its own register."""
     angle = Parameter("angle")
     made = QuantumCircuit(
         QuantumRegister(5, "q"), ClassicalRegister(1, "left"), ClassicalRegister(2, "right")
@@ -43,10 +43,10 @@ def turned() -> QuantumCircuit:
 
 
 def main(limit_s: float) -> None:
-    """Run it, with its results and what they cost as JSON.
+    """Run it, and print its results and their cost as JSON.
 
     Raises:
-        SystemExit: 1 with words, where it cannot go on now.
+        SystemExit: 1 with a message, if it cannot continue now.
     """
     try:
         with GuardedSampler("fake_lima", limit_s, JOURNAL, pay_again=True) as sampler:

@@ -1,4 +1,4 @@
-"""How often 95 % intervals of the mean reward hold it: `python benchmarks/coverage.py`.
+"""The coverage of 95 % intervals of the mean reward: `python benchmarks/coverage.py`.
 
 Plays many episodes of policies at ease and halfway through their training, takes their rewards for
 the whole law, draws samples of 5 to 100 episodes from it and counts the intervals that hold its
@@ -34,12 +34,12 @@ HALFWAY = {
     "Acrobot-v1": {"episodes": 60},
     "LunarLander-v3": {"steps": 300_000},
 }
-"""How far a preset is trained: rewards still scatter as they do on a noisy machine."""
+"""The training lengths: rewards still scatter, as on a noisy machine."""
 SHIPPED = {"CartPole-v1": "cartpole_1q", "Acrobot-v1": "acrobot", "LunarLander-v3": "lunarlander"}
 
 
 def rewards_of(policy: Policy, backend: str, shots: int | None, episodes: int) -> Array:
-    """The rewards of `episodes` episodes, with readout mitigation where there is noise."""
+    """The rewards of `episodes` episodes, with readout mitigation if there is noise."""
     mitigation = "none" if backend == "ideal" else "readout"
     found = []
     for first in range(0, episodes, _AT_A_TIME):
@@ -51,7 +51,7 @@ def rewards_of(policy: Policy, backend: str, shots: int | None, episodes: int) -
 
 
 def laws(episodes: int) -> Iterator[tuple[str, Array]]:
-    """Name and rewards of each law."""
+    """The name and rewards of each distribution."""
     for environment, budget in HALFWAY.items():
         task = environment.partition("-")[0]
         trained = Trainer(environment, settings_for("tuned", environment).changed(**budget), 7)

@@ -38,7 +38,7 @@ _BETWEEN = re.compile(r"(<!-- frontier -->\n).*?(\n<!-- /frontier -->)", re.DOTA
 
 
 def cell(task: str, hold: int, device: str) -> list[dict[str, Any]]:
-    """The values of a policy on a device at each number of shots; the paper's way is the last.
+    """The values of a policy on a device at each number of shots, the paper's strategy last.
 
     A job for each circuit of each decision, the decisions and the reward those at most shots.
     """
@@ -63,7 +63,7 @@ def _of_place(place: tuple[str, int, str]) -> list[dict[str, Any]]:
 
 
 def joined(points: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The undominated ones of plain values."""
+    """The undominated plain values."""
     return undominated(points, lambda point: (point["qpu_seconds"], point["mean_reward"]))
 
 

@@ -1,4 +1,4 @@
-"""Feed damaged files to every reader, and count what is refused in words, and what is not.
+"""Feed damaged files to every reader, and count which ones are refused with an explanation.
 
     python benchmarks/fuzz.py --inputs 1000000 --workers 2
 
@@ -43,7 +43,7 @@ CHUNK = 2000
 
 @dataclass
 class Tally:
-    """What came of the inputs of a reader; `faults` has the traceback of one input of each kind."""
+    """The outcomes of a reader's inputs; `faults` has a traceback of each kind of failure."""
 
     inputs: int = 0
     refused: int = 0
@@ -63,7 +63,7 @@ class Tally:
 
 
 def try_one(reader: Reader, contents: bytes, path: Path, tally: Tally) -> str | None:
-    """Read one input; the traceback where it is not refused in words."""
+    """Read one input; return the traceback if the refusal is not explained."""
     path.parent.mkdir(exist_ok=True)
     path.write_bytes(contents)
     tally.inputs += 1
@@ -104,7 +104,7 @@ def seeds_of(name: str) -> list[bytes]:
 def work(
     name: str, seed: int, numbers: range, keep: Path | None, at: Any, answer: Connection
 ) -> None:
-    """Read the inputs with these numbers, in a process of its own."""
+    """Read the inputs with these numbers, in a separate process."""
     status = Path("/proc/self/statm")
     if status.exists():
         size = int(status.read_text().split()[0]) * resource.getpagesize()
@@ -144,7 +144,7 @@ def all_inputs(total: int, first: int) -> Iterator[tuple[str, range]]:
 def fuzz(
     total: int, seed: int, first: int, workers: int, keep: Path, tallies: dict[str, Tally]
 ) -> None:
-    """Read them all in `workers` processes at a time; `tallies` gets what came of it, by reader."""
+    """Read all inputs in `workers` processes; `tallies` gets the outcomes by reader."""
     for name in READERS:
         seeds_of(name)  # made once, here: processes below are copies of this one
     context = multiprocessing.get_context("fork")

@@ -1,4 +1,4 @@
-"""Every reader of files, with whole files of its kind: what fuzz.py damages and feeds to it."""
+"""Every reader of files, with intact files of its kind for fuzz.py to damage."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ ROOT = Path(qcompile.__file__).parent.parent
 
 @dataclass(frozen=True)
 class Reader:
-    """A reader: the kind of its files, their name, what reads one, and how many inputs it gets.
+    """A reader: the kind and name of its files, the function that reads one, and its weight.
 
     `read` returns None where it refuses without words, as for a cell that is to be played again.
     """
@@ -88,7 +88,7 @@ def policies(suffix: str) -> list[bytes]:
 
 
 def wide_policies() -> list[bytes]:
-    """One with all of format 2 that this version reads and cannot run."""
+    """A policy file with everything in format 2 that this version cannot run."""
     values = policy_values(policy()) | {"format": "qcompile-policy-2", "decision": "born"}
     block = {"qubits": 4, "gates": [["ry", "x0", 0], ["cz", 0, 1], ["rx", 0.5, 3]]}
     values |= {"circuits": [block], "observables": [[0, 1], [3]], "hold": 2}
@@ -96,7 +96,7 @@ def wide_policies() -> list[bytes]:
 
 
 def use_policy(path: Path) -> object:
-    """Read, compiled gate by gate, and written out."""
+    """Read, compile gate by gate, and write."""
     loaded = load_circuits(path)
     if sum(map(len, loaded.program.circuits)) < 200:
         write(compile(loaded.trained_program, IDEAL, 0, loaded.importance).native)
@@ -104,7 +104,7 @@ def use_policy(path: Path) -> object:
 
 
 def use_wide_policy(path: Path) -> object:
-    """Read and checked whole, which comes before it is said that it cannot run."""
+    """Read and check completely, before the refusal to run."""
     try:
         return load_policy(path)
     except UnsupportedPolicyError as error:
@@ -124,14 +124,14 @@ def networks(suffix: str) -> list[bytes]:
 
 
 def use_network(path: Path) -> object:
-    """Read, and asked about two observations."""
+    """Read, and use for two observations."""
     loaded = load_policy(path)
     assert isinstance(loaded, Network)
     return loaded.logits(np.ones((2, loaded.features)))
 
 
 def ansatz() -> Ansatz:
-    """Circuits to train, with everything that such a file can have."""
+    """Circuits to train, with all optional parts."""
     whole = Ansatz.of_policy(policy(), head=True)
     factors = whole.factors.copy()
     factors[0] = 1
@@ -139,7 +139,7 @@ def ansatz() -> Ansatz:
 
 
 def use_ansatz(path: Path) -> object:
-    """Read, and a model made of it."""
+    """Read, and make a model of it."""
     loaded = load_ansatz(path)
     if len(loaded.inputs) + len(loaded.parameters) < 200:
         actions = 2 if loaded.bias is None else len(loaded.bias)
@@ -270,7 +270,7 @@ def journals() -> list[bytes]:
 
 
 def use_journal(path: Path) -> object:
-    """Listed, shown and exported, and its task read."""
+    """List, show and export the run, and read its task."""
     with Journal(path.parent) as journal:
         exported(journal)
         costs(journal)

@@ -1,7 +1,7 @@
-"""What mitigation leaves of the errors of <Z>, and how fast, beside mthree: `make bench`.
+"""The remaining errors of <Z> after mitigation, and its speed, beside mthree: `make bench`.
 
 Random product circuits. mthree gets the same counts and the same calibration counts; the inverse
-with the true matrices, clipped to [-1, 1] as ours is, is the least that is possible.
+with the true matrices, clipped to [-1, 1] like ours, is the best possible.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def by_mthree(mitigation, bits: np.ndarray) -> np.ndarray:  # type: ignore[no-un
 
 
 def marginals(mitigation) -> list:  # type: ignore[type-arg,no-untyped-def]
-    """mthree for each qubit by itself."""
+    """mthree for each qubit separately."""
     made = []
     for matrix in mitigation.single_qubit_cals:
         made.append(mthree.M3Mitigation())
@@ -175,7 +175,7 @@ def speed() -> list[Row]:
 
 
 def gate_errors(shots: int = 8192) -> list[Row]:
-    """What is left of the errors of LunarLander's circuits on fake_toronto, gates and readout."""
+    """The remaining errors of LunarLander's circuits on fake_toronto, gates and readout."""
     device, policy = qcompile.load_device("fake_toronto"), qcompile.load_policy("lunarlander")
     executable = qcompile.compile(policy.trained_program, device, importance=policy.importance)
     x = policy.encode(

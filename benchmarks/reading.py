@@ -30,7 +30,7 @@ Path(sys.argv[2]).write_text(qasm2.dumps(native))
 
 
 def program(gates: int, seed: int) -> str:
-    """OpenQASM 2 of `gates` gates on 100 qubits, half of them turns by angles of their own."""
+    """OpenQASM 2 of `gates` gates on 100 qubits, half of them rotations by random angles."""
     rng = random.Random(seed)
     lines = ["OPENQASM 2.0;", 'include "qelib1.inc";', f"qreg q[{QUBITS}];", f"creg c[{QUBITS}];"]
     for _ in range(gates):
