@@ -25,7 +25,7 @@ import gymnasium
 from gymnasium.envs.registration import EnvSpec
 
 from qcompile.errors import EnvironmentMismatchError, OptionError
-from qcompile.foreign import what_it_is
+from qcompile.foreign import describe
 from qcompile.terminal import first_line
 
 C = TypeVar("C")
@@ -179,7 +179,7 @@ def _name_of(make: Callable[..., Any]) -> str:
         cause = first_line(f"{type(error).__name__}: {error}")
         raise EnvironmentMismatchError(what, cause) from error
     if not isinstance(environment, gymnasium.Env):
-        raise EnvironmentMismatchError(what, f"It returns {what_it_is(environment)}.")
+        raise EnvironmentMismatchError(what, f"It returns {describe(environment)}.")
     environment.close()
     return type(environment.unwrapped).__name__
 

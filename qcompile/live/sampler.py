@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from qcompile.errors import LiveError, OptionError, QcompileError
-from qcompile.foreign import what_it_is
+from qcompile.foreign import describe
 from qcompile.live.charges import check_limit
 from qcompile.live.commands import resume_command
 from qcompile.live.connection import Connection
@@ -91,7 +91,7 @@ class GuardedSampler(JobsSampler):
         name, given = _machine(backend)
         if not isinstance(journal, str | Path):
             raise OptionError(
-                f"journal is {what_it_is(journal)}.",
+                f"journal is {describe(journal)}.",
                 "It must be the name of a folder, such as 'runs/mine'.",
             )
         folder = Path(journal)
@@ -242,7 +242,7 @@ def _machine(backend: Any) -> tuple[str, Any]:
     if "qiskit_ibm_runtime.ibm_backend" in homes:
         return backend.name, backend
     raise OptionError(
-        f"GuardedSampler got {what_it_is(backend)}.",
+        f"GuardedSampler got {describe(backend)}.",
         "It takes the name of a machine, or an IBMBackend from QiskitRuntimeService.backend(name).",
         "Sessions and batches are not accepted; batch=True makes a batch.",
         "A simulator costs nothing and needs no guard: use its own sampler.",

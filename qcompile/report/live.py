@@ -17,7 +17,7 @@ from qcompile.live.journal import Journal, TaskKind
 from qcompile.live.journal_file import reading
 from qcompile.live.perform import costs, describe_progress, task_of
 from qcompile.live.records import State, Submission
-from qcompile.mitigation.misfit import misfit_words
+from qcompile.mitigation.misfit import misfit_warnings
 from qcompile.report.calibration_values import calibration_values, print_calibration
 from qcompile.report.summary import print_run
 from qcompile.report.tables import cost_in_words, plural, print_table
@@ -189,7 +189,7 @@ def print_validation(check: dict[str, Any]) -> None:
             f"{plural(check['observations'], 'observation')}: a p01 of one qubit raised by "
             f"{check['effect']:g} is found {100 * check['least_power']:.0f} % of the time or more"
         )
-        for words in misfit_words(check["calibration_misfits"]):
+        for words in misfit_warnings(check["calibration_misfits"]):
             click.echo(words)
     verdict = "pass" if check["passed"] else "fail"
     click.echo(f"{verdict}; the largest difference of a <Z> is {check['largest_difference']:.3f}")

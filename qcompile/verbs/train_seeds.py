@@ -7,7 +7,7 @@ from functools import partial
 
 from qcompile.deploy.registration import with_environments
 from qcompile.errors import OptionError, QcompileError, StudyError
-from qcompile.notebook import reward_words
+from qcompile.notebook import reward_text
 from qcompile.report import progress as bars
 from qcompile.sweep.arguments import Words
 from qcompile.sweep.engine import run_all
@@ -100,7 +100,7 @@ def train_seeds(
             if isinstance(outcome, str):
                 failures[cell.seed], words = outcome, "failed"
             else:
-                scored[cell.seed], words = outcome, reward_words(outcome.rewards.mean())
+                scored[cell.seed], words = outcome, reward_text(outcome.rewards.mean())
             show(len(scored) + len(failures), f"{cell.name}: {words}")
 
         train = with_environments(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from qcompile.notebook import reward_words
+from qcompile.notebook import reward_text
 from qcompile.planning.point import Point
 from qcompile.planning.search import SearchResult
 from qcompile.report.tables import plural
@@ -53,7 +53,7 @@ def frontier_table(values: Mapping[str, Any]) -> tuple[list[str], list[list[str]
                 f"{point['qpu_seconds']:,.1f}",
                 f"{low:,.0f} to {high:,.0f}",
                 f"{point['qpu_seconds_at_4_sub_jobs']:,.0f}",
-                reward_words(point["mean_reward"]),
+                reward_text(point["mean_reward"]),
                 f"{100 * point['share']:.1f} %",
             ]
         )

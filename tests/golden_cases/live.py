@@ -24,7 +24,7 @@ CALIBRATE = "calibrate --backend fake_lima --shots 200 --qubits 0,1 --live --yes
 VALIDATE = "validate lima.json --policy tiny.json --observations 2 --shots 100 --live --yes"
 LIMIT = "--max-qpu-seconds 60"
 
-SOMEBODY = setting("qcompile.cli.live_options.somebody_is_there", lambda: True)
+SOMEBODY = setting("qcompile.cli.live_options.is_interactive", lambda: True)
 NO_PAUSE = setting("urllib3.util.retry.Retry.get_backoff_time", lambda retry: 0.0)
 NOWHERE = "QISKIT_IBM_URL=http://127.0.0.1:9/experimental IAM_URL=http://127.0.0.1:9"
 
