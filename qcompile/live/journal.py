@@ -186,7 +186,7 @@ class Journal:
         """Set another limit.
 
         Raises:
-            BudgetError: it is no number of seconds that may be spent.
+            BudgetError: the limit is not a positive number of seconds, or is too large.
         """
         check_limit(max_qpu_seconds)
         self._db.do("UPDATE run SET max_qpu_seconds = ?", max_qpu_seconds)

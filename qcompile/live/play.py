@@ -140,10 +140,10 @@ class JournalRecorder(Recorder):
         return drawn
 
     def rewards(self, rewards: list[float]) -> None:
-        """What the last actions earned, as far as they counted.
+        """Record or check the rewards of the last actions that counted.
 
         Raises:
-            ReplayError: it is not what is recorded.
+            ReplayError: the rewards differ from the recorded ones.
         """
         step = self._recorded()
         if step is None or step.rewards is None:

@@ -122,7 +122,7 @@ def _is_size(value: Any) -> bool:
 
 @dataclass(frozen=True)
 class Charge:
-    """What a job that IBM has, or may have, counts against the limit.
+    """The cost of a job that IBM has or may have, counted against the limit.
 
     `number` is the job's number in the run. `job_id` is None if IBM did not return one: then the
     job is in doubt, `sent_at` is when the attempt to send it ended, or else began, and `refused`
