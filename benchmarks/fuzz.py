@@ -4,8 +4,9 @@
 
 Input i of a reader follows from --seed and i alone, so a run can be cut into parts with --first.
 They are read in processes that may take 1 GB more than they start with; one that gets stuck or dies
-is noted, and another goes on. Only a QcompileError counts as refused. Whatever is not refused in
-words is kept in --keep, with the traceback. A run that is stopped prints what it has done so far.
+is recorded, and another one takes over. Only a QcompileError counts as refused. Whatever is not
+refused in words is kept in --keep, with the traceback. A run that is stopped prints what it has
+done so far.
 """
 
 from __future__ import annotations

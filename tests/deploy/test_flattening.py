@@ -1,4 +1,4 @@
-"""Observations of any numbers become vectors, as gymnasium's own `flatten` makes them."""
+"""Numeric observations become vectors, as by gymnasium's own `flatten`."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def made(space: Any, *values: Any, bits: bool = False) -> gymnasium.Env[Any, Any
 
 
 def observed(space: Any, *values: Any, bits: bool = False) -> list[list[float]]:
-    """What a policy sees of these values, the last of which ends the episode."""
+    """The policy's observations of these values; the last one ends the episode."""
     found: list[list[float]] = []
     episodes: list[Episode] = []
 

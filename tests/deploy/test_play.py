@@ -1,4 +1,4 @@
-"""Playing: episodes against stepping by hand, repeatability, and what is refused."""
+"""Playing: episodes against stepping by hand, repeatability, and refusals."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def by_hand(observation: np.ndarray) -> int:
 
 
 def test_episodes_are_those_stepped_by_hand(cartpole: Make, deploy: Make) -> None:
-    """Episode i resets with seed + i; the actions come from a formula of their own."""
+    """Episode i resets with seed + i; the expected actions come from a formula."""
     result = play(deploy(cartpole(), greedy=True, seed=40), 5)
     expected = []
     for seed in range(40, 45):

@@ -1,4 +1,4 @@
-"""Modules, classes and functions that make environments; nothing of them is asked by a file."""
+"""Modules, classes and functions that make environments; no file can trigger them."""
 
 from __future__ import annotations
 
@@ -180,7 +180,7 @@ def test_arguments_that_cannot_be_compared_are_other_arguments() -> None:
 
 
 class Undeclared(gymnasium.Env[Any, Any]):
-    """Says neither what it observes nor how it acts."""
+    """Declares neither observations nor actions."""
 
 
 def test_an_environment_without_spaces_is_refused() -> None:
@@ -205,7 +205,7 @@ def test_what_makes_none_is_refused(environment: Any, words: str) -> None:
 
 
 def in_another_process(task: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
-    """What the task does in a process that knows nothing yet: it is pickled on the way."""
+    """Run the task in a fresh process, to which it is pickled."""
     sent = cloudpickle.dumps(task)
     gymnasium.registry.pop("Door-v0", None)
     gymnasium.registry.pop("Local-v0", None)

@@ -1,4 +1,4 @@
-"""The record of settings: its defaults, what it fills in, and what it refuses."""
+"""The record of settings: defaults, resolved values and refusals."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def calibrated(*parts: Any) -> Calibration:
 def test_the_default_mitigation(
     device: Any, parts: Any, changes: dict[str, Any], mitigation: str
 ) -> None:
-    """Readout on a noisy backend, none on ideal; what a known calibration has."""
+    """Readout on a noisy backend, none on ideal, or the mitigation of a known calibration."""
     known = None if parts is None else calibrated(*parts)
     settings = RunSettings.of(**changes).resolved(device, known)
     assert (settings.mitigation, settings.copies, settings.shots) == (mitigation, 1, 8192)

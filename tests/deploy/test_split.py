@@ -1,4 +1,4 @@
-"""The shots of a row over several places: counts, mitigation, costs, and what is refused."""
+"""The shots of a row over several copies: counts, mitigation, costs and refusals."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def measurement(program: Program, on: Device, **changes: Any) -> Measurement:
 
 
 class _Counted(Prepared):
-    """Counts that are known, and what it was asked for."""
+    """Known counts, and a record of the requests."""
 
     def __init__(self, ones: list[list[int]]):
         self.counts = np.array(ones)

@@ -1,4 +1,4 @@
-"""Jobs: what job.json promises, and programs that Qiskit reads back as the policy's circuits."""
+"""Jobs: the contents of job.json, and programs that Qiskit reads back as the policy's circuits."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Program files compiled: which qubits take places, and what is said beside the gates."""
+"""Compiled program files: the placement of qubits, and statements other than gates."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ def test_durations_have_names_and_barriers_in_gates_are_told_of() -> None:
 
 
 def segments(circuit: QuantumCircuit) -> list[list[object]]:
-    """For each qubit: unitaries, and between them the names of what is no gate."""
+    """For each qubit: unitaries, separated by the names of other instructions."""
     found: list[list[object]] = [[np.eye(2)] for _ in circuit.qubits]
     for item in circuit.data:
         for qubit in item.qubits:

@@ -1,4 +1,4 @@
-"""Accounts and backends that go: tokens that expire, keys that are refused, retired machines."""
+"""Accounts and backends that fail: expired tokens, refused keys, retired machines."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_tokens_that_expire_are_renewed(
 
 
 def test_short_lived_tokens(runs: Runs, undisturbed: dict[str, Any]) -> None:
-    """Each lives for half a second, a run for more: the client does not know that they end."""
+    """Each token lasts half a second, a run longer: the client does not know that they expire."""
     runs.service.settings.token_seconds = 0.5
     runs.service.settings.queue_seconds = 0.3
     found = runs.until_finished(runs.run())
@@ -131,7 +131,7 @@ def test_a_short_outage_of_the_identity_service(runs: Runs) -> None:
 def test_a_backend_retired_midway_still_gives_what_it_measured(
     runs: Runs, undisturbed: dict[str, Any]
 ) -> None:
-    """The job that was paid is fetched, the next one cannot be sent: the run waits for it."""
+    """The paid job is fetched, and the next one cannot be sent: the run can be resumed later."""
     runs.service.settings.queue_seconds = 0.5
     assert runs.run("--max-wait-seconds", 0.1).code == 1
     runs.service.faults.retire("fake_lima")
@@ -167,7 +167,7 @@ def test_a_service_that_does_not_answer_is_asked_for_a_while_and_explained(
 def test_a_run_keeps_to_the_instance_it_began_with(
     runs: Runs, undisturbed: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Whatever the account names later: another instance may be one that costs."""
+    """Whatever the account names later: another instance may cost money."""
     runs.service.settings.queue_seconds = 0.2
     assert runs.run("--max-wait-seconds", 0.05).code == 1
     assert runs.call("runs", "export", "last").json()["settings"]["instance"] == CRN

@@ -111,7 +111,7 @@ def test_results_that_stay_unreadable_are_explained_and_never_paid_twice(
 def test_a_charge_that_comes_late_is_not_guessed_and_learnt_later(
     runs: Runs, undisturbed: dict[str, Any]
 ) -> None:
-    """A result tells the caps of jobs of which IBM has not said the charge: 19 s each."""
+    """A result counts jobs without a reported charge with their caps: 19 s each."""
     runs.service.settings.usage_lag_seconds = 3600
     found = runs.run().json()
     assert played(found) == undisturbed
@@ -156,7 +156,7 @@ def test_charges_are_learnt_in_between_before_there_are_too_many(
 def test_a_deleted_job_is_explained_and_sent_once_more(
     runs: Runs, undisturbed: dict[str, Any]
 ) -> None:
-    """What it was charged stays unknown, and counts with its cap."""
+    """Its charge stays unknown and counts with its cap."""
     from qiskit_ibm_runtime import QiskitRuntimeService
 
     runs.service.settings.queue_seconds = 0.2
@@ -228,6 +228,6 @@ def test_two_that_go_on_at_once_do_not_pay_twice(runs: Runs, undisturbed: dict[s
 
 
 def run_id() -> str:
-    """Of the only run."""
+    """The submissions of the only run."""
     [folder] = Path("runs").iterdir()
     return folder.name

@@ -1,4 +1,4 @@
-"""The guard: nothing is spent that was not allowed, and a run stops before its limit."""
+"""The guard: nothing is spent without permission, and a run stops before its limit."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def nothing_sent(runs: Runs) -> bool:
 
 @pytest.mark.parametrize("spare_s", [-0.1, 0.0, 0.99])
 def test_a_plan_above_the_limit_sends_nothing(runs: Runs, spare_s: float) -> None:
-    """IBM cuts jobs off at whole seconds: one second is to spare."""
+    """IBM stops jobs at whole seconds: one second is to spare."""
     limit_s = 3 * STEP_S + spare_s
     answer = runs.run(max_qpu_seconds=limit_s)
     assert answer.code == 1
@@ -32,7 +32,7 @@ def test_a_plan_above_the_limit_sends_nothing(runs: Runs, spare_s: float) -> Non
 
 
 def test_a_limit_one_second_above_the_plan_is_enough(runs: Runs) -> None:
-    """Whole seconds of IBM's own limit do not cut the last job off."""
+    """IBM's limit in whole seconds does not stop the last job."""
     found = runs.run(max_qpu_seconds=3 * STEP_S + 1.001).json()
     assert found["qpu_seconds"] == pytest.approx(3 * STEP_S)
     assert found["jobs_uncharged"] == 0
@@ -97,7 +97,7 @@ def test_a_machine_that_takes_longer_than_planned_is_stopped_by_what_it_charged(
 def test_a_job_that_ibm_cuts_off_at_the_limit_is_a_matter_of_the_budget(
     runs: Runs, undisturbed: dict[str, object]
 ) -> None:
-    """Four times 2.2 s pass 8 s at once: IBM stops the job there, and charges so much."""
+    """Four times 2.2 s exceed 8 s at once: IBM stops the job there, and charges 8 s."""
     runs.service.settings.usage_factor = 4.0
     answer = runs.run(max_qpu_seconds=8)
     assert answer.code == 1
@@ -146,7 +146,7 @@ def test_a_higher_limit_is_confirmed_and_a_lower_one_is_not(
 def test_the_limit_holds_whatever_is_charged_and_whenever_ibm_says_it(
     runs: Runs, monkeypatch: pytest.MonkeyPatch, lag_s: float, factor: float, limit_s: float
 ) -> None:
-    """By the ledger: jobs whose charge comes late, and takes longer than the plan."""
+    """Checked with the ledger: jobs whose charges come late and exceed the plan."""
     monkeypatch.setattr("qcompile.live.billing._CHARGE_PAUSES_S", (0.05, 0.15))
     runs.service.settings.usage_lag_seconds = lag_s
     runs.service.settings.usage_factor = factor

@@ -1,4 +1,4 @@
-"""Runs that are resumed elsewhere: copies, moved folders, journals of somebody else."""
+"""Runs that are resumed elsewhere: copies, moved folders, journals from other people."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def test_on_another_machine_a_script_says_the_limit_itself(
 
 
 def test_a_journal_that_does_not_say_where_it_was_is_asked_about(stopped: Runs) -> None:
-    """As those of the first version."""
+    """Without a home, as in journals of the first version."""
     with find_journal(RUNS, "last") as journal:
         pass
     with sqlite3.connect(journal.path) as db:
@@ -161,7 +161,7 @@ def test_a_journal_names_neither_the_machine_nor_the_folder(stopped: Runs) -> No
 
 
 def test_two_runs_of_a_folder_have_other_digests(stopped: Runs) -> None:
-    """Who has several journals cannot tell by them which came from one place."""
+    """Several journals do not reveal which of them came from one place."""
     first = journal_home("runs")
     stopped.service.faults.once(Fault.JOB_CANCELLED)
     assert stopped.run().code == 1

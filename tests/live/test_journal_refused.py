@@ -1,4 +1,4 @@
-"""Journals that cannot be used: held by another process, damaged, foreign, not to be written."""
+"""Unusable journals: locked by another process, damaged, foreign, or read-only."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def test_a_damaged_journal_is_explained() -> None:
 
 
 def test_a_journal_cut_in_half_is_explained() -> None:
-    """It is seen where it is opened, or where a page is needed that is not there."""
+    """It is noticed on opening, or when a missing page is needed."""
     with new() as journal:
         for number in range(50):
             journal.intend(number, "d" * 500, 1)
@@ -80,7 +80,7 @@ def test_a_journal_cut_in_half_is_explained() -> None:
 
 
 def test_a_file_that_cannot_be_written_is_explained() -> None:
-    """Whatever is written: nothing of it is taken for written."""
+    """No write is taken for committed."""
     journal = new()
     made = journal.intend(0, "d", 1)
     with sqlite3.connect(journal.folder / FILE) as other:

@@ -1,4 +1,4 @@
-"""Killed without a word at any moment, a run goes on as if nothing had happened."""
+"""A run that is killed at any moment resumes as if nothing had happened."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ WORDS = (
 def test_a_killed_run_goes_on(
     runs: Runs, undisturbed: dict[str, Any], request_: str, times: int, pause_s: float
 ) -> None:
-    """Killed as soon as the service has seen so many of these requests."""
+    """Killed as soon as the service has seen this many of these requests."""
     runs.service.settings.run_seconds = 0.1
     killed(runs.service, WORDS, request_, times, pause_s)
     found = runs.until_finished(runs.call("resume", "last", "--json"))

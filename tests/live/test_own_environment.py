@@ -1,4 +1,4 @@
-"""A live run in an environment of a user's own module: its journal has the id alone."""
+"""A live run in an environment from a user's module: its journal has only the id."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ gymnasium.register("Hall-v0", Hall)
 
 
 def forget(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Know nothing of the module, as another process."""
+    """Forget the module, as in another process."""
     gymnasium.registry.pop("Hall-v0", None)
     sys.modules.pop("halls", None)
     monkeypatch.setattr(registration, "_imported", {})

@@ -1,4 +1,4 @@
-"""Jobs are sent no faster than the account may: by option, and as Retry-After says."""
+"""Jobs are sent no faster than allowed, by option and by Retry-After."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SUBMIT, JOB = "POST /jobs", "GET /jobs/{id}"
 
 @pytest.fixture
 def minute(service: StandIn, monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
-    """Have a minute last so long, on both sides."""
+    """Make a minute last this long, on both sides."""
     monkeypatch.setattr("qcompile.live.pace._LATE_S", 0.5)
 
     def last(seconds: float) -> None:
@@ -84,7 +84,7 @@ def test_a_job_is_not_sent_again_before_the_time(runs: Runs, undisturbed: dict[s
 
 
 def test_more_jobs_than_a_minute_takes_are_sent_in_the_next(runs: Runs) -> None:
-    """Nobody told the client of the service's limit."""
+    """The client does not know the service's limit."""
     runs.service.settings.jobs_per_minute, runs.service.settings.minute_seconds = 1, 1.0
     assert runs.run("--max-steps", 2).code == 0
     assert len(runs.service.ledger().jobs) == 2

@@ -1,4 +1,4 @@
-"""Jobs that were charged and gave no counts are sent again only when somebody says so."""
+"""Charged jobs without counts are sent again only with permission."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ STEP_S = 2.1792
 def fail_charged(
     runs: Runs, monkeypatch: pytest.MonkeyPatch, *calls: int, outcome: str = "Failed"
 ) -> None:
-    """Let these of the jobs, counted from 0, end without counts, and be charged all the same."""
+    """Let the jobs with these numbers, from 0, end without counts and be charged all the same."""
     real, count = Service.submit, itertools.count()
 
     def submit(self: Service, body: Any) -> Any:
@@ -37,7 +37,7 @@ def test_one_ends_the_run_and_is_sent_again_on_request(
     outcome: str,
     lag_s: float,
 ) -> None:
-    """Whether IBM has said already what it charges, or may say it yet."""
+    """Whether IBM has already reported the charge, or may still do so."""
     monkeypatch.setattr("qcompile.live.billing._CHARGE_PAUSES_S", (0.01,))
     runs.service.settings.usage_lag_seconds = lag_s
     fail_charged(runs, monkeypatch, 0, outcome=outcome)
@@ -81,7 +81,7 @@ def test_a_yes_is_for_one_failure(runs: Runs, monkeypatch: pytest.MonkeyPatch) -
 def test_a_job_that_was_cut_off_does_not_take_the_rest_unasked(
     runs: Runs, undisturbed: dict[str, Any]
 ) -> None:
-    """19 of 100 s are gone; `resume` asks before it gives the same job some of the other 81."""
+    """19 of 100 s are spent; `resume` asks before it spends more of them on the same job."""
     runs.service.settings.usage_factor = 9.0
     answer = runs.run(max_qpu_seconds=100)
     assert answer.code == 1

@@ -1,4 +1,4 @@
-"""A run played again from its journal: it asks nobody, and believes nothing that does not fit."""
+"""A run replayed from its journal: it sends no requests, and rejects whatever does not fit."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from qcompile.passes import compile
 
 
 def change(what: str, *values: object) -> None:
-    """Change the journal of the only run, and have it played again."""
+    """Change the journal of the only run, and replay it."""
     [path] = Path("runs").glob("*/journal.sqlite")
     with sqlite3.connect(path) as db:
         db.execute(what, values)
@@ -93,7 +93,7 @@ def flip(actions: Any) -> None:
 
 
 def test_recorded_actions_are_taken(runs: Runs) -> None:
-    """An episode that was pushed the other way is seen in the next observation."""
+    """An episode that was pushed the other way differs in the next observation."""
     runs.run()
     changed_array("actions", 0, flip)
     answer = runs.call("resume", "last")
@@ -150,7 +150,7 @@ def test_versions_that_differ_are_named(runs: Runs) -> None:
 
 
 def nudge(by: float) -> Callable[[Any], None]:
-    """Move the first value, by so much of it and so much besides."""
+    """Change the first value, by a relative and an absolute amount."""
 
     def change_it(values: Any) -> None:
         values.flat[0] += by * (1 + abs(values.flat[0]))
@@ -185,7 +185,7 @@ def test_what_another_processor_rounds_otherwise_is_the_same(
 def test_counts_of_the_journal_are_what_actions_come_from(
     runs: Runs, undisturbed: dict[str, Any]
 ) -> None:
-    """With the last step and its counts gone, the run is played on to the same end.
+    """With the last step and its counts removed, the run is played to the same end.
 
     Its job is found by its tag, and not paid again.
     """

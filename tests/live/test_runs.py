@@ -1,4 +1,4 @@
-"""The runs of a folder: found by a part of their names, listed by age, damaged ones told."""
+"""The runs of a folder: found by part of their names, listed by age, damaged ones reported."""
 
 from __future__ import annotations
 

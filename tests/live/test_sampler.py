@@ -1,4 +1,4 @@
-"""GuardedSampler: PUBs of anybody's, and the results that IBM's own sampler gives for them."""
+"""GuardedSampler: any PUBs, with the same results as from IBM's own sampler."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_a_result_is_that_of_ibms_own_sampler(service: StandIn) -> None:
 
 
 def test_shots_are_those_of_the_pub_then_of_the_call_then_ibms(service: StandIn) -> None:
-    """IBM's sampler takes one number of shots a job, so PUBs of several are several jobs."""
+    """IBM's sampler takes one number of shots per job, so different shots are different jobs."""
     pubs = [(flipped(0), None, 30), flipped(1), (flipped(2), None, 30), flipped(3)]
     with GuardedSampler("fake_lima") as sampler:
         found = sampler.run(pubs, shots=50).result()
@@ -177,7 +177,7 @@ def branching() -> QuantumCircuit:
 def test_a_circuit_that_the_machine_cannot_run_is_not_sent(
     service: StandIn, circuit: QuantumCircuit, words: str
 ) -> None:
-    """Nothing is in doubt; and the place is free for the circuit once it is compiled."""
+    """Nothing is in doubt, and the position is free for the circuit once it is compiled."""
     with GuardedSampler("fake_lima") as sampler:
         with pytest.raises(LiveError, match=words):
             sampler.run([circuit], shots=10)
@@ -187,7 +187,7 @@ def test_a_circuit_that_the_machine_cannot_run_is_not_sent(
 
 
 def test_two_calls_are_sent_before_either_is_waited_for(service: StandIn) -> None:
-    """And the same PUBs twice are two samples."""
+    """The same PUBs twice are two samples."""
     service.settings.run_seconds = 0.2
     with GuardedSampler("fake_lima") as sampler:
         jobs = [sampler.run([flipped()], shots=500 + k) for k in (0, 0, 1)]

@@ -1,4 +1,4 @@
-"""A program of somebody's that asks a GuardedSampler: stopped, run again, and at its limit."""
+"""A user's program on a GuardedSampler: stopped, run again, and at its limit."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def pubs(qubit: int) -> list[Any]:
 
 
 def program() -> subprocess.Popen[str]:
-    """Three calls of two PUBs, in a process of their own."""
+    """Three calls of two PUBs, in a separate process."""
     return subprocess.Popen(
         [sys.executable, "-c", PROGRAM, str(Path(__file__).parent.parent)],
         env=os.environ | {"QCOMPILE_SETTLE_SECONDS": "0.05"},
@@ -72,7 +72,7 @@ def check_paid_once(service: StandIn, jobs: int) -> None:
 def test_a_killed_program_is_run_again(
     service: StandIn, request_: str, times: int, pause_s: float
 ) -> None:
-    """Its results are those of IBM's own sampler, and each job is paid once."""
+    """Its results equal those of IBM's own sampler, and each job is paid once."""
     service.settings.run_seconds = 0.1
     killed = program()
     while service.ledger().requests.get(request_, 0) < times:
@@ -131,7 +131,7 @@ def test_other_pubs_after_a_refusal_are_told_what_the_place_waits_for(service: S
 
 
 def test_a_program_that_changed_takes_no_job_of_an_older_one(service: StandIn) -> None:
-    """The journal was restored from a copy, which does not know what was sent since."""
+    """The journal was restored from a copy that does not know what was sent since."""
     with GuardedSampler("fake_lima") as sampler:
         sampler.run(pubs(0), shots=SHOTS).result()
     shutil.copytree("runs/mine", "copy")

@@ -1,4 +1,4 @@
-"""The books of a sampler: what `runs` and `resume` tell of it; no corner hides a charge."""
+"""The books of a sampler, as reported by `runs` and `resume`: no charge is hidden."""
 
 from __future__ import annotations
 
@@ -156,7 +156,7 @@ def test_an_unknown_machine_makes_no_journal(service: StandIn) -> None:
 
 
 def unreachable() -> LiveError:
-    """What a request says that found no connection: it never left this machine."""
+    """The error of a request without a connection: it never left this machine."""
     try:
         Connection("fake_lima", patience_s=0.0).device()
     except LiveError as error:
@@ -167,7 +167,7 @@ def unreachable() -> LiveError:
 def test_an_error_that_the_program_handles_says_nothing_of_what_it_sends(
     runs: Runs, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Python chains it to all that fails in the handler: no connection then, none lost now."""
+    """Python chains it to every error in the handler: the request did have a connection."""
     with monkeypatch.context() as patch:
         for name in ("QISKIT_IBM_URL", "IAM_URL"):
             patch.setenv(name, "http://127.0.0.1:9/experimental")
@@ -190,7 +190,7 @@ def test_an_error_that_the_program_handles_says_nothing_of_what_it_sends(
 
 @pytest.mark.parametrize("status", ["pending", "estimated", "", "PENDING"])
 def test_a_charge_counts_once_it_is_complete(status: str) -> None:
-    """What IBM calls otherwise may be zero, and a charge later."""
+    """A usage that IBM does not call complete may be zero, and a charge later."""
     usage = {"qpu_charge_time_seconds": 0, "status": status}
     assert read(Metrics, {"usage": usage}, "a job").charged_s(10) is None
     usage = {"qpu_charge_time_seconds": 3, "status": "complete"}

@@ -1,4 +1,4 @@
-"""A twin against its machine: the true one passes as often as it says, a moved one is named."""
+"""A twin against its machine: a true one passes as often as stated, a changed one is named."""
 
 from __future__ import annotations
 

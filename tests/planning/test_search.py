@@ -1,4 +1,4 @@
-"""Which settings are recommended, on rewards and chains that are scripted."""
+"""The recommended settings, for scripted rewards and chains."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Search = Callable[..., SearchResult]
 def scripted(monkeypatch: pytest.MonkeyPatch) -> Search:
     """A search in which random actions earn 0, the ideal policy 100, and each number of shots this.
 
-    Each episode has so many decisions, all of them predicted right, one row each.
+    Each episode has this many decisions, all predicted correctly, one row each.
     """
 
     def run(

@@ -1,4 +1,4 @@
-"""Circuits to train: what they are of, their files, and what is refused."""
+"""Circuits to train: their sources, their files, and refusals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Policy files with something wrong in them: refused in words, and nothing of them is run."""
+"""Invalid policy files: refused with an explanation, and none of their code is run."""
 
 from __future__ import annotations
 

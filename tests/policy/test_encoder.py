@@ -1,4 +1,4 @@
-"""Encoders: every function, gains and normalisation by hand; what fits no policy is refused."""
+"""Encoders: every function, gains and normalisation by hand, and refusals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Format 2: what runs is read, written and played; what cannot run yet is refused by its name."""
+"""Format 2: supported parts are read, written and played; unsupported ones are refused by name."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def test_awkward_numbers_have_the_hash_that_they_had(awkward: Make) -> None:
 
 
 def test_a_task_holds_a_policy_of_either_format(awkward: Make) -> None:
-    """A journal has it with the same bytes as before; of format 2 it is all there."""
+    """A journal stores format 1 with the same bytes as before, and format 2 completely."""
     settings = {
         "backend": "fake_lima",
         "device": load_device("fake_lima"),

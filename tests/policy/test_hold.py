@@ -1,4 +1,4 @@
-"""How long a decision is held, in files: said where it is more than a step, in format 2 alone."""
+"""The hold of decisions in files: present only in format 2, if it exceeds one step."""
 
 from __future__ import annotations
 

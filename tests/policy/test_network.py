@@ -1,4 +1,4 @@
-"""Networks: their arithmetic beside torch's and by hand, their files, and what is refused."""
+"""Networks: their arithmetic against torch and by hand, their files, and refusals."""
 
 from __future__ import annotations
 
@@ -179,7 +179,7 @@ def changed(**changes: Any) -> dict[str, Any]:
 
 
 def layers(*changes: dict[str, Any]) -> dict[str, Any]:
-    """The values with these changes to the layers, as many as there are changes."""
+    """The values with these changes to the first layers."""
     both = zip(policy_values(by_hand())["layers"], changes, strict=False)
     return changed(layers=[layer | change for layer, change in both])
 

@@ -1,4 +1,4 @@
-"""Policies: encoding, the head, sampling, counting parameters, and what is refused."""
+"""Policies: encoding, the head, sampling, parameter counts and refusals."""
 
 from __future__ import annotations
 
@@ -152,7 +152,7 @@ def test_the_same_generator_draws_the_same_actions() -> None:
 
 
 def with_probabilities(*probabilities: float) -> Policy:
-    """A policy that acts so, whatever it measures."""
+    """A policy with fixed action probabilities, whatever it measures."""
     bias = np.array([math.log(p) if p else -1e4 for p in probabilities])
     return replace(make(), bias=bias, weights=np.zeros((len(bias), REUSE * CIRCUITS)))
 

@@ -1,4 +1,4 @@
-"""The surrogate: the paper's closed form, Qiskit's statevector, and which functions it counts."""
+"""The surrogate: the paper's closed form, Qiskit's statevector, and its distinct functions."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def made(
     actions: int = 3,
     reuse: int = 1,
 ) -> Policy:
-    """A policy of these circuits; numbers that are not given are drawn."""
+    """A policy of these circuits; missing parameters are random."""
     if isinstance(circuits, Program):
         program = circuits
     else:

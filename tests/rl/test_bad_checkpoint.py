@@ -1,4 +1,4 @@
-"""Files that are no checkpoints, or were tampered with: refused, and nothing of them is run."""
+"""Files that are not checkpoints, or were tampered with: refused, and none of their code is run."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def good(tmp_path_factory: pytest.TempPathFactory, saved_at: SavedAt) -> bytes:
 
 
 def refused(path: Path) -> str:
-    """One TrainingError, with words of a few lines and the name of the file."""
+    """One TrainingError, with a short message and the name of the file."""
     with pytest.raises(TrainingError) as caught:
         load_checkpoint(path)
     message = str(caught.value)
@@ -125,7 +125,7 @@ def test_a_pickle_that_would_run_code_is_not_run(way: str, good: bytes, tmp_path
     assert not marker.exists()
     if way == "pickle":
         pickle.loads(path.read_bytes()).close()
-        assert marker.exists(), "the file is no trap"
+        assert marker.exists(), "the file should run code"
 
 
 def test_a_file_cut_short_is_refused(good: bytes, tmp_path: Path) -> None:
@@ -281,7 +281,7 @@ def test_an_action_that_an_environment_has_not_is_refused(
 
 
 def test_a_checkpoint_of_another_shape_is_refused(good: bytes, tmp_path: Path) -> None:
-    """Settings, environment and tensors must be of one training."""
+    """Settings, environment and tensors must belong to one training."""
     path = tmp_path / "run.checkpoint"
     path.write_bytes(good)
     settings = json.loads(torch.load(path, weights_only=True)["settings"])

@@ -1,4 +1,4 @@
-"""Observation normalisation: numbers by hand, a policy that sees what was learned from."""
+"""Observation normalisation: values by hand, and a policy with the training's statistics."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_a_constant_feature_is_centred_and_not_stretched() -> None:
 
 
 def test_the_actor_keeps_the_numbers_that_it_learned_with() -> None:
-    """What the next rollout is collected with comes to the actor when that rollout is there."""
+    """The statistics of a rollout are stored in the actor once that rollout is collected."""
     actor = torch.nn.Linear(1, 1)
     normaliser = Normaliser(actor, 1)
     normaliser.add(np.array([[[1.0]], [[5.0]]]))

@@ -1,4 +1,4 @@
-"""Circuits of one's own in training: exported, sized, resumed, and what does not fit them."""
+"""Own circuits in training: exported, sized, resumed, and refused."""
 
 from __future__ import annotations
 

@@ -20,7 +20,8 @@ class Actor:
 
 
 def scripted(pause: Pause, rewards: list[float]) -> tuple[list[bool], list[int | None]]:
-    """What Algorithm 2 does after each of these episodes, and which episode's policy it keeps."""
+    """The decisions of Algorithm 2 after each of these episodes, and the episode whose policy it
+    keeps."""
     actor, held, kept = Actor(), [], []
     for number, reward in enumerate(rewards, 1):
         actor.episode = number

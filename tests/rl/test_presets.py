@@ -1,4 +1,4 @@
-"""Presets are files: what they hold, how their tables inherit, and what is refused in words."""
+"""Preset files: their contents, inheritance between tables, and refusals."""
 
 from __future__ import annotations
 
