@@ -153,17 +153,17 @@ def _read(path: Path) -> list[dict[str, object]]:
 
 def table(name: str, rows: list[Row], seconds: float) -> Table:
     """A table of a part's rows, beside the plan and the paper's strategy."""
-    made = Table(title=f"{name} ({PARTS[name].__doc__}) {seconds:.0f} s", title_justify="left")
+    grid = Table(title=f"{name} ({PARTS[name].__doc__}) {seconds:.0f} s", title_justify="left")
     right = ("qubits", "episodes", "cut", "mean", "jobs", "executions")
     right += ("QPU s", "planned", "80 %", "the paper's way")
-    made.add_column("policy and options", max_width=52)
+    grid.add_column("policy and options", max_width=52)
     for column in right:
-        made.add_column(column, justify="right")
-    made.add_column("wanted")
+        grid.add_column(column, justify="right")
+    grid.add_column("wanted")
     for row in rows:
         words = row.command.removeprefix("qcompile run ").split()
         mean = "-" if row.mean_reward is None else f"{row.mean_reward:.1f}"
-        made.add_row(
+        grid.add_row(
             " ".join(words),
             *map(str, (row.qubits, row.episodes, row.cut_episodes, mean, row.jobs)),
             f"{row.executions:,}",
@@ -173,7 +173,7 @@ def table(name: str, rows: list[Row], seconds: float) -> Table:
             "" if row.paper_seconds is None else f"{row.paper_seconds:,.0f}",
             f"{row.wanted}{' (!)' * bool(row.wrong)}",
         )
-    return made
+    return grid
 
 
 if __name__ == "__main__":

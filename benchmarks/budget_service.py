@@ -126,25 +126,25 @@ class Service:
         known = {path.name for path in (self.folder / "runs").glob("*")}
         live = ("--live", "--yes", "--max-qpu-seconds", f"{limit_s:g}")
         try:
-            found = self.call(*words[1:], *live)
+            result = self.call(*words[1:], *live)
         except RuntimeError as error:
             row.wrong.append(str(error).replace("\n", " "))
-            made = {path.name for path in (self.folder / "runs").glob("*")} - known
-            row.qpu_seconds = sum(charged_s(jobs_of(self.stand_in, name)) for name in made)
+            names = {path.name for path in (self.folder / "runs").glob("*")} - known
+            row.qpu_seconds = sum(charged_s(jobs_of(self.stand_in, name)) for name in names)
             return row
-        jobs = jobs_of(self.stand_in, found["run"])
-        row.episodes, row.mean_reward = len(found["episodes"]), found["mean_reward"]
-        row.mean_reward_completed = found["mean_reward_completed"]
-        row.cut_episodes, row.env_steps = found["cut_episodes"], found["env_steps"]
+        jobs = jobs_of(self.stand_in, result["run"])
+        row.episodes, row.mean_reward = len(result["episodes"]), result["mean_reward"]
+        row.mean_reward_completed = result["mean_reward_completed"]
+        row.cut_episodes, row.env_steps = result["cut_episodes"], result["env_steps"]
         row.jobs, row.executions = len(jobs), sum(job.executions for job in jobs)
-        row.qpu_seconds, row.wall_seconds = charged_s(jobs), found["wall_seconds"]
-        a_circuit_s = 2 + 0.00035 * found["shots"]  # IBM's estimate of a job
-        row.paper_seconds = found["decisions"] * found["circuits_per_step"] * a_circuit_s
+        row.qpu_seconds, row.wall_seconds = charged_s(jobs), result["wall_seconds"]
+        a_circuit_s = 2 + 0.00035 * result["shots"]  # IBM's estimate of a job
+        row.paper_seconds = result["decisions"] * result["circuits_per_step"] * a_circuit_s
         for name in ("qpu_seconds", "qpu_seconds_settled"):
-            if abs(found[name] - row.qpu_seconds) > _ROUNDING_S:
-                row.wrong.append(f"{name} is {found[name]:.6f}, charged {row.qpu_seconds:.6f}")
-        if (found["jobs"], found["executions"]) != (row.jobs, row.executions):
-            row.wrong.append(f"reports {found['jobs']} jobs, {found['executions']} executions")
+            if abs(result[name] - row.qpu_seconds) > _ROUNDING_S:
+                row.wrong.append(f"{name} is {result[name]:.6f}, charged {row.qpu_seconds:.6f}")
+        if (result["jobs"], result["executions"]) != (row.jobs, row.executions):
+            row.wrong.append(f"reports {result['jobs']} jobs, {result['executions']} executions")
         if row.cut_episodes > 0.02 * row.episodes:  # a plan's promise for its own episodes
             row.wrong.append(f"{row.cut_episodes} episodes are cut")
         return row

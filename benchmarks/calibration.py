@@ -40,11 +40,11 @@ def lost() -> list[Row]:
     """Lost fits of perfect qubits, whose curves lie on the border of the cone."""
     rows = []
     for shots in (1024, 8192):
-        found = [
+        calibrations = [
             live(qcompile.OfflineExecutor(IDEAL, seed), np.arange(24), shots)
             for seed in range(FITTED)
         ]
-        share = 100 * float(np.mean([c.response is None for c in found]))
+        share = 100 * float(np.mean([c.response is None for c in calibrations]))
         rows.append(spread(f"24 perfect qubits, {shots} shots: fits lost", [share], "%", "0"))
     for what, device, qubits in (
         ("24 perfect qubits", IDEAL, np.arange(24)),
@@ -72,12 +72,12 @@ def neighbours() -> list[Row]:
     device, policy = qcompile.load_device("fake_toronto"), qcompile.load_policy("lunarlander")
     executable = qcompile.compile(policy.trained_program, device, importance=policy.importance)
     for share in (0.02, 0.05, 0.1, 0.2):
-        found = []
+        doubted = []
         for seed in range(30):
-            made = live(Neighbours(device, share, seed), np.unique(executable.qubits))
-            found.append(len({misfit.qubit for misfit in misfits(made)}))
+            calibration = live(Neighbours(device, share, seed), np.unique(executable.qubits))
+            doubted.append(len({misfit.qubit for misfit in misfits(calibration)}))
         what = f"fake_toronto, {100 * share:g} % of each bit the neighbour's: qubits doubted of 24"
-        rows.append(spread(what, [float(count) for count in found], "qubits", ""))
+        rows.append(spread(what, [float(count) for count in doubted], "qubits", ""))
     return rows
 
 
@@ -117,7 +117,7 @@ def power() -> list[Row]:
     device, policy = qcompile.load_device("fake_toronto"), qcompile.load_policy("lunarlander")
     executable = qcompile.compile(policy.trained_program, device, importance=policy.importance)
     qubits = np.unique(executable.qubits)
-    found, said, named = [], [], []
+    detected, stated, named = [], [], []
     for seed in range(TESTED):
         qubit = int(qubits[seed % len(qubits)])
         records = list(device.qubits)
@@ -130,14 +130,14 @@ def power() -> list[Row]:
             )
         machine = qcompile.OfflineExecutor(moved, 10_000 + seed)
         check = check_twin(twin, policy, observations, machine, shots)
-        found.append(qubit in check.failed)
+        detected.append(qubit in check.failed)
         named.append(check.failed in ([], [qubit]))
-        said.append(check.power[check.qubits.tolist().index(qubit)])
+        stated.append(check.power[check.qubits.tolist().index(qubit)])
     what = f"validate, lunarlander on fake_toronto: a p01 raised by {EFFECT:g} on one of 24 qubits"
     cost = f"{len(observations)} observations, {shots} shots"
     return [
-        spread(f"{what}, found ({cost})", [100 * float(np.mean(found))], "%", ">= 90"),
-        spread(f"{what}, power stated", [100 * float(np.mean(said))], "%", ""),
+        spread(f"{what}, found ({cost})", [100 * float(np.mean(detected))], "%", ">= 90"),
+        spread(f"{what}, power stated", [100 * float(np.mean(stated))], "%", ""),
         spread(f"{what}, no other qubit named", [100 * float(np.mean(named))], "%", ""),
     ]
 

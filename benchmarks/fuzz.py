@@ -69,7 +69,7 @@ def try_one(reader: Reader, contents: bytes, path: Path, tally: Tally) -> str | 
     path.write_bytes(contents)
     tally.inputs += 1
     try:
-        found = reader.read(path)
+        result = reader.read(path)
     except QcompileError:
         tally.refused += 1
     except Exception as error:
@@ -79,8 +79,8 @@ def try_one(reader: Reader, contents: bytes, path: Path, tally: Tally) -> str | 
         tally.faults[f"{type(error).__name__} in {Path(frame.filename).name}:{frame.lineno}"] += 1
         return words
     else:
-        tally.read += found is not None
-        tally.refused += found is None
+        tally.read += result is not None
+        tally.refused += result is None
     return None
 
 
@@ -92,14 +92,14 @@ def inputs(name: str, seed: int, numbers: range) -> Iterator[tuple[int, bytes]]:
 
 @cache
 def seeds_of(name: str) -> list[bytes]:
-    found = READERS[name].seeds()
+    seeds = READERS[name].seeds()
     with tempfile.TemporaryDirectory() as folder:  # what is damaged must be whole before
-        for contents in found:
+        for contents in seeds:
             path = Path(folder) / READERS[name].name
             path.parent.mkdir(exist_ok=True)
             path.write_bytes(contents)
             assert READERS[name].read(path) is not None, name
-    return found
+    return seeds
 
 
 def work(
@@ -175,13 +175,13 @@ def fuzz(
                     lost(name, seed, at.value, keep, "the process died")
                     waiting += [(name, range(at.value + 1, numbers.stop))]
                 process.join()
-            for process, name, _, at, seen in running.values():
-                if at.value != seen[0]:
-                    seen[:] = [at.value, time.monotonic()]
-                elif time.monotonic() - seen[1] > STUCK_S:
+            for process, name, _, at, last_progress in running.values():
+                if at.value != last_progress[0]:
+                    last_progress[:] = [at.value, time.monotonic()]
+                elif time.monotonic() - last_progress[1] > STUCK_S:
                     tallies[name].hangs += 1
                     lost(name, seed, at.value, keep, "no answer")
-                    seen[1] = float("inf")
+                    last_progress[1] = float("inf")
                     os.kill(process.pid, signal.SIGKILL)
 
 

@@ -83,8 +83,8 @@ def saved(save: Callable[[Path], object], name: str) -> bytes:
 def policies(suffix: str) -> list[bytes]:
     encoder = replace(policy().encoder, function="clip", gain=np.full(len(policy().theta), 0.5))
     later = replace(policy(), encoder=encoder, environment_kwargs={"sutton_barto_reward": True})
-    found = [policy(), load_policy(ROOT / "trained" / "cartpole_1q.pt"), later]
-    return [saved(partial(save_policy, one), f"p{suffix}") for one in found]
+    chosen = [policy(), load_policy(ROOT / "trained" / "cartpole_1q.pt"), later]
+    return [saved(partial(save_policy, one), f"p{suffix}") for one in chosen]
 
 
 def wide_policies() -> list[bytes]:
@@ -116,11 +116,11 @@ def networks(suffix: str) -> list[bytes]:
     dense = [Dense(rng.normal(size=(3, 2)), np.ones(3), "tanh"), Dense(np.ones((2, 3)), np.ones(2))]
     convolution = Convolution(rng.normal(size=(2, 1, 3)), np.zeros(2), "relu")
     layers = [convolution, Dense(rng.normal(size=(2, 8)), np.zeros(2))]
-    found = [
+    saved_networks = [
         Network("n", "CartPole-v1", dense, np.zeros(2), np.full(2, 0.5), {"seed": 1}),
         Network("n", "CartPole-v1", layers, environment_kwargs={"sutton_barto_reward": True}),
     ]
-    return [saved(partial(save_policy, one), f"n{suffix}") for one in found]
+    return [saved(partial(save_policy, one), f"n{suffix}") for one in saved_networks]
 
 
 def use_network(path: Path) -> object:
@@ -150,13 +150,13 @@ def use_ansatz(path: Path) -> object:
 
 def checkpoints() -> list[bytes]:
     settings = Settings(episodes=4, reuse=2, pause_at=5.0, critic_hidden=(4,))
-    found = []
+    contents = []
     for changed in (settings, settings.changed(model="fcn", hidden=[4], reuse=1)):
         trainer = Trainer("CartPole-v1", changed, 1)
         trainer.train()
-        found.append(saved(partial(save_checkpoint, trainer), "c.pt"))
-    own = Trainer("CartPole-v1", settings.changed(layout="own"), 1, ansatz=ansatz())
-    return [*found, saved(partial(save_checkpoint, own), "c.pt")]
+        contents.append(saved(partial(save_checkpoint, trainer), "c.pt"))
+    own_trainer = Trainer("CartPole-v1", settings.changed(layout="own"), 1, ansatz=ansatz())
+    return [*contents, saved(partial(save_checkpoint, own_trainer), "c.pt")]
 
 
 def devices() -> list[bytes]:
@@ -171,8 +171,8 @@ def use_device(path: Path) -> object:
 def calibrations() -> list[bytes]:
     device = load_device("ibm_lima")
     executor = DeviceBackend(device).open(1)
-    made = calibrate(executor, np.array([0, 2]), 4096, parts=("readout", "response"))
-    return [saved(made.save, "c.json")]
+    calibration = calibrate(executor, np.array([0, 2]), 4096, parts=("readout", "response"))
+    return [saved(calibration.save, "c.json")]
 
 
 def observations(kind: str) -> list[bytes]:
@@ -253,20 +253,20 @@ def journals() -> list[bytes]:
     settings = RunTask.model_validate(values).model_dump(mode="json")
     with (
         tempfile.TemporaryDirectory() as folder,
-        Journal.create(Path(folder), "run", "fuzz", settings, {"numpy": "2"}, 60.0) as made,
+        Journal.create(Path(folder), "run", "fuzz", settings, {"numpy": "2"}, 60.0) as journal,
     ):
         bits = Register(0, "c", (1, 40), 4)
         for number in range(3):
-            submission = made.note_sending(made.intend(number, "digest", 40, [bits]), 5)
-            made.note_sent(submission, f"job{number}")
-            made.note_done(submission, [replace(bits, packed=bytes(40))])
-            charge = made.charges.of_job(f"job{number}")
+            submission = journal.note_sending(journal.intend(number, "digest", 40, [bits]), 5)
+            journal.note_sent(submission, f"job{number}")
+            journal.note_done(submission, [replace(bits, packed=bytes(40))])
+            charge = journal.charges.of_job(f"job{number}")
             assert charge is not None
-            made.charges.settle(charge, 2.5)
-            made.steps.note_actions(number, np.ones((2, 4)), np.ones(2, dtype=int))
-            made.steps.note_rewards(number, [1.0, 1.0])
-        made._db.connection.execute("PRAGMA journal_mode = DELETE")  # all in one file
-        return [(made.folder / FILE).read_bytes()]
+            journal.charges.settle(charge, 2.5)
+            journal.steps.note_actions(number, np.ones((2, 4)), np.ones(2, dtype=int))
+            journal.steps.note_rewards(number, [1.0, 1.0])
+        journal._db.connection.execute("PRAGMA journal_mode = DELETE")  # all in one file
+        return [(journal.folder / FILE).read_bytes()]
 
 
 def use_journal(path: Path) -> object:

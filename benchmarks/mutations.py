@@ -155,9 +155,9 @@ def of_npy(rng: random.Random, contents: bytes) -> bytes:
 
 def of_archive(rng: random.Random, contents: bytes) -> bytes:
     """Change entries of a torch.save file, and rebuild the archive."""
-    made = io.BytesIO()
+    buffer = io.BytesIO()
     packed = rng.choice((zipfile.ZIP_STORED, zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED))
-    with zipfile.ZipFile(io.BytesIO(contents)) as old, zipfile.ZipFile(made, "w", packed) as new:
+    with zipfile.ZipFile(io.BytesIO(contents)) as old, zipfile.ZipFile(buffer, "w", packed) as new:
         names = old.namelist()
         chosen = rng.choice((*[n for n in names if n.endswith(".pkl")] * len(names), *names))
         for name in names:
@@ -168,7 +168,7 @@ def of_archive(rng: random.Random, contents: bytes) -> bytes:
             elif rng.random() < 0.02:
                 continue
             new.writestr(name, data)
-    return made.getvalue()
+    return buffer.getvalue()
 
 
 def _of_pickle(rng: random.Random, data: bytes) -> bytes:
@@ -177,14 +177,14 @@ def _of_pickle(rng: random.Random, data: bytes) -> bytes:
     places = [m for m in text.finditer(data) if int.from_bytes(m[1], "little") < len(data)]
     place = rng.choice(places)
     end = place.end() + int.from_bytes(place[1], "little")
-    found = data[place.end() : end]
+    text = data[place.end() : end]
     with suppress(ValueError, UnicodeDecodeError):
-        found = rng.choice((of_tokens, of_json if found[:1] in b"[{" else of_tokens))(rng, found)
+        text = rng.choice((of_tokens, of_json if text[:1] in b"[{" else of_tokens))(rng, text)
     if rng.random() < 0.4:
         number = rng.choice(list(re.finditer(rb"K.|J....|M..", data, re.DOTALL)))
         odd = rng.choice((b"K\x00", b"Kd", b"J\xff\xff\xff\xff", b"J\xff\xff\xff\x7f", b"N", b"]"))
         return data[: number.start()] + odd + data[number.end() :]
-    return data[: place.start()] + b"X" + len(found).to_bytes(4, "little") + found + data[end:]
+    return data[: place.start()] + b"X" + len(text).to_bytes(4, "little") + text + data[end:]
 
 
 def of_sqlite(rng: random.Random, contents: bytes) -> bytes:

@@ -59,12 +59,12 @@ def differing(left: Policy, right: Policy) -> list[str]:
     }
     for name in ("feature", "scale", "gains"):
         arrays[name] = getattr(left.encoder, name), getattr(right.encoder, name)
-    found = [name for name, pair in arrays.items() if not np.array_equal(*pair)]
+    names = [name for name, pair in arrays.items() if not np.array_equal(*pair)]
     plain = ("environment", "program", "environment_kwargs", "hold")
-    found += [name for name in plain if getattr(left, name) != getattr(right, name)]
+    names += [name for name in plain if getattr(left, name) != getattr(right, name)]
     if left.encoder.functions != right.encoder.functions:
-        found.append("functions")
-    return found
+        names.append("functions")
+    return names
 
 
 def remake(names: set[str]) -> bool:
@@ -77,9 +77,9 @@ def remake(names: set[str]) -> bool:
             out = Path(folder) / f"{name}.pt"
             arguments[arguments.index("--out") + 1] = str(out)
             cli.main(arguments, standalone_mode=False)
-            made = qcompile.load_policy(out)
+            policy = qcompile.load_policy(out)
             for shipped in (TRAINED / f"{name}.pt", TRAINED / f"{name}.json"):
-                parts = differing(made, qcompile.load_policy(shipped))
+                parts = differing(policy, qcompile.load_policy(shipped))
                 same = same and not parts
                 words = f"differs in {', '.join(parts)}" if parts else "the same"
                 click.echo(f"{shipped.name}: {words}")

@@ -143,8 +143,8 @@ def _not_filmed(name: str, why: list[str]) -> EnvironmentMismatchError:
 
 
 def _first_line(error: Exception) -> list[str]:
-    said, _, _ = str(error).partition(" was raised from the environment creator for ")
-    return [line] if (line := first_line(said)) else []
+    message, _, _ = str(error).partition(" was raised from the environment creator for ")
+    return [line] if (line := first_line(message)) else []
 
 
 def features_and_actions(environment: Environment) -> tuple[int, int]:

@@ -110,9 +110,9 @@ def retry_after_s(error: BaseException | None) -> float | None:
         # The attribute names of requests and of the identity service's client.
         for response in (getattr(cause, name, None) for name in ("response", "http_response")):
             if getattr(response, "status_code", None) in (TOO_MANY_REQUESTS, UNAVAILABLE):
-                told = response.headers.get("Retry-After")  # type: ignore[union-attr]
+                header = response.headers.get("Retry-After")  # type: ignore[union-attr]
                 with suppress(InvalidHeader):
-                    return None if told is None else float(Retry().parse_retry_after(told))
+                    return None if header is None else float(Retry().parse_retry_after(header))
     return None
 
 

@@ -35,12 +35,12 @@ def undominated(points: Iterable[T], place: Callable[[T], tuple[float, float]]) 
 
     `place` gives the QPU seconds and the mean reward of a point.
     """
-    best, kept = -np.inf, list[T]()
+    best, best_points = -np.inf, list[T]()
     for point in sorted(points, key=lambda point: (place(point)[0], -place(point)[1])):
         if place(point)[1] > best:
             best = place(point)[1]
-            kept.append(point)
-    return kept
+            best_points.append(point)
+    return best_points
 
 
 @dataclass(frozen=True, eq=False)

@@ -177,15 +177,15 @@ class Ansatz:
         check_arrays({"theta": (numbers, (len(self.parameters),))})
         used = {symbol for circuit in self.program.circuits for symbol in circuit.symbols}
         named = enumerate(self.program.parameters)
-        kept = [j for j, symbol in named if symbol in used or j not in self.factors]
-        names = {f"theta{j}": f"theta{index}" for index, j in enumerate(kept)}
+        indices = [j for j, symbol in named if symbol in used or j not in self.factors]
+        names = {f"theta{j}": f"theta{index}" for index, j in enumerate(indices)}
         circuits = [circuit.rename(names) for circuit in self.program.circuits]
         return Policy(
             name,
             environment,
             self._encoder(encoder, np.append(numbers, 1.0)[self.factors]),
-            Program.of(circuits, len(self.reads), len(kept)),
-            numbers[kept],
+            Program.of(circuits, len(self.reads), len(indices)),
+            numbers[indices],
             np.asarray(weights, dtype=float),
             np.asarray(bias, dtype=float),
             reuse,
@@ -257,12 +257,12 @@ class Ansatz:
             raise PolicyError("A compiled program cannot be trained.", "Use its source program.")
         used = {symbol for circuit in program.circuits for symbol in circuit.symbols}
         order = np.lexsort((factors, reads)).tolist()  # an input, then its products
-        kept = [index for index in order if program.inputs[index] in used]
-        names = {program.inputs[index]: f"x{i}" for i, index in enumerate(kept)}
+        used_inputs = [index for index in order if program.inputs[index] in used]
+        names = {program.inputs[index]: f"x{i}" for i, index in enumerate(used_inputs)}
         names |= {name: f"theta{j}" for j, name in enumerate(program.parameters)}
         circuits = [circuit.rename(names) for circuit in program.circuits]
-        renamed = Program.of(circuits, len(kept), len(program.parameters))
-        return cls(renamed, inputs, parameters, reads[kept], factors[kept], origin)
+        renamed = Program.of(circuits, len(used_inputs), len(program.parameters))
+        return cls(renamed, inputs, parameters, reads[used_inputs], factors[used_inputs], origin)
 
     def __repr__(self) -> str:
         sizes = [count(len(self.program), "circuit"), count(len(self.inputs), "input")]

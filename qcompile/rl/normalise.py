@@ -70,8 +70,12 @@ class Normaliser:
 
     def state(self) -> dict[str, Any]:
         """The state for `restore`, without the actor's buffers."""
-        seen = self._running
-        return {"count": float(seen.count), "mean": seen.mean.tolist(), "var": seen.var.tolist()}
+        running = self._running
+        return {
+            "count": float(running.count),
+            "mean": running.mean.tolist(),
+            "var": running.var.tolist(),
+        }
 
     def restore(self, state: dict[str, Any] | None) -> None:
         """Resume from `state`.
