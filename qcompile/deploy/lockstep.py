@@ -1,4 +1,4 @@
-"""Play episodes side by side: every decision serves all that still live."""
+"""Plays episodes in lockstep: each decision covers all running episodes."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ class Episode:
 
     @classmethod
     def of(cls, stepper: Stepper) -> Episode:
-        """The episode that a stepper has ended."""
+        """The finished episode of a stepper."""
         return cls(stepper.seed, stepper.reward, stepper.length)
 
 
 def frames_of(
     environment: Environment, on_frame: Callable[[Frame, float], None]
 ) -> Callable[[], None]:
-    """What a stepper calls after each step so that `on_frame` gets a frame of the environment."""
+    """A callback for a stepper that passes a frame to `on_frame` after each step."""
     fps = frames_per_second(environment)
     return lambda: on_frame(environment.render(), fps)  # type: ignore[arg-type]
 
@@ -53,17 +53,16 @@ def lockstep(
     on_episode: Callable[[Episode], None] = lambda episode: None,
     on_frame: Callable[[Frame, float], None] | None = None,
 ) -> None:
-    """Play one episode in every environment: `episodes` by number, by default 0, 1, ...
+    """Play one episode in every environment, with the numbers `episodes`, by default 0, 1, ...
 
-    Episode i resets with `first_seed` + i. `act` maps the observations (B, features) of the living
-    episodes, and which decision of which episode each row is, to actions (B,). `on_begin` gets all
-    steppers; `on_rewards` what the episodes earned by a decision, which is held for `hold` steps of
-    the environment; `on_frame` the frames of the first one, (height, width, 3), and how many of
-    them make a second. After `max_steps` of its steps an episode ends, whatever the environment
-    says.
+    Episode i resets with `first_seed` + i. `act` maps the observations (B, features) of the running
+    episodes, and the episode and decision of each row, to actions (B,). `on_begin` gets all
+    steppers; `on_rewards` the rewards of a decision, which is held for `hold` environment steps;
+    `on_frame` the frames of the first episode, (height, width, 3), and their rate per second. An
+    episode is stopped after `max_steps` environment steps.
 
     Raises:
-        EnvironmentStepError: an environment fails, or gives what no policy can use.
+        EnvironmentStepError: an environment fails or returns unusable values.
     """
     living = [Stepper(environment, hold, max_steps) for environment in environments]
     if on_frame is not None:
@@ -86,12 +85,12 @@ def proceed(
     on_rewards: Callable[[list[float]], None] = lambda rewards: None,
     on_episode: Callable[[Episode], None] = lambda episode: None,
 ) -> None:
-    """Play the living episodes of these `numbers` on from `decision`, to their ends, as `lockstep`.
+    """Play the running episodes with these `numbers` from `decision` to their ends, as `lockstep`.
 
-    `observations` (B, features) are those they decide by next.
+    `observations` (B, features) are the inputs of their next decisions.
 
     Raises:
-        EnvironmentStepError: an environment fails, or gives what no policy can use.
+        EnvironmentStepError: an environment fails or returns unusable values.
     """
     observations = observations.astype(np.float64)
     while living:

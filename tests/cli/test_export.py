@@ -60,7 +60,7 @@ REFUSED: dict[str, tuple[tuple[str, ...], str]] = {
     ),
     "OpenQASM 2 without observations": (
         ("--out", "new", "--format", "qasm2"),
-        "Error: OpenQASM 2 has no inputs, so a parametric job cannot be written in it.\n"
+        "Error: OpenQASM 2 has no inputs, so it cannot hold a parametric job.\n"
         "  Give --observations FILE to bind the angles, or use --format qasm3.\n",
     ),
     "too few features": (
@@ -69,7 +69,7 @@ REFUSED: dict[str, tuple[tuple[str, ...], str]] = {
     ),
     "not a number": (
         ("--out", "new", "--observations", "nan.csv"),
-        "Error: nan.csv holds no observation, or a number that is not finite.\n",
+        "Error: nan.csv contains no observation, or a number that is not finite.\n",
     ),
 }
 

@@ -138,7 +138,7 @@ def test_a_device_whose_bits_are_swapped_is_undone(
     [
         (
             ("--backend", "ibm_lima", "--calibration", "lima.json"),
-            "The calibration is of fake_lima, the backend is ibm_lima.\n  Measure one with",
+            "The calibration belongs to fake_lima; the backend is ibm_lima.\n  Measure one with",
         ),
         (
             ("--mitigation", "response", "--level", "1", "--calibration", "lima.json"),
@@ -213,8 +213,8 @@ def test_a_row_is_split_over_places(qcompile: Call) -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("--split", "--copies", 1), "over several copies, found one"),
-        (("--copies", 3), "--split spreads the shots of an episode over them."),
+        (("--split", "--copies", 1), "over several copies; copies is 1"),
+        (("--copies", 3), "--split spreads the shots of an episode over copies."),
     ],
 )
 def test_a_split_that_makes_no_sense(qcompile: Call, words: tuple[Any, ...], said: str) -> None:

@@ -146,7 +146,7 @@ def test_an_environment_that_names_a_module_is_refused(
     assert (
         answer.err
         == """\
-Error: Environment 'trojan:CartPole-v1' names a module to import.
+Error: Environment 'trojan:CartPole-v1' would import a module.
   A file may not load code; register the environment and give its plain name.
 """
     )
