@@ -10,13 +10,14 @@ from click.core import ParameterSource
 
 from qcompile.cli.live_options import live_options
 from qcompile.cli.options import Parts, Positive, Qubits, Shots, echo_json, echo_note, json_option
+from qcompile.cli.outputs import Outputs, plot_option, style_option, table_option
 
 if TYPE_CHECKING:
     from qcompile.mitigation.measure import Part
     from qcompile.verbs.calibrations import CalibrationResult
     from qcompile.verbs.live import Live
 
-_OF_REFIT = {"from_file", "qubits", "out", "force", "plot", "as_json"}
+_OF_REFIT = {"from_file", "qubits", "out", "force", "plot", "style", "table", "as_json"}
 """The options that go with --from."""
 
 
@@ -45,11 +46,9 @@ _OF_REFIT = {"from_file", "qubits", "out", "force", "plot", "as_json"}
     help="File to write.  [default: BACKEND-calibration.json; none with --check]",
 )
 @click.option("--force", is_flag=True, help="Overwrite the file.")
-@click.option(
-    "--plot",
-    type=click.Path(dir_okay=False, path_type=Path),
-    help="Draw curves, residuals and readout errors; .png, overwritten.",
-)
+@plot_option("curves, residuals and readout errors")
+@style_option
+@table_option
 @click.option(
     "--check",
     type=click.Path(dir_okay=False, path_type=Path),
@@ -78,6 +77,8 @@ def command(
     out: Path | None,
     force: bool,
     plot: Path | None,
+    style: Path | None,
+    table: Path | None,
     check: Path | None,
     max_age_hours: float | None,
     seed: int | None,
@@ -93,10 +94,12 @@ def command(
     from qcompile.verbs.calibrate import calibrate_into, check_calibration, refit
     from qcompile.verbs.calibration_request import CalibrationRequest
 
+    outputs = Outputs(plot, style, table)
+    outputs.check()
     if from_file is not None:
         _refuse_measuring(ctx)
-        refitted = refit(from_file, qubits, out=out, force=force, plot=plot)
-        _show(refitted, plot, as_json)
+        refitted = refit(from_file, qubits, out=out, force=force, plot=plot, style=style)
+        _show(refitted, outputs, as_json)
         return
     if backend is None:
         raise click.UsageError("--backend names what to measure; --from FILE fits kept counts.")
@@ -106,12 +109,13 @@ def command(
         backend, qubits, shots, policy, parts, seed, live=live, on_note=echo_note
     )
     if check is None:
-        _show(calibrate_into(request, out, force=force, plot=plot), plot, as_json)
+        calibrated = calibrate_into(request, out, force=force, plot=plot, style=style)
+        _show(calibrated, outputs, as_json)
         return
     checked = check_calibration(
-        check, request, max_age_hours=max_age_hours, out=out, force=force, plot=plot
+        check, request, max_age_hours=max_age_hours, out=out, force=force, plot=plot, style=style
     )
-    _show(checked, plot, as_json)
+    _show(checked, outputs, as_json)
     checked.check_holds()
 
 
@@ -125,11 +129,13 @@ def _refuse_measuring(ctx: click.Context) -> None:
             )
 
 
-def _show(result: CalibrationResult, plot: Path | None, as_json: bool) -> None:
+def _show(result: CalibrationResult, outputs: Outputs, as_json: bool) -> None:
     from qcompile.mitigation.misfit import misfit_words
     from qcompile.report.calibration_values import print_calibration
     from qcompile.report.live import charged
 
+    if outputs.table is not None:
+        result.table().save(outputs.table)
     values = result.to_dict()
     if as_json:
         echo_json(values)
@@ -140,7 +146,7 @@ def _show(result: CalibrationResult, plot: Path | None, as_json: bool) -> None:
         drifted = ", ".join(map(str, check["drifted"])) or "none"
         age = f"{check['age_hours']:.1f} hours old"
         lines.append(f"{check['file']} is {age}; drifted qubits: {drifted}")
-    written = {"calibration": result.file, "picture": plot}
+    written = {"calibration": result.file, "figure": outputs.plot, "table": outputs.table}
     lines += [f"{what} in {path}" for what, path in written.items() if path]
     if "run" in values:
         lines.append(charged(values))

@@ -20,6 +20,7 @@ from qcompile.cli.options import (
     json_option,
     once,
 )
+from qcompile.cli.outputs import Outputs, output_options
 from qcompile.limits import MAX_EPISODES
 
 if TYPE_CHECKING:
@@ -118,6 +119,7 @@ class _Mitigation(click.ParamType[str]):
     type=MarkdownPath(),
     help="Markdown page of --paper.  [default: devices.md in the folder]",
 )
+@output_options("mean rewards, a panel for each policy")
 @engine_options("cells")
 @json_option
 def command(
@@ -139,6 +141,7 @@ def command(
     address: str | None,
     workers: int | None,
     as_json: bool,
+    outputs: Outputs,
 ) -> None:
     """Play every combination of POLICY (default lunarlander), backend, shots, mitigation and level.
 
@@ -187,4 +190,5 @@ def command(
         print_grid(result.cells)
         paths = ", ".join(map(str, result.paths))
         click.echo(f"{result.played} cells played, {result.there} were there; written: {paths}")
+    outputs.save(result, quiet=as_json)
     result.check_complete()

@@ -20,6 +20,7 @@ from qcompile.cli.options import (
     level_option,
     max_steps_option,
 )
+from qcompile.cli.outputs import Outputs, output_options
 from qcompile.limits import (
     FREE_SECONDS,
     MAX_EPISODES,
@@ -96,6 +97,7 @@ def _one_or_several(
     help="With --within: the share of the policy's reward that must be left; 0 is what random "
     "actions earn, 1 what it earns without noise.",
 )
+@output_options("the QPU seconds of each way, or with --within reward against seconds")
 @import_option
 @env_option
 @click.option(
@@ -131,6 +133,7 @@ def command(
     account: str | None,
     instance: str | None,
     as_json: bool,
+    outputs: Outputs,
 ) -> None:
     """Say what episodes with POLICY (default lunarlander) cost on a machine, before anything is
     sent.
@@ -166,7 +169,7 @@ def command(
         instance=instance,
         on_note=echo_note,
     )
-    values = planned.to_dict()
+    values, table = planned.to_dict(), planned.table()
     if as_json:
         echo_json(values)
     elif within is None:
@@ -175,7 +178,8 @@ def command(
             decisions = plural(values["decisions"], "decision")
             steps = f"{decisions}, each {held_words(values['hold'])}"
         print_table(
-            *planned.table,
+            table.header,
+            table.words,
             f"{values['policy']} on {values['backend']}: {plural(episodes, 'episode')}, "
             f"{values['shots']} shots, {steps}",
             right=range(1, 6),
@@ -188,11 +192,11 @@ def command(
             "cheaper: --within SECONDS finds settings that fit and keep the reward"
         )
     else:
-        columns, rows = planned.table
         title = (
             f"{plural(episodes, 'episode')} on {values['backend']} within {within:g} QPU seconds"
         )
-        print_table(columns, rows, title, right=range(len(columns)), tight=True)
+        right = range(len(table.columns))
+        print_table(table.header, table.words, title, right=right, tight=True)
         click.echo(
             f"{_SECONDS}\nahead: decisions of an episode in a job, at most (--speculate)\n"
             f"at 4 sub-jobs: should IBM count a job as four, which is not known\n"
@@ -202,4 +206,5 @@ def command(
         )
         if planned.recommended is not None:
             click.echo(planned.remark)
+    outputs.save(planned, quiet=as_json)
     planned.check_fits()

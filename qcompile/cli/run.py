@@ -23,6 +23,7 @@ from qcompile.cli.options import (
     said,
     split_option,
 )
+from qcompile.cli.outputs import Outputs, output_options
 from qcompile.limits import MAX_EPISODES
 
 if TYPE_CHECKING:
@@ -90,6 +91,7 @@ if TYPE_CHECKING:
     type=click.Path(dir_okay=False, path_type=Path),
     help="Film the first episode; .mp4 or .gif, overwritten.",
 )
+@output_options("the reward of each episode")
 @live_options
 @json_option
 def command(
@@ -113,6 +115,7 @@ def command(
     video: Path | None,
     as_json: bool,
     live: Live | None,
+    outputs: Outputs,
 ) -> None:
     """Play episodes with POLICY (default lunarlander; a name of trained/ or a file).
 
@@ -146,4 +149,7 @@ def command(
         echo_json(result.to_dict())
     else:
         print_run(result.to_dict())
-    result.check_complete()
+    try:
+        outputs.save(result, quiet=as_json)
+    finally:
+        result.check_complete()

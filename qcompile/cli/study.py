@@ -16,6 +16,7 @@ from qcompile.cli.options import (
     import_option,
     json_option,
 )
+from qcompile.cli.outputs import Outputs, output_options
 
 if TYPE_CHECKING:
     from qcompile.sweep.engine import Engine
@@ -60,6 +61,7 @@ if TYPE_CHECKING:
     type=MarkdownPath(),
     help="Markdown page to write.  [default: reproduction.md in the folder]",
 )
+@output_options("the learning curves, a panel for each figure")
 @import_option
 @env_option
 @engine_options("trainings")
@@ -71,6 +73,7 @@ def command(
     workers: int | None,
     listing: bool,
     as_json: bool,
+    outputs: Outputs,
     **choice: Any,
 ) -> None:
     """Train every row of a study with several seeds and write up all that the folder holds.
@@ -94,8 +97,11 @@ def command(
     result = study(**choice, engine=engine, address=address, workers=workers, on_note=echo_note)
     if as_json:
         echo_json(result.to_dict())
-        return
-    print_table(*result.table, right=(1, 2, 3))
-    click.echo(
-        f"{result.trained} trainings done, {result.there} were there; written up in {result.page}"
-    )
+    else:
+        table = result.table()
+        print_table(table.header, table.words, right=(1, 2, 3))
+        click.echo(
+            f"{result.trained} trainings done, {result.there} were there; "
+            f"written up in {result.page}"
+        )
+    outputs.save(result, quiet=as_json)
