@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import click
 
-from qcompile.cli.options import Decorator
+from qcompile.cli.options import Decorator, echo_note
 
 if TYPE_CHECKING:
     from qcompile.report.figure import Figure
@@ -68,8 +68,8 @@ class Outputs:
             check_table_path(self.table)
             check_writable(self.table)
 
-    def save(self, result: Shown, *, quiet: bool = False) -> None:
-        """Save them, and say where unless `quiet`.
+    def save(self, result: Shown) -> None:
+        """Save them, and say where.
 
         Raises:
             QcompileError: there is nothing to draw; a file cannot be written.
@@ -80,8 +80,8 @@ class Outputs:
             result.table().save(self.table)
         written = {"figure": self.plot, "table": self.table}
         for what, path in written.items():
-            if path is not None and not quiet:
-                click.echo(f"{what} in {path}")
+            if path is not None:
+                echo_note(f"{what} written to {path}")
 
 
 def plot_option(figure: str) -> Decorator:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 from click.core import ParameterSource
 
-from qcompile.cli.options import backend_option, echo_json, json_option, level_option
+from qcompile.cli.options import backend_option, echo_json, echo_note, json_option, level_option
 from qcompile.output import write_file
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 @click.option(
     "--surrogate",
     is_flag=True,
-    help="Show instead the linear softmax policy that a policy's circuits compute, term by term.",
+    help="Show the linear softmax policy that the circuits compute instead, term by term.",
 )
 @click.option(
     "--draw",
@@ -50,9 +50,9 @@ def command(
 ) -> None:
     """Show the circuits of a policy or an OpenQASM file, before and after compilation.
 
-    A policy's theta is shown as a symbol; `run` and `export` put its numbers in. On a backend with
-    qubits of its own the placement is shown too, and what it follows from. Of a network its layers
-    are shown.
+    The default policy is lunarlander. Trained angles are shown as symbols; `run` and `export` fill
+    in the numbers. On a device, the qubit chosen for each circuit is shown, and why. For a policy
+    that is a neural network, its layers are shown.
     """
     if circuit is not None and draw is None:
         raise click.UsageError("--circuit is the circuit of --draw: name a file to draw to.")
@@ -94,24 +94,23 @@ def command(
     if draw is not None and form is not None:
         drawn = draw_executable(executable, form, circuit, numbers=numbers)
         write_file(draw, drawn.encode())
-        if not as_json:
-            click.echo(f"drawing in {draw}")
+        echo_note(f"drawing written to {draw}")
 
 
 def _check_surrogate(ctx: click.Context, subject: str) -> None:
-    """Refuse what --surrogate cannot be combined with."""
+    """Raise click.UsageError if --surrogate is combined with something that it excludes."""
     if Path(subject).suffix == ".qasm":
         raise click.UsageError(
-            f"--surrogate is for a policy; {subject} is a program, without encoder and head.", ctx
+            f"--surrogate needs a policy; {subject} is a program, without encoder and head.", ctx
         )
-    for name in _of_circuits(ctx):
+    for name in _circuit_options(ctx):
         raise click.UsageError(
-            f"--surrogate and --{name} exclude each other: nothing is compiled.", ctx
+            f"--surrogate and --{name} cannot be combined: nothing is compiled.", ctx
         )
 
 
-def _of_circuits(ctx: click.Context) -> list[str]:
-    """The options given that only circuits have."""
+def _circuit_options(ctx: click.Context) -> list[str]:
+    """The options given that apply only to circuits."""
     default = ParameterSource.DEFAULT
     return [
         name
@@ -124,7 +123,7 @@ def _show_network(ctx: click.Context, network: Network, as_json: bool) -> None:
     from qcompile.deploy.network import refuse_options
     from qcompile.report.network import network_values, print_network
 
-    refuse_options(network, _of_circuits(ctx))
+    refuse_options(network, _circuit_options(ctx))
     values = network_values(network)
     if as_json:
         echo_json(values)

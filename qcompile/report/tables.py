@@ -11,8 +11,8 @@ from rich.cells import cell_len
 from rich.markup import escape
 from rich.table import Table as RichTable
 
-from qcompile.mitigation.misfit import misfit_words
-from qcompile.notebook import reward_digits, reward_words
+from qcompile.mitigation.misfit import misfit_warnings
+from qcompile.notebook import reward_digits, reward_text
 from qcompile.policy.decision import held_words
 from qcompile.report.console import PlainConsole, console
 from qcompile.report.table import Cell, Column, Table
@@ -111,7 +111,7 @@ def print_grid(objects: Sequence[Mapping[str, Any]]) -> None:
         rows = [_grid_row(values, levels) for values in results]
         print_table(_grid_columns(levels), rows, title, tight=True)
         for values in results:
-            for words in misfit_words(values.get("calibration_misfits", [])):
+            for words in misfit_warnings(values.get("calibration_misfits", [])):
                 wide_console().print(escape(f"{values['backend']}: {words}"))
 
 
@@ -154,7 +154,7 @@ INTERVAL = Column("95 % interval", parts=("95 % interval, low", "95 % interval, 
 
 def score_cell(mean: float | None, deviation: float | None = None) -> Cell:
     """The mean of rewards, and their standard deviation, for a column such as SCORE."""
-    return Cell("-" if mean is None else reward_words(mean, deviation), (mean, deviation))
+    return Cell("-" if mean is None else reward_text(mean, deviation), (mean, deviation))
 
 
 def interval_cell(summary: Mapping[str, Any], key: str = "ci95") -> Cell:
@@ -180,9 +180,9 @@ def _grid_row(values: Mapping[str, Any], levels: bool) -> list[object]:
         str(values["shots"]),
         values["mitigation"],
         *[values["level"]] * levels,
-        reward_words(values["mean_reward"], values["std_reward"]),
+        reward_text(values["mean_reward"], values["std_reward"]),
         interval_words(values) or "-",
-        "-" if values["reference"] or difference is None else reward_words(difference, sign="+"),
+        "-" if values["reference"] or difference is None else reward_text(difference, sign="+"),
         {True: "yes", False: "no", None: "-"}[values["solved"]],
     ]
 
@@ -201,7 +201,7 @@ def plural(count: int, word: str) -> str:
     return f"{count} {word}" if count == 1 else f"{count} {word}s"
 
 
-def cost_in_words(row: dict[str, Any]) -> str:
+def cost_in_words(row: Mapping[str, Any]) -> str:
     """The charge of a run; where it is not settled, what it comes to at most, and why."""
     settled_s, upper_s = row["qpu_seconds_settled"], row["qpu_seconds"]
     words = f"{settled_s:.1f} QPU seconds charged"

@@ -14,13 +14,16 @@ from qcompile.device import Device
 from qcompile.errors import CalibrationError, OptionError
 from qcompile.limits import CLOCK_HOURS
 from qcompile.mitigation.measure import PARTS, Part
+from qcompile.mitigation.misfit import misfit_warnings
 from qcompile.output import check_writable
+from qcompile.page.calibration import calibration_document
+from qcompile.page.document import Document
 from qcompile.report.calibration_values import calibration_table
 from qcompile.report.figure import Figure, check_figure_path
 from qcompile.report.style import AnyStyle, Style
 from qcompile.report.table import Table
 from qcompile.verbs.files import check_distinct, check_new
-from qcompile.verbs.results import Result
+from qcompile.verbs.reports import Reported
 
 
 @dataclass(frozen=True)
@@ -82,7 +85,7 @@ class CalibrationOutputs:
             raise CalibrationError(f"Interrupted: {self.plot} was not drawn.{where}") from None
 
 
-class CalibrationResult(Result):
+class CalibrationResult(Reported):
     """A calibration, the file it is in, and the plain values of `qcompile calibrate --json`."""
 
     def __init__(self, calibration: Calibration, values: Mapping[str, Any], file: Path | None):
@@ -100,6 +103,17 @@ class CalibrationResult(Result):
     def table(self) -> Table:
         """A row for each qubit."""
         return calibration_table(self.to_dict())
+
+    def document(self, command: str) -> Document:
+        values = self.to_dict()
+        warnings = [*misfit_warnings(values["calibration_misfits"]), *self._warnings()]
+        return calibration_document(
+            self.calibration, values, self.plot, warnings=warnings, command=command
+        )
+
+    def _warnings(self) -> Sequence[str]:
+        """What a reader must know first."""
+        return ()
 
 
 class DriftCheck(CalibrationResult):
@@ -120,6 +134,11 @@ class DriftCheck(CalibrationResult):
         super().__init__(calibration, values, file)
         self.failures = _failures(self.to_dict(), max_age_hours)
         self._backend = backend
+
+    def _warnings(self) -> Sequence[str]:
+        if self.holds:
+            return ()
+        return ["\n".join((f"{self.to_dict()['check']['file']} no longer holds.", *self.failures))]
 
     @property
     def holds(self) -> bool:

@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from qcompile.errors import StudyError
+from qcompile.page.document import Document
+from qcompile.page.study import study_document
 from qcompile.report import progress as bars
 from qcompile.report.curves import draw_curves
 from qcompile.report.figure import Figure
@@ -19,10 +21,10 @@ from qcompile.sweep.study.cell import EVALUATION_EPISODES
 from qcompile.sweep.study.summary import spread
 from qcompile.sweep.study.write_up import figure_panels
 from qcompile.verbs.arguments import checked
-from qcompile.verbs.results import Result
+from qcompile.verbs.reports import Reported
 
 
-class StudyResult(Result):
+class StudyResult(Reported):
     """What a study's folder holds: its rows, trainings of before included.
 
     `trained` counts the trainings done now, `there` those asked for that the folder had; `files`
@@ -49,6 +51,16 @@ class StudyResult(Result):
                 f"There are: {', '.join(panels)}.",
             )
         return draw_curves([*panels.values()] if figure is None else [panels[figure]], style)
+
+    def document(self, command: str) -> Document:
+        return study_document(
+            self._study.request.study,
+            self._study.summaries,
+            self.plot,
+            trained=self.trained,
+            there=self.there,
+            command=command,
+        )
 
     def table(self) -> Table:
         """A row for each row of the study: its scores, mean ± standard deviation over seeds."""

@@ -42,7 +42,7 @@ def source(program: Program, circuit: int | None = None) -> Diagram:
         FigureError: there is no such circuit.
     """
     numbers = range(len(program.circuits))
-    keys = [_shape(program, each) for each in program.circuits]
+    keys = [shape(program, each) for each in program.circuits]
     shown = _shown(keys, numbers, circuit)
     wires = tuple(Wire(f"circuit {i}", program.circuits[i].gates) for i in shown)
     return Diagram("", wires, _notes(shown, numbers))
@@ -59,7 +59,7 @@ def compiled(
     before, after = executable.source, executable.native
     known = range(len(before.circuits)) if numbers is None else numbers
     pairs = list(zip(before.circuits, after.circuits, strict=True))
-    shown = _shown([(_shape(before, a), _shape(after, b)) for a, b in pairs], known, circuit)
+    shown = _shown([(shape(before, a), shape(after, b)) for a, b in pairs], known, circuit)
     qubits = [f", qubit {q}" if executable.device.qubits else "" for q in executable.qubits]
     symbols = {symbol for i in shown for symbol in pairs[i][1].symbols}
     late = [str(angle) for angle in after.late_angles if angle.name in symbols]
@@ -110,19 +110,15 @@ def _ranges(numbers: Sequence[int]) -> str:
     return ", ".join(words)
 
 
-def _shape(program: Program, circuit: Circuit) -> Hashable:
-    """Gates by name, and what their angles depend on: numbers and which symbols may differ."""
-    inputs, parameters = set(program.inputs), set(program.parameters)
+def shape(program: Program, circuit: Circuit) -> Hashable:
+    """What circuits have in common that differ by the numbers and symbols of their angles alone."""
+    parameters, names = set(program.parameters), dict[str, str]()
 
-    def kind(symbol: str) -> str:
-        if symbol in inputs:
-            return "input"
-        return "parameter" if symbol in parameters else symbol.rstrip("0123456789")
+    def name(symbol: str) -> str:
+        kind = "parameter" if symbol in parameters else "input"
+        return names.setdefault(symbol, f"{kind} {len(names)}")
 
     return tuple(
-        (
-            gate.name,
-            gate.angle and (bool(gate.angle.constant), tuple(map(kind, gate.angle.symbols))),
-        )
+        (gate.name, gate.angle and (gate.angle.is_constant, tuple(map(name, gate.angle.symbols))))
         for gate in circuit.gates
     )
