@@ -26,6 +26,9 @@ from qcompile.report.tables import plural
 
 _PACKAGES = ("numpy", "scipy", "cvxpy", "qiskit", "qiskit-aer", "qiskit-ibm-runtime")
 
+_WARM = 0.1
+"""A readout error of that much has the full colour."""
+
 
 def calibration_document(
     calibration: Calibration,
@@ -112,9 +115,8 @@ def _qubits(calibration: Calibration, values: Mapping[str, Any]) -> Iterator[Blo
     note = "Rows of a bad fit are marked." if marked else ""
     errors = _readout_errors(values)
     if errors:
-        worst = max(errors) or 1.0
         tiles = [
-            Tile(qubit, f"{100 * error:.2f} %", error / worst, "bad fit" * (qubit in bad))
+            Tile(qubit, f"{100 * error:.2f} %", min(error / _WARM, 1.0), "bad fit" * (qubit in bad))
             for qubit, error in sorted(zip(calibration.qubits, errors, strict=True))
         ]
         yield Qubits("Readout error of each qubit", tiles, "The mean of p10 and p01.")
@@ -154,7 +156,10 @@ def _settings(calibration: Calibration, values: Mapping[str, Any]) -> Iterator[t
     counts = {"readout": calibration.readout_counts, "response": calibration.response_counts}
     for part, counted in counts.items():
         if counted is not None:
-            yield f"{part} circuits", f"{len(counted.ones)}, {_number(counted.shots or 'exact')} shots"
+            yield (
+                f"{part} circuits",
+                f"{len(counted.ones)}, {_number(counted.shots or 'exact')} shots",
+            )
     yield "device", device.source
     if values.get("file"):
         yield "file", str(values["file"])

@@ -111,7 +111,9 @@ def _drawings(compiled: Compiled, *, titled: bool) -> Iterator[Block]:
         command = "`qcompile show` prints them all"
         yield Prose(f"{plural(len(groups) - _MOST_SHAPES, 'more shape')}: {command}.")
     if executable.native.late_angles:
-        yield Code("An angle computed when an observation is bound", str(executable.native.late_angles[0]))
+        yield Code(
+            "An angle computed when an observation is bound", str(executable.native.late_angles[0])
+        )
 
 
 def _numbers(numbers: Sequence[int]) -> str:

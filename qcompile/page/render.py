@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+from base64 import b64encode
 from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
@@ -30,12 +31,16 @@ def render(document: Document, now: datetime | None = None) -> str:
     known = versions(*document.packages)
     named = {"qcompile": known.pop("qcompile"), "Python": platform.python_version()} | known
     sections = [section for section in document.sections if section.blocks]
-    return _environment().get_template("page.html").render(
-        document=document,
-        sections=sections,
-        made=f"{made.astimezone(UTC):%d %B %Y, %H:%M} UTC".lstrip("0"),
-        versions={name: number for name, number in named.items() if number != "none"},
-        greys=_GREYS,
+    return (
+        _environment()
+        .get_template("page.html")
+        .render(
+            document=document,
+            sections=sections,
+            made=f"{made.astimezone(UTC):%d %B %Y, %H:%M} UTC".lstrip("0"),
+            versions={name: number for name, number in named.items() if number != "none"},
+            greys=_GREYS,
+        )
     )
 
 
@@ -72,8 +77,13 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["inline"] = inline
+    environment.filters |= {"inline": inline, "uri": _uri}
     return environment
+
+
+def _uri(data: bytes, media: str) -> Markup:
+    """A file within the page."""
+    return Markup(f"data:{media};base64,{b64encode(data).decode()}")
 
 
 def _public(value: Any) -> Any:

@@ -44,7 +44,9 @@ def run_document(
     episodes = summary["episodes"]
     played = [] if compiled is None else [compiled]
     arguments = summary.get("environment_kwargs")
-    made_with = f", made with {', '.join(f'{k}={v}' for k, v in arguments.items())}" if arguments else ""
+    made_with = (
+        f", made with {', '.join(f'{k}={v}' for k, v in arguments.items())}" if arguments else ""
+    )
     return Document(
         "run",
         f"{summary['policy']} on {summary['backend']}",

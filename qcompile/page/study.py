@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from qcompile.notebook import reward_words
-from qcompile.page.document import Block, Document, Facts, Picture, Prose, Score, Section, Table
+from qcompile.page.document import Block, Document, Picture, Score, Section, Table
 from qcompile.report.figure import Figure
 from qcompile.report.style import AnyStyle
 from qcompile.report.tables import plural
@@ -99,7 +99,9 @@ def _results(summaries: Sequence[RowSummary]) -> list[Block]:
     best = max(range(len(rows)), key=lambda index: float(summaries[index].evaluation.mean()))
     marked = frozenset({best}) if len(rows) > 1 else frozenset()
     return [
-        Table("Results of each row", [*columns, "last average", "fresh episodes"], rows, note, marked)
+        Table(
+            "Results of each row", [*columns, "last average", "fresh episodes"], rows, note, marked
+        )
     ]
 
 

@@ -23,7 +23,6 @@ from qcompile.mitigation.misfit import misfit_words
 from qcompile.notebook import reward_words
 from qcompile.page.circuits import Compiled
 from qcompile.page.document import Document
-from qcompile.page.film import film_block
 from qcompile.page.run import run_document
 from qcompile.planning.ways import forecast, run_task
 from qcompile.policy import AnyPolicy, Network, Policy, load_circuits, load_policy
@@ -52,10 +51,9 @@ class RunResult(Reported):
         values: Mapping[str, Any],
         episodes: int,
         compiled: Compiled | None = None,
-        video: Path | None = None,
     ):
         super().__init__(values)
-        self._asked, self._compiled, self._video = episodes, compiled, video
+        self._asked, self._compiled = episodes, compiled
 
     @property
     def episodes(self) -> list[dict[str, Any]]:
@@ -109,12 +107,9 @@ class RunResult(Reported):
 
     def document(self, command: str) -> Document:
         values = self.to_dict()
-        film = None
-        if self._video is not None:
-            film = film_block(self._video, "The first episode", "")
         warnings = [*filter(None, [self.remark]), *misfit_words(values["calibration_misfits"])]
         return run_document(
-            values, self.plot, self._compiled, film, warnings=warnings, command=command
+            values, self.plot, self._compiled, None, warnings=warnings, command=command
         )
 
     @property
@@ -240,9 +235,8 @@ def run(
     if film is not None:
         words = f"film of the first episode in {video}"
         on_note(words if film.frames else "no step was played: there is no film")
-    there = None if film is None or not film.frames else Path(str(video))
     compiled = Compiled(loaded, opened.device, playing.settings.level, playing.settings.copies or 1)
-    return RunResult(result.summary(), episodes, compiled, there)
+    return RunResult(result.summary(), episodes, compiled)
 
 
 def _settings(
