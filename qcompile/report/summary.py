@@ -15,7 +15,7 @@ from qcompile.notebook import reward_words
 from qcompile.policy.decision import held_words
 from qcompile.report.tables import cost_in_words, interval_words, plural, wide_console
 
-_KINDS = {
+KINDS = {
     "ideal": "ideal simulation",
     "noise-model": "noise model",
     "measured-response": "twin of its calibration",
@@ -28,7 +28,7 @@ _HOUR_S = 3600
 def print_run(summary: dict[str, Any]) -> None:
     """Print what a run found: `Run.summary`."""
     out = wide_console()
-    backend = f"{summary['backend']} ({_KINDS.get(summary['kind'], summary['kind'])})"
+    backend = f"{summary['backend']} ({KINDS.get(summary['kind'], summary['kind'])})"
     policy, environment = escape(summary["policy"]), escape(summary["environment"])
     out.print(f"[bold]{policy}[/] in {environment} on {escape(backend)}")
     grid = Table.grid(padding=(0, 2))
