@@ -165,27 +165,27 @@ def test_an_environment_that_stops_rendering_is_named(
     try:
         policy = replace(cartpole(), environment="Fading-v0")
         frames: list[Frame] = []
-        with pytest.raises(
-            EnvironmentStepError, match=f"step 4: it cannot be filmed: {words}|step 4: {words}"
-        ):
+        with pytest.raises(EnvironmentStepError, match=f"step 4: it cannot be filmed: {words}"):
             play(deploy(policy), 1, on_frame=frames.append)
         assert len(frames) == 3
     finally:
         del gymnasium.registry["Fading-v0"]
 
 
-def named(space: Discrete, metadata: Any = None, **own: Any) -> tuple[str, ...]:
+def named(
+    space: Discrete, metadata: Any = None, name: str = "Mine-v0", **own: Any
+) -> tuple[str, ...]:
     environment = SimpleNamespace(
         action_space=space,
         metadata=metadata or {},
-        unwrapped=SimpleNamespace(spec=SimpleNamespace(id="Mine-v0"), **own),
+        unwrapped=SimpleNamespace(spec=SimpleNamespace(id=name), **own),
     )
     return action_names(environment)  # type: ignore[arg-type]
 
 
 def test_actions_have_the_names_of_their_environment() -> None:
-    lander = gymnasium.make("LunarLander-v3")
-    assert action_names(lander) == ("nothing", "left engine", "main engine", "right engine")
+    lander = ("nothing", "left engine", "main engine", "right engine")
+    assert named(Discrete(4), name="LunarLander-v3") == lander
     two = Discrete(2)
     assert named(two, {"action_names": ["up", "down"]}) == ("up", "down")
     assert named(two, get_action_meanings=lambda: ["NOOP", "FIRE"]) == ("NOOP", "FIRE")
