@@ -19,7 +19,7 @@ from qcompile.report.panels import (
     Box,
     Expectations,
 )
-from qcompile.report.summary import KINDS
+from qcompile.report.summary import kind_words
 
 WIDTH = 640
 """Pixels: letters stay legible where a phone or a page shows half of them."""
@@ -50,7 +50,7 @@ class Scene:
         self._circuits = int(player.sizes()["circuits_per_step"])
         self._holds = player.policy.hold > 1
         exact = "exact" if shots is None else f"{shots:,} shots"
-        self._below = f"{KINDS[player.kind]}, {exact}" if self._circuits else "network"
+        self._below = f"{kind_words(player.kind)}, {exact}" if self._circuits else "network"
         mitigated = player.settings.mitigation not in (None, "none")
         self._measured = "mitigated" if mitigated else "exact" if shots is None else "measured"
         self._layout: _Layout | None = None
