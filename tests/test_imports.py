@@ -66,8 +66,8 @@ VERBS = ["run", "evaluate", "train", "calibrate", "validate", "plan", "study"]
 NAMES = [name for name in qcompile.__all__ if name not in (*VERBS, "Live")]
 
 HEAVY = (
-    *("torch", "cvxpy", "gymnasium", "matplotlib", "qiskit", "openqasm3", "imageio", "pennylane"),
-    *("jinja2", "qiskit_ibm_runtime", "ibm_cloud_sdk_core", "tenacity", "requests"),
+    *("torch", "cvxpy", "gymnasium", "matplotlib", "qiskit", "openqasm3", "imageio_ffmpeg", "PIL"),
+    *("pennylane", "jinja2", "qiskit_ibm_runtime", "ibm_cloud_sdk_core", "tenacity", "requests"),
 )
 
 
@@ -161,7 +161,7 @@ def test_verbs_load_no_more_than_the_environments() -> None:
 
 
 def test_playing_live_loads_no_more_than_the_environments() -> None:
-    rooms = "qcompile.live.perform, qcompile.live.validate, qcompile.planning.ways"
+    rooms = "qcompile.live.perform, qcompile.live.validate, qcompile.planning.strategies"
     assert loaded_by(f"import {rooms}") <= {"gymnasium"}
 
 

@@ -15,10 +15,10 @@ from pydantic import AwareDatetime, Field, ValidationError, model_validator
 
 from qcompile.arrays import IntArray
 from qcompile.calibration.counts import ReadoutCounts, ResponseCounts
-from qcompile.calibration.fits import ReadoutFit, ResponseFit, weakness
+from qcompile.calibration.fits import ReadoutFit, ResponseFit, fit_problems
 from qcompile.device import CALIBRATION_MARK, Device, Kind
 from qcompile.errors import CalibrationError
-from qcompile.foreign import what_it_is
+from qcompile.foreign import describe
 from qcompile.limits import CALIBRATION_HOURS, CLOCK_HOURS
 from qcompile.output import write_file
 from qcompile.reading import ContentsError, load_json, read_file, read_json
@@ -65,7 +65,7 @@ class Calibration(Record):
                 len(column) != count for column in vars(fit).values() if isinstance(column, tuple)
             ):
                 raise ValueError(f"a fit has not one entry for each of {count} qubits")
-            if fit is not None and (words := weakness(fit, self.qubits)):
+            if fit is not None and (words := fit_problems(fit, self.qubits)):
                 raise ValueError(words[0])
         for counts in (self.readout_counts, self.response_counts):
             if counts is not None and any(len(row) != count for row in counts.ones):
@@ -161,7 +161,7 @@ def load_calibration(path: str | PathLike[str]) -> Calibration:
         CalibrationError: there is no such file, or it is not a calibration.
     """
     if not isinstance(path, str | PathLike):
-        raise CalibrationError(f"load_calibration takes a file, found {what_it_is(path)}.")
+        raise CalibrationError(f"load_calibration takes a file, found {describe(path)}.")
     path = Path(path)
     try:
         return Calibration.model_validate_json(read_json(path))
@@ -192,7 +192,7 @@ def load_counts(path: Path) -> Calibration:
         raise CalibrationError(f"{path} holds no counts to fit.", *explain(error)) from error
 
 
-def age_words(name: str, calibration: Calibration, now: datetime) -> list[str]:
+def age_warnings(name: str, calibration: Calibration, now: datetime) -> list[str]:
     """Warnings about the age of the calibration called `name`; none where it is fresh."""
     age = calibration.age_hours(now)
     if age < -CLOCK_HOURS:

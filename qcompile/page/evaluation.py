@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
-from qcompile.notebook import reward_words
+from qcompile.notebook import reward_text
 from qcompile.page.circuits import Compiled, circuits_section, placement_section
 from qcompile.page.document import Block, Document, Facts, Heading, Picture, Score, Section, Table
 from qcompile.report.distribution import Sample, draw_distributions
@@ -77,21 +77,21 @@ def _score(cells: Sequence[Mapping[str, Any]]) -> Score | None:
     label = "best mean reward" if len(played) > 1 else "mean reward"
     if len({cell["policy"] for cell in cells}) > 1:
         label += f", {best['policy']}"
-    return Score(label, reward_words(best["mean_reward"]), interval="; ".join(words))
+    return Score(label, reward_text(best["mean_reward"]), interval="; ".join(words))
 
 
 def _headline(cells: Sequence[Mapping[str, Any]]) -> Iterator[tuple[str, str]]:
     for cell in [cell for cell in cells if cell["reference"]][:3]:
         interval = interval_words(cell)
-        words = reward_words(cell["mean_reward"]) + (f" ({interval})" if interval else "")
+        words = reward_text(cell["mean_reward"]) + (f" ({interval})" if interval else "")
         yield f"{cell['policy']} without noise", words
     played = [cell for cell in cells if not cell["reference"]]
     if played:
         worst = min(played, key=lambda cell: float(cell["mean_reward"]))
-        yield "lowest mean reward", reward_words(worst["mean_reward"])
+        yield "lowest mean reward", reward_text(worst["mean_reward"])
         differences = [c["paired_difference"] for c in played if c["paired_difference"] is not None]
         if differences:
-            low, high = (reward_words(edge(differences), sign="+") for edge in (min, max))
+            low, high = (reward_text(edge(differences), sign="+") for edge in (min, max))
             yield "difference to ideal", f"{low} to {high}"
     yield "cells", str(len(cells))
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from qcompile.limits import SECONDS_PER_EXECUTION, SECONDS_PER_JOB
-from qcompile.notebook import reward_words
+from qcompile.notebook import reward_text
 from qcompile.page.circuits import Compiled, circuits_section, placement_section
 from qcompile.page.document import Block, Code, Document, Facts, Picture, Score, Section, Table
 from qcompile.report.figure import Figure
@@ -92,7 +92,7 @@ def _within_headline(values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     yield "limit", f"{values['within']:g} QPU seconds"
     if chosen is not None:
         yield "reward kept", f"{100 * chosen['share']:.1f} %"
-        yield "mean reward", reward_words(chosen["mean_reward"])
+        yield "mean reward", reward_text(chosen["mean_reward"])
         yield "shots of a circuit", f"{chosen['shots']:,}"
         yield "jobs", f"{chosen['jobs']:,}"
     paper = values["paper"]
@@ -130,11 +130,12 @@ def _figure(
     )
     marked = frozenset(i for i, row in enumerate(rows) if any(cell.endswith(" *") for cell in row))
     note = (
-        "ahead: decisions of an episode in a job, at most. at 4 sub-jobs: the seconds if IBM counts "
-        "a job as four, which is not known. mean reward: of "
+        "ahead: decisions of an episode in a job, at most. at 4 sub-jobs: the seconds if IBM "
+        "counts a job as four, which is not known. mean reward: of "
         f"{values['judged_episodes']} whole episodes on a model of the machine, more for what is "
-        f"recommended. kept: its share between random actions, {reward_words(values['random_reward'])}, and no noise, "
-        f"{reward_words(values['ideal_reward'])}."
+        "recommended. kept: its share between random actions, "
+        f"{reward_text(values['random_reward'])}, and no noise, "
+        f"{reward_text(values['ideal_reward'])}."
     )
     yield Table("Settings of the frontier", columns, rows, note, marked)
 

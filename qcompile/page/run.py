@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
-from qcompile.notebook import reward_words
+from qcompile.notebook import reward_text
 from qcompile.page.circuits import Compiled, circuits_section, placement_section
 from qcompile.page.document import (
     Block,
@@ -17,6 +17,7 @@ from qcompile.page.document import (
     Section,
     Table,
 )
+from qcompile.report.clip import Clip
 from qcompile.report.distribution import Sample, draw_distributions
 from qcompile.report.figure import Figure
 from qcompile.report.style import AnyStyle
@@ -32,14 +33,14 @@ def run_document(
     summary: Mapping[str, Any],
     draw: Callable[[AnyStyle], Figure],
     compiled: Compiled | None = None,
-    film: Film | None = None,
+    clip: Clip | None = None,
     *,
     warnings: Sequence[str] = (),
     command: str = "",
 ) -> Document:
     """The report of a run: `summary` is the document of `qcompile run --json`.
 
-    `draw` draws its rewards; `compiled` is what was played.
+    `draw` draws its rewards; `compiled` is what was played, `clip` the film of its first episode.
     """
     episodes = summary["episodes"]
     played = [] if compiled is None else [compiled]
@@ -55,7 +56,7 @@ def run_document(
         _score(summary),
         [*_headline(summary)],
         [
-            Section("Film", [] if film is None else [film]),
+            Section("Film", [] if clip is None else [_film(clip, summary)]),
             Section("Episodes", [*_episodes(summary, draw)]),
             circuits_section(played),
             placement_section(played),
@@ -68,22 +69,30 @@ def run_document(
     )
 
 
+def _film(clip: Clip, summary: Mapping[str, Any]) -> Film:
+    words = f"{summary['policy']} on {summary['backend']}: the environment"
+    if summary["circuits_per_step"]:
+        words += ", the <Z> of its circuits as measured and without noise"
+    words += ", the probabilities of the actions, and the reward so far"
+    return Film("The first episode", clip.media_type, clip.data, clip.poster, f"{words}.")
+
+
 def _score(summary: Mapping[str, Any]) -> Score | None:
     if summary["mean_reward"] is None:
         return None
     interval = interval_words(summary)
     words = f"95 % interval {interval}" if interval else "too few episodes for an interval"
-    return Score("mean reward", reward_words(summary["mean_reward"]), interval=words)
+    return Score("mean reward", reward_text(summary["mean_reward"]), interval=words)
 
 
 def _headline(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     rewards = [episode["reward"] for episode in summary["episodes"]]
     yield "episodes", str(len(rewards))
     if rewards:
-        low, high = reward_words(min(rewards)), reward_words(max(rewards))
+        low, high = reward_text(min(rewards)), reward_text(max(rewards))
         yield "lowest to highest reward", f"{low} to {high}"
     if summary["std_reward"] is not None:
-        yield "standard deviation", reward_words(summary["std_reward"])
+        yield "standard deviation", reward_text(summary["std_reward"])
     if summary["solved"] is not None:
         yield "solved", "yes" if summary["solved"] else "no"
     if circuits := summary["circuits_per_step"]:
@@ -103,8 +112,8 @@ def _episodes(summary: Mapping[str, Any], draw: Callable[[AnyStyle], Figure]) ->
     ci95 = summary["ci95"] if interval_words(summary) else None
     sample = Sample(summary["policy"], rewards, ci95)
     words = (
-        f"{plural(len(rewards), 'episode')} from {reward_words(min(rewards))} to "
-        f"{reward_words(max(rewards))}"
+        f"{plural(len(rewards), 'episode')} from {reward_text(min(rewards))} to "
+        f"{reward_text(max(rewards))}"
     )
     yield Picture.of(
         "Distribution of the rewards",
@@ -114,7 +123,7 @@ def _episodes(summary: Mapping[str, Any], draw: Callable[[AnyStyle], Figure]) ->
     if 1 < len(rewards) <= _MOST_BARS:
         yield Picture.of("Reward of each episode", draw, "A bar for each episode, in their order.")
     rows = [
-        [str(index), str(episode["seed"]), reward_words(episode["reward"]), str(episode["length"])]
+        [str(index), str(episode["seed"]), reward_text(episode["reward"]), str(episode["length"])]
         for index, episode in enumerate(episodes[:_MOST_ROWS])
     ]
     more = len(episodes) - len(rows)

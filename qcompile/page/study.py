@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from qcompile.notebook import reward_words
+from qcompile.notebook import reward_text
 from qcompile.page.document import Block, Document, Picture, Score, Section, Table
 from qcompile.report.figure import Figure
 from qcompile.report.style import AnyStyle
@@ -39,7 +39,7 @@ def study_document(
         study.about or f"{plural(len(summaries), 'row')} trained in {', '.join(environments)}.",
         Score(
             "best mean reward in fresh episodes",
-            reward_words(float(best.evaluation.mean())),
+            reward_text(float(best.evaluation.mean())),
             interval=f"{best.row.title}, {best.row.preset}; {spread(best.evaluation)} over "
             f"{plural(len(best.results), 'seed')}",
         ),

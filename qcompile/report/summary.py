@@ -11,8 +11,8 @@ from rich.table import Table
 from rich.text import Text
 
 from qcompile.mitigation import CALIBRATION_SHOTS
-from qcompile.mitigation.misfit import misfit_words
-from qcompile.notebook import reward_words
+from qcompile.mitigation.misfit import misfit_warnings
+from qcompile.notebook import reward_text
 from qcompile.policy.decision import held_words
 from qcompile.report.tables import cost_in_words, interval_words, plural, wide_console
 
@@ -59,7 +59,7 @@ def _run_lines(summary: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
         interval = interval_words(summary)
         interval = f" (95 % interval {interval})" if interval else ""
         if summary["mean_reward"] is not None:
-            mean, _, deviation = reward_words(summary["mean_reward"], summary["std_reward"]).split()
+            mean, _, deviation = reward_text(summary["mean_reward"], summary["std_reward"]).split()
             yield (
                 "mean reward",
                 f"[bold]{mean}[/] ± {deviation} over {plural(len(rewards), 'episode')}{interval}",
@@ -75,7 +75,7 @@ def _run_lines(summary: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
         yield "environment", escape(said)
     if summary["circuits_per_step"]:
         yield "settings", _circuit_settings(summary)
-    for words in misfit_words(summary.get("calibration_misfits", [])):
+    for words in misfit_warnings(summary.get("calibration_misfits", [])):
         yield "doubtful", words
     if summary["copies"] > 1 and not summary.get("split"):
         yield "side by side", plural(summary["copies"], "episode")
@@ -136,7 +136,7 @@ def _cut_lines(summary: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
     interval = interval_words(summary, "ci95_completed")
     interval = f" (95 % interval {interval})" if interval else ""
     on = " on the noise model" * (summary["kind"] == "hardware")
-    yield "completed", f"mean reward {reward_words(mean)}{interval}, cut episodes continued{on}"
+    yield "completed", f"mean reward {reward_text(mean)}{interval}, cut episodes continued{on}"
 
 
 def _circuit_settings(summary: Mapping[str, Any]) -> str:

@@ -15,7 +15,7 @@ from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 
-from qcompile.calibration import Calibration, age_words, load_calibration
+from qcompile.calibration import Calibration, age_warnings, load_calibration
 from qcompile.errors import OptionError
 from qcompile.limits import MAX_EPISODES
 from qcompile.page.words import call as call_words
@@ -57,7 +57,7 @@ _WORDS = {
 
 
 def checked(function: Callable[P, R]) -> Callable[P, R]:
-    """`function`, whose arguments of plain types are checked, and plain when it gets them.
+    """`function` with its plain arguments checked and converted before each call.
 
     numpy's numbers become Python's, and arrays and generators lists. Other types are left to the
     function, whose module has `from __future__ import annotations`. A result that has a report
@@ -91,7 +91,7 @@ def calibration_settings(calibration: Name | Calibration | None, on_note: Words)
         return {"calibration": calibration}
     file = str(Path(calibration))
     loaded = load_calibration(Path(calibration))
-    for words in age_words(file, loaded, datetime.now(UTC)):
+    for words in age_warnings(file, loaded, datetime.now(UTC)):
         on_note(words)
     return {"calibration": loaded, "calibration_file": file}
 

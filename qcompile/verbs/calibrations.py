@@ -14,7 +14,7 @@ from qcompile.device import Device
 from qcompile.errors import CalibrationError
 from qcompile.limits import CLOCK_HOURS
 from qcompile.mitigation.measure import PARTS, Part
-from qcompile.mitigation.misfit import misfit_words
+from qcompile.mitigation.misfit import misfit_warnings
 from qcompile.output import check_writable
 from qcompile.page.calibration import calibration_document
 from qcompile.page.document import Document
@@ -101,7 +101,7 @@ class CalibrationResult(Reported):
 
     def document(self, command: str) -> Document:
         values = self.to_dict()
-        warnings = [*misfit_words(values["calibration_misfits"]), *self._warnings()]
+        warnings = [*misfit_warnings(values["calibration_misfits"]), *self._warnings()]
         return calibration_document(
             self.calibration, values, self.plot, warnings=warnings, command=command
         )

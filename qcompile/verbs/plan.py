@@ -20,8 +20,8 @@ from qcompile.page.document import Document
 from qcompile.page.plan import plan_document
 from qcompile.planning.command import run_command
 from qcompile.planning.point import Point
-from qcompile.planning.search import KEEP, Wanted, search
-from qcompile.planning.ways import forecast, run_task, strategies
+from qcompile.planning.search import KEEP, Goal, search
+from qcompile.planning.strategies import forecast, run_task, strategies
 from qcompile.policy import Policy, load_circuits
 from qcompile.policy.arguments import with_arguments
 from qcompile.report import progress as bars
@@ -192,10 +192,10 @@ def plan(
     if within is None:
         RunSettings.of(settings, copies=copies, split=bool(split)).check_shared(episodes)
     else:
-        wanted = Wanted(settings, episodes, within, keep, given)
+        goal = Goal(settings, episodes, within, keep, given)
         title = f"planning for {opened.device.name}"
         with bars.progress_bar(title, 1.0, enabled=progress) as show:
-            found = search(policies, opened, wanted, show)
+            found = search(policies, opened, goal, show)
     chosen = policies[0] if found is None or found.recommended is None else found.recommended.policy
     settings = RunSettings.of(settings, **{"shots": _SHOTS, "copies": copies, **given})
     task = run_task(chosen, opened.device, settings, episodes, backend=opened.device.name)

@@ -11,7 +11,7 @@ import numpy as np
 
 from qcompile.arrays import FloatArray
 from qcompile.errors import QcompileError
-from qcompile.notebook import reward_words
+from qcompile.notebook import reward_text
 from qcompile.report.curves import CurvePanel, draw_curves
 from qcompile.report.figure import Figure
 from qcompile.report.style import AnyStyle
@@ -107,7 +107,7 @@ class Trainings(Training):
                 str(one["steps"]),
                 "-"
                 if one["last_20_mean_reward"] is None
-                else reward_words(one["last_20_mean_reward"]),
+                else reward_text(one["last_20_mean_reward"]),
                 _words(one),
             ]
             for one in self.to_dict()["trainings"]
@@ -163,4 +163,4 @@ def _moments(rewards: FloatArray) -> dict[str, float]:
 
 def _words(moments: Mapping[str, Any]) -> str:
     """Mean ± standard deviation, which one alone does not have."""
-    return reward_words(moments["mean_reward"], moments["std_reward"])
+    return reward_text(moments["mean_reward"], moments["std_reward"])
