@@ -1,4 +1,4 @@
-"""The classical types of OpenQASM 3: typed values and what is converted into what.
+"""The classical types of OpenQASM 3: typed values and their conversions.
 
 Source: the OpenQASM 3 specification, "Types and Casting" and "Classical instructions".
 """
@@ -19,7 +19,7 @@ from qcompile.ir import Angle
 TypeKind = Literal["bool", "int", "uint", "float", "angle", "bit"]
 
 MAX_BITS = 1024
-"""The widest type that a file may name."""
+"""The width of the widest type that a file may use."""
 
 _MACHINE_BITS = 64
 _ROUNDED: dict[int | None, Callable[[float], SupportsFloat]] = {16: np.float16, 32: np.float32}
@@ -47,7 +47,7 @@ class Type:
 
     @property
     def has_bits(self) -> bool:
-        """Whether & | ^ ~ << >> work on it: they need to know how many bits there are."""
+        """Whether & | ^ ~ << >> apply: they need a known number of bits."""
         return self.kind == "angle" or (self.kind in ("bit", "uint") and self.width is not None)
 
     def __str__(self) -> str:
@@ -74,13 +74,13 @@ class Value:
 
     @property
     def whole(self) -> int:
-        """The int that stands for it."""
+        """The int that represents the value."""
         assert isinstance(self.number, int)
         return self.number
 
     @property
     def radians(self) -> Angle:
-        """The number as a real one; an angle in [0, 2 pi)."""
+        """The value as a real number; for an angle in [0, 2 pi)."""
         if isinstance(self.number, Angle):
             return self.number
         if self.type.kind == "angle":
@@ -88,10 +88,10 @@ class Value:
         return Angle.of(self.number)
 
     def to(self, target: Type, *, cast: bool = False) -> Value:
-        """The value converted to `target`; `cast` where the file asks for it by name.
+        """The value converted to `target`; `cast` if the file has an explicit cast.
 
         A uint[n] and an angle[n] wrap. An int[n] wraps in a cast from a whole number, and from a
-        uint[n]; else what does not fit is refused, because there the readers differ.
+        uint[n]; otherwise a value that does not fit is refused, because compilers disagree on it.
 
         Raises:
             CircuitError: there is no such conversion, or the value does not fit.
@@ -161,7 +161,7 @@ class Value:
 
 
 def rounded(number: Angle, target: Type) -> Angle:
-    """`number` rounded to a float type; what depends on an input is not rounded."""
+    """`number` rounded to a float type, unless it depends on an input."""
     if target.width not in _ROUNDED or not number.is_constant:
         return number
     with np.errstate(over="ignore"):
