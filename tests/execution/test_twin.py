@@ -1,4 +1,4 @@
-"""The twin of a device plays the curves that were measured on it."""
+"""The twin of a device reproduces its measured response curves."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ def test_a_file_is_opened_as_a_twin(tmp_path: Path) -> None:
     assert isinstance(open_executor("fake_lima", 0), OfflineExecutor)
 
 
-def test_what_a_twin_does_not_know_is_refused() -> None:
+def test_a_twin_refuses_missing_curves() -> None:
     with pytest.raises(CalibrationError, match="of fake_lima holds no response curves"):
         TwinExecutor(exact(parts=["readout"]))
     twin = TwinExecutor(exact())

@@ -1,4 +1,4 @@
-"""Quantum functions as programs: `<Z>` is that of PennyLane's own simulator."""
+"""Quantum functions as programs: `<Z>` agrees with PennyLane's simulator."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def wrapped(x: Any, theta: Any) -> None:
 
 
 @pytest.mark.parametrize("body", [gates, wrapped])
-def test_gates_mean_what_they_mean_in_pennylane(body: Callable[..., None]) -> None:
+def test_gates_agree_with_pennylane(body: Callable[..., None]) -> None:
     @qml.qnode(qml.device("default.qubit"))
     def node(x: Any, theta: Any) -> Any:
         body(x, theta)
@@ -156,12 +156,12 @@ def branches(x: Any, theta: Any) -> None:
         (lambda x: None, "cannot be called with symbols(.|\n)*x of shape 2 and theta of shape 6"),
     ],
 )
-def test_what_is_refused(body: Any, words: str) -> None:
+def test_unsupported_functions_are_refused(body: Any, words: str) -> None:
     with pytest.raises(CircuitError, match=words):
         Program.from_pennylane(body, 2, 6)
 
 
-def test_what_is_no_function() -> None:
+def test_other_objects_are_refused() -> None:
     with pytest.raises(
         CircuitError, match="takes a quantum function, a QNode or a tape, found int"
     ):

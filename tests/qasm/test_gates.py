@@ -1,4 +1,4 @@
-"""Gates of other vendors' files, against the matrices that the vendors publish."""
+"""Gates of other vendors' files, against the published matrices."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Arrays whose headers promise what the file does not hold, or other things than numbers."""
+"""Arrays with headers that do not match their contents, or with entries that are not numbers."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ ROWS = np.arange(12.0).reshape(3, 4)
         np.zeros(3, np.longdouble),
     ],
 )
-def test_what_numpy_writes_is_read(array: Any) -> None:
+def test_arrays_of_numpy_are_read(array: Any) -> None:
     found = read_npy(saved(array))
     np.testing.assert_array_equal(found, array)
     assert found.dtype == np.asarray(array).dtype
@@ -76,7 +76,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_what_is_no_array_of_numbers(name: str) -> None:
+def test_other_arrays_are_refused(name: str) -> None:
     contents, words = WRONG[name]
     with pytest.raises(ContentsError, match=words):
         read_npy(contents)
@@ -91,7 +91,7 @@ def test_a_table_is_rows_of_numbers() -> None:
 def test_the_first_fault_of_a_table_is_named_with_its_line() -> None:
     for text, words in (
         (b"# mean\n1,2\n\n3,x\n", "Line 4: 'x' is not a number."),
-        (b"1,2\n3,4,5\n", "Line 2 has 3 columns, those above have 2."),
+        (b"1,2\n3,4,5\n", "Line 2 has 3 columns, the lines above have 2."),
         (b"1,\n", "Line 1: '' is not a number."),
     ):
         with pytest.raises(ContentsError) as caught:
@@ -100,7 +100,7 @@ def test_the_first_fault_of_a_table_is_named_with_its_line() -> None:
 
 
 @pytest.mark.parametrize("text", [b"1,2\n3", b"a,b", b"\xff", b"1\x00,2", b"1" * 5000 + b"z"])
-def test_what_is_no_table(text: bytes) -> None:
+def test_an_invalid_table_is_refused(text: bytes) -> None:
     with pytest.raises(ContentsError) as caught:
         read_table(text)
     assert len(str(caught.value)) <= 200

@@ -1,4 +1,4 @@
-"""TOML that cannot be read is told, whatever is wrong with it."""
+"""Invalid TOML is refused with a message."""
 
 from __future__ import annotations
 
