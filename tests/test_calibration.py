@@ -60,7 +60,7 @@ def test_counts_are_read_without_fits(tmp_path: Path) -> None:
     twice = json.dumps(contents)[:-1] + ', "created": "2020-01-01T00:00:00Z"}'
     for text in ("[1]", "{", "null", '"x"', "[" * 100_000, json.dumps({"readout": {}}), twice):
         (tmp_path / "a.json").write_text(text)
-        with pytest.raises(CalibrationError, match=r"a\.json holds no counts to fit"):
+        with pytest.raises(CalibrationError, match=r"a\.json has no counts to fit"):
             load_counts(tmp_path / "a.json")
 
 

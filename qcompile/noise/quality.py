@@ -92,5 +92,5 @@ def _reasons(device: Device, qualities: list[_Quality]) -> dict[int, str]:
         weak = [q for q in rest if abs(qualities[q].left) < USABLE_CONTRAST]
     if weak == rest and rest:
         weak.remove(min(rest, key=lambda q: qualities[q].error))
-    reasons |= {q: f"preserves {qualities[q].left:.2f} of <Z>" for q in weak}
+    reasons |= {q: f"keeps {qualities[q].left:.2f} of <Z>" for q in weak}
     return dict(sorted(reasons.items()))

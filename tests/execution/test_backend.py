@@ -118,5 +118,5 @@ def test_executors_are_opened_from_names_devices_and_backends() -> None:
 @pytest.mark.usefixtures("folder")
 def test_a_calibration_without_curves_is_refused_before_it_is_opened() -> None:
     measured(part="readout").save(Path("readout.json"))
-    with pytest.raises(CalibrationError, match="holds no response curves"):
+    with pytest.raises(CalibrationError, match="has no response curves"):
         load_backend("readout.json")

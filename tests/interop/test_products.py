@@ -102,9 +102,7 @@ X, A, B = Parameter("x"), Parameter("a"), Parameter("b")
 def test_other_products_are_refused(angle: Any) -> None:
     circuit = QuantumCircuit(1)
     circuit.ry(angle + 0 * (X + A + B), 0)
-    with pytest.raises(
-        CircuitError, match=r"not an affine angle(.|\n)*one parameter too: theta1\*x0"
-    ):
+    with pytest.raises(CircuitError, match=r"not an affine angle(.|\n)*one parameter: theta1\*x0"):
         Ansatz.from_qiskit(circuit)
 
 

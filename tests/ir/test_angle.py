@@ -98,7 +98,7 @@ def test_the_refusal_names_the_text_and_an_example() -> None:
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, "1e999", "1e999*x0"])
 def test_an_infinite_angle_is_refused(value: float | str) -> None:
-    with pytest.raises(CircuitError, match=r"not finite.\n  Found (nan|-?inf) in it\.$"):
+    with pytest.raises(CircuitError, match=r"not finite.\n  It contains (nan|-?inf)\.$"):
         Angle.of(value)
 
 

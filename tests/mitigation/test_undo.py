@@ -244,9 +244,9 @@ def test_a_turn_by_which_two_angles_look_alike_is_refused(made: Made, tilt: floa
 
 def test_a_missing_calibration_is_refused(made: Made) -> None:
     readout, response = made(readout=([0.1], [0.1])), made(curves=[[0.0, -0.9, 0.0]])
-    with pytest.raises(CalibrationError, match="holds no assignment matrices"):
+    with pytest.raises(CalibrationError, match="has no assignment matrices"):
         readout_mitigation(response, on(response, 1))
-    with pytest.raises(CalibrationError, match="holds no response curves"):
+    with pytest.raises(CalibrationError, match="has no response curves"):
         response_mitigation(readout, on(readout, 1))
     with pytest.raises(CalibrationError, match="need level 2, found level 1"):
         response_mitigation(response, on(response, 1, level=1))

@@ -181,7 +181,7 @@ def test_ties_go_by_index() -> None:
 @pytest.mark.parametrize("importance", [[1.0], [1.0, np.nan], [1.0, -1.0], [[1.0, 1.0]]])
 @pytest.mark.parametrize("made", [IDEAL, LIMA])
 def test_a_wrong_importance_is_refused(made: Device, importance: list[float]) -> None:
-    with pytest.raises(CircuitError, match=r"It needs \(2,\), each a finite number"):
+    with pytest.raises(CircuitError, match=r"It needs shape \(2,\) and finite entries"):
         place(2, made, np.array(importance))
     with pytest.raises(CircuitError, match="0 copies of a program"):
         compile(parallel(2, 1)[0], made, copies=0)

@@ -93,7 +93,7 @@ def test_an_entry_that_lies_about_its_size() -> None:
         saved(torch.zeros(1)), zipfile.ZIP_DEFLATED, **{"data/0": bytes(50 * 2**20)}
     )
     true, told = struct.pack("<I", 50 * 2**20), struct.pack("<I", 4)
-    with pytest.raises(ContentsError, match="not a whole file"):
+    with pytest.raises(ContentsError, match="not a complete file"):
         read_torch(contents.replace(true, told))
 
 
@@ -119,7 +119,7 @@ def test_more_opcodes_than_values_can_need_are_not_run(monkeypatch: pytest.Monke
 def test_values_that_hold_themselves() -> None:
     value: list[Any] = []
     value.append(value)
-    with pytest.raises(ContentsError, match="nest too deeply"):
+    with pytest.raises(ContentsError, match="nested too deeply"):
         read_torch(saved(value))
 
 
