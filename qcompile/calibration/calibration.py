@@ -26,6 +26,7 @@ from qcompile.validation import Line, Many, Record, explain
 
 if TYPE_CHECKING:
     from qcompile.report.figure import Figure
+    from qcompile.report.style import AnyStyle
 
 
 class Calibration(Record):
@@ -103,12 +104,27 @@ class Calibration(Record):
         """Hours from its creation to `now`, which must have a time zone."""
         return (now - self.created).total_seconds() / 3600
 
-    def plot(self) -> Figure:
-        """A figure of the response curves, residuals and readout errors of every qubit."""
-        from qcompile.report.calibration import draw_calibration
-        from qcompile.report.figure import Figure
+    def plot(self, style: AnyStyle = None) -> Figure:
+        """A figure of the response curves, residuals and readout errors of every qubit.
 
-        return Figure(draw_calibration(self))
+        Raises:
+            FigureError: the style cannot be read.
+        """
+        from qcompile.report.calibration import draw_calibration
+
+        return draw_calibration(self, style)
+
+    def report(self, path: str | PathLike[str]) -> None:
+        """Write a page of HTML with figures, tables and settings; it opens offline.
+
+        Raises:
+            OptionError: the file does not end with .html.
+            OutputError: it cannot be written.
+        """
+        from qcompile.page.calibration import calibration_document
+        from qcompile.page.render import write_report
+
+        write_report(calibration_document(self, self.to_dict(), self.plot), Path(path))
 
     def __repr__(self) -> str:
         measured = {"readout": self.readout_counts, "response": self.response_counts}

@@ -18,9 +18,9 @@ from qcompile.live.connection import Connection
 from qcompile.live.jobs import Jobs
 from qcompile.live.jobs_sampler import JobsSampler, SamplerJob
 from qcompile.live.journal import Journal
-from qcompile.live.opening import FILE
+from qcompile.live.journal_file import FILE
 from qcompile.live.pace import check_pace
-from qcompile.live.perform import costs, explained, run_versions, strangeness
+from qcompile.live.perform import costs, resume_warning, run_versions, with_advice
 from qcompile.live.pubs import Call
 from qcompile.live.sampling import SamplerTask
 
@@ -106,7 +106,7 @@ class GuardedSampler(JobsSampler):
                 connection = Connection(name, account, task.instance)
             if (before := _OPEN.get(folder.resolve())) is not None:
                 before.close()
-            stack.enter_context(self.journal.held())
+            stack.enter_context(self.journal.locked())
             self.journal.allow(max_qpu_seconds)
             super().__init__(
                 Jobs(
@@ -190,7 +190,7 @@ class GuardedSampler(JobsSampler):
         try:
             yield
         except QcompileError as error:
-            raise explained(error, self.journal) from error
+            raise with_advice(error, self.journal) from error
 
     def check_owner(self) -> None:
         """Nothing, if the process and the thread that made it ask.
@@ -288,6 +288,6 @@ def _task(journal: Journal, backend: str, account: str | None) -> SamplerTask:
             f"This sampler asks {backend}, account {account or 'the usual one'}. "
             "Name another folder.",
         )
-    if words := strangeness(journal):
+    if words := resume_warning(journal):
         raise LiveError(words, f"`{resume_command(journal)}` asks whether to resume it here.")
     return task

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from qcompile.calibration import Calibration
 from qcompile.execution.packed import ones_of_bits
 from qcompile.live.commands import resume_command
+from qcompile.live.finder import describe_doubts
 from qcompile.live.journal import Journal, TaskKind
-from qcompile.live.looking import doubts_in_words
-from qcompile.live.opening import reading
-from qcompile.live.perform import costs, progress_in_words, task_of
+from qcompile.live.journal_file import reading
+from qcompile.live.perform import costs, describe_progress, task_of
 from qcompile.live.records import State, Submission
 from qcompile.mitigation.misfit import misfit_warnings
 from qcompile.report.calibration_values import calibration_values, print_calibration
@@ -145,9 +145,9 @@ def print_overview(journal: Journal) -> None:
     row = overview(journal)
     backend = one_line(str(row["backend"]))
     click.echo(f"{row['run']}, {row['kind']} on {backend}: {row['state']}")
-    click.echo(progress_in_words(journal))
+    click.echo(describe_progress(journal))
     click.echo(f"{cost_in_words(row)}; {row['max_qpu_seconds']:g} allowed")
-    for line in doubts_in_words(journal):
+    for line in describe_doubts(journal):
         click.echo(line)
     if journal.kind == "sampler":
         click.echo(f"{_CONTINUES} `{resume_command(journal)}` fetches what was sent.")

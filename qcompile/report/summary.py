@@ -8,6 +8,7 @@ from typing import Any
 
 from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
 from qcompile.mitigation import CALIBRATION_SHOTS
 from qcompile.mitigation.misfit import misfit_warnings
@@ -28,7 +29,7 @@ _HOUR_S = 3600
 def print_run(summary: dict[str, Any]) -> None:
     """Print what a run found: `Run.summary`."""
     out = wide_console()
-    backend = f"{summary['backend']} ({_KINDS.get(summary['kind'], summary['kind'])})"
+    backend = f"{summary['backend']} ({kind_words(summary['kind'])})"
     policy, environment = escape(summary["policy"]), escape(summary["environment"])
     out.print(f"[bold]{policy}[/] in {environment} on {escape(backend)}")
     grid = Table.grid(padding=(0, 2))
@@ -39,7 +40,18 @@ def print_run(summary: dict[str, Any]) -> None:
     out.print(grid)
 
 
-def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
+def run_facts(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """The lines that `print_run` prints, but for those on the rewards, as plain text."""
+    lines = [(name, Text.from_markup(words).plain) for name, words in _run_lines(summary)]
+    return [(name, words) for name, words in lines if name not in ("mean reward", "each episode")]
+
+
+def kind_words(kind: str) -> str:
+    """What results of a backend of that kind are."""
+    return _KINDS.get(kind, kind)
+
+
+def _run_lines(summary: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
     from qcompile.deploy.intervals import unseen_share
 
     rewards = [episode["reward"] for episode in summary["episodes"]]

@@ -158,7 +158,7 @@ def plural(count: int, word: str) -> str:
     return f"{count} {word}" if count == 1 else f"{count} {word}s"
 
 
-def cost_in_words(row: dict[str, Any]) -> str:
+def cost_in_words(row: Mapping[str, Any]) -> str:
     """The charge of a run; where it is not settled, what it comes to at most, and why."""
     settled_s, upper_s = row["qpu_seconds_settled"], row["qpu_seconds"]
     words = f"{settled_s:.1f} QPU seconds charged"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import partial
 
-from qcompile.deploy.registration import knowing_environments
+from qcompile.deploy.registration import with_environments
 from qcompile.errors import OptionError, QcompileError, StudyError
 from qcompile.notebook import reward_text
 from qcompile.report import progress as bars
@@ -103,7 +103,7 @@ def train_seeds(
                 scored[cell.seed], words = outcome, reward_text(outcome.rewards.mean())
             show(len(scored) + len(failures), f"{cell.name}: {words}")
 
-        train = knowing_environments(
+        train = with_environments(
             partial(_train, evaluation=evaluation), [asked.request.environment]
         )
         try:

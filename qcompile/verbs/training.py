@@ -10,8 +10,9 @@ import numpy as np
 
 from qcompile.errors import QcompileError
 from qcompile.notebook import reward_text
-from qcompile.report.curves import Curve, draw_curves
+from qcompile.report.curves import Curve, CurvePanel, draw_curves
 from qcompile.report.figure import Figure
+from qcompile.report.style import AnyStyle
 from qcompile.verbs.results import Result
 
 if TYPE_CHECKING:
@@ -90,15 +91,17 @@ class Training(Result):
         ended = [(episode.decisions, episode.reward) for episode in self._history]
         return list(in_order_of_start(ended, self._environments))
 
-    def plot(self) -> Figure:
+    def plot(self, style: AnyStyle = None) -> Figure:
         """The learning curve: average rewards of the last 20 episodes, and their scatter.
 
         Raises:
+            FigureError: the style cannot be read.
             QcompileError: no episode was finished.
         """
         values = self.to_dict()
         curve = self.curve(f"{values['model']}, mean and standard deviation")
-        return Figure(draw_curves(f"{values['environment']}, seed {values['seed']}", [curve]))
+        title = f"{values['environment']}, seed {values['seed']}"
+        return draw_curves([CurvePanel(title, [curve])], style)
 
     def curve(self, label: str) -> Curve:
         """What `plot` draws, under this label and in a colour of its own.
