@@ -132,9 +132,7 @@ def new_folder(path: Path) -> Iterator[Path]:
         OutputError: `path` exists and is not an empty folder, or cannot be created.
     """
     if path.is_file() or (path.is_dir() and any(path.iterdir())):
-        raise OutputError(
-            f"The output folder {path} is not empty.", "Remove it, or choose another with --out."
-        )
+        raise OutputError(f"{path} already exists.", "Remove it, or choose another with --out.")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         temporary = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}."))

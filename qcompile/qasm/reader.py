@@ -104,7 +104,7 @@ class Reader:
                 f"The pragma {pragma[:60]!r} defines a gate, which qcompile does not support.",
                 "Write the gate as u(theta, phi, lambda).",
             )
-        self._pragmas.append(f"{pragma[:60]!r} in line {self.line}")
+        self._pragmas.append(f"{pragma[:60]!r} on line {self.line}")
 
     def _notes(self) -> tuple[str, ...]:
         if not self._pragmas:

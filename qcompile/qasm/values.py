@@ -98,7 +98,7 @@ class Value:
         """
         kind = self.type.kind
         if kind == target.kind == "bit" and self.type != target:
-            raise self._not(target, "Bits are converted to as many bits.")
+            raise self._not(target, "The number of bits must be the same.")
         match target.kind:
             case "bool":
                 if self._depends_on_inputs:
@@ -113,7 +113,7 @@ class Value:
             case "angle":
                 return Value(target, self._to_turns(target))
         if kind == "float" or (kind != "bool" and self.type.width != target.width):
-            raise self._not(target, "Bits are converted from as many bits.")
+            raise self._not(target, "The number of bits must be the same.")
         return Value(target, self.whole % (1 << target.bits))
 
     @property
@@ -125,10 +125,10 @@ class Value:
         if self.type.kind == "angle" or self._depends_on_inputs:
             raise self._not(target)
         if self.type.kind == "bit" and self.type.width != target.width:
-            raise self._not(target, "Bits are converted to as many bits.")
+            raise self._not(target, "The number of bits must be the same.")
         if isinstance(number, Angle):
             if not (cast or number.constant.is_integer()):
-                raise self._not(target, f"Write {target}(...) to cut off its fraction.")
+                raise self._not(target, f"Write {target}(...) to truncate it.")
             number = int(number.constant)
         bits = target.bits
         low, high = (-1 << bits - 1, 1 << bits - 1) if target.kind == "int" else (0, 1 << bits)
@@ -150,7 +150,7 @@ class Value:
             )
         if self.type.kind == "bit":
             if self.type.width != target.width:
-                raise self._not(target, "Bits are converted to as many bits.")
+                raise self._not(target, "The number of bits must be the same.")
             return self.whole
         if self.type.kind == "angle":
             return round(Fraction(self.whole * whole, 1 << self.type.bits)) % whole

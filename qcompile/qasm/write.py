@@ -102,7 +102,7 @@ def _body(
 
 def _check(program: Program, version: Version, layout: Layout) -> None:
     if version not in DEFINITIONS:
-        raise CircuitError(f"There is no OpenQASM version {version!r}.", "Versions: 3 and 2.")
+        raise CircuitError(f"Unknown OpenQASM version {version!r}.", "Use 3 or 2.")
     if program.late_angles:
         raise CircuitError(
             "A program with late angles cannot be written as OpenQASM.",

@@ -125,7 +125,7 @@ class _Archive:
         with self._zip.open(entry) as file:
             contents = file.read(entry.file_size)  # without a number, more than it says of itself
         if len(contents) < entry.file_size:
-            raise ContentsError("An entry is shorter than it says.")
+            raise ContentsError("An entry is shorter than its header says.")
         return contents
 
     def _with_tensors(self, value: Any, depth: int) -> Any:
@@ -148,7 +148,7 @@ class _Archive:
 
         storage, offset, size, stride = tensor
         if len(size) != len(stride) or min((*size, *stride, offset)) < 0:
-            raise ContentsError("A tensor has a shape that no tensor has.")
+            raise ContentsError("A tensor has an invalid shape.")
         numbers = self._storage(storage)
         count = math.prod(size)
         self._bytes_left -= count * numbers.element_size()
@@ -200,7 +200,7 @@ class _StateDict(OrderedDict[Any, Any]):
 def _tensor(storage: Any, offset: Any, size: Any, stride: Any, *_: Any) -> _Tensor:
     whole = all(type(number) is int for number in (offset, *size, *stride))
     if not whole or not isinstance(storage, _Storage):
-        raise ContentsError("A tensor has a shape that no tensor has.")
+        raise ContentsError("A tensor has an invalid shape.")
     return _Tensor(storage, offset, tuple(size), tuple(stride))
 
 
@@ -216,8 +216,8 @@ def _check_opcodes(pickled: bytes) -> None:
     """Raise ContentsError if the pickle uses opcodes that torch.save never writes."""
     for count, (opcode, argument, _) in enumerate(pickletools.genops(pickled)):
         if opcode.name not in _OPCODES:
-            raise CodeError("It holds more than tensors and plain values.")
+            raise CodeError("It contains more than tensors and plain values.")
         if count > _MAX_OPCODES:
             raise ContentsError(f"It contains more than {MAX_VALUES:,} values.")
         if opcode.name == "LONG_BINPUT" and (argument or 0) > count:  # it is a list's length
-            raise ContentsError("It is not a whole file of torch.save.")
+            raise ContentsError("It is not a complete file of torch.save.")

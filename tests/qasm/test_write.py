@@ -311,7 +311,7 @@ FUSED = Program(circuits("rz(b0)"), late_angles=(LateAngle("b0", Circuit.parse("
             {"version": "2", "qubits": [3]},
             "OpenQASM 2 cannot name physical qubits.\n  Write OpenQASM 3, or leave out `qubits`.",
         ),
-        (ONE, {"version": "4"}, "There is no OpenQASM version '4'.\n  Versions: 3 and 2."),
+        (ONE, {"version": "4"}, "Unknown OpenQASM version '4'.\n  Use 3 or 2."),
         (
             ONE,
             {"layout": Layout.default(2)},
