@@ -6,7 +6,7 @@ import numpy as np
 
 from qcompile.deploy.filming import Frame
 from qcompile.deploy.player import Player
-from qcompile.notebook import reward_words
+from qcompile.notebook import reward_text
 from qcompile.report.lettering import Picture, fitted, write
 from qcompile.report.panels import (
     BODY,
@@ -64,7 +64,7 @@ class Scene:
         picture = layout.ground.copy()
         _place(picture, layout.picture, frame.picture)
         right = WIDTH - _MARGIN
-        write(picture, f"reward {reward_words(frame.reward)}", right, 14, _TITLE, INK, align=1)
+        write(picture, f"reward {reward_text(frame.reward)}", right, 14, _TITLE, INK, align=1)
         step = f"step {frame.step}" + f", decision {decision.number + 1}" * self._holds
         write(picture, step, right, 44, BODY, DIM, align=1)
         if layout.expectations is not None:
