@@ -24,7 +24,6 @@ from qcompile.mitigation.misfit import misfit_warnings
 from qcompile.notebook import reward_text
 from qcompile.page.circuits import Compiled
 from qcompile.page.document import Document
-from qcompile.page.film import film_block
 from qcompile.page.run import run_document
 from qcompile.planning.strategies import forecast, run_task
 from qcompile.policy import AnyPolicy, Network, Policy, load_circuits, load_policy
@@ -116,12 +115,9 @@ class RunResult(Reported):
 
     def document(self, command: str) -> Document:
         values = self.to_dict()
-        film = None
-        if self.film is not None:
-            film = film_block(self.film, "The first episode", "")
         warnings = [*filter(None, [self.remark]), *misfit_warnings(values["calibration_misfits"])]
         return run_document(
-            values, self.plot, self._compiled, film, warnings=warnings, command=command
+            values, self.plot, self._compiled, self.film, warnings=warnings, command=command
         )
 
     @property
