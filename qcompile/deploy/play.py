@@ -96,9 +96,9 @@ def play(
     Episode i resets with the player's seed + i and draws from its own streams. All running episodes
     step together; for circuits a step is one batch and one job. Ctrl-C ends the run and keeps
     finished episodes; `recorder` sees every step, and `on_frame` gets the frames of the first
-    episode. With `complete`, episodes that `max_steps` cut are then completed on the noise model, at no cost. If the player's settings speculate, a job
-    measures more than one decision of each episode (`deploy/ahead.py`); `on_note` is called if that
-    ends early.
+    episode. With `complete`, episodes that `max_steps` cut are then completed on the noise model,
+    at no cost. If the player's settings speculate, a job measures more than one decision of each
+    episode (`deploy/ahead.py`); `on_note` is called if that ends early.
 
     Raises:
         CountsError: the number of episodes lies outside [1, MAX_EPISODES].

@@ -31,8 +31,8 @@ class Stepper:
     declared number of features, in `dtype`: float32 if that holds every number of the declared
     type, else float64. An action is held for `hold` steps, but not beyond the end of an episode or
     `max_steps` steps. `seed` is the seed of the last reset, `length` the number of environment
-    steps since, `action` the last one taken and `reward` the total; `is_over` says whether the environment ended the episode.
-    `on_step` is called after each step.
+    steps since, `action` the last one taken and `reward` the total; `is_over` says whether the
+    environment ended the episode. `on_step` is called after each step.
     """
 
     __slots__ = (

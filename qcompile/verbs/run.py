@@ -274,8 +274,12 @@ def _settings(
     settings.check_shared(episodes)
     check_live(live)
     if live is not None:
-        wrong = {"video": video is not None, "shots exact": settings.shots is None}
-        wrong["sampler"] = sampler is not None
+        if video is not None:
+            raise OptionError(
+                "video and live exclude each other: a live run is not filmed.",
+                "Film the same settings without live, on the noise model or the machine's twin.",
+            )
+        wrong = {"shots exact": settings.shots is None, "sampler": sampler is not None}
         for name in (name for name, given in wrong.items() if given):
             raise OptionError(f"{name} cannot be combined with live.")
     return settings
