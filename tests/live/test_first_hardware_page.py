@@ -47,6 +47,7 @@ def test_the_page_prints_what_a_service_like_ibms_makes_it_say(
     commands = [
         each for language, block in blocks(PAGE) if language == "console" for each in typed(block)
     ]
+    wrong = []
     with StandIn({"ibm_fez": "FakeFez"}) as service:
         for name, value in service.environment().items():
             monkeypatch.setenv(name, value)
@@ -58,9 +59,10 @@ def test_the_page_prints_what_a_service_like_ibms_makes_it_say(
             answer = qcompile(*shlex.split(line)[1:])
             expected = QUESTION.sub(r"\1", printed.replace(CTRL_C, ""))
             now = lines(answer.out + answer.err, empty_folder)
-            assert now == lines(expected, empty_folder), f"{line}\n{answer.out}{answer.err}"
             refused = CTRL_C in printed or bool(asked and asked[2] == "n")
-            assert answer.code == refused
+            if answer.code != refused or now != lines(expected, empty_folder):
+                wrong.append(f"$ {line}\n{answer.out}{answer.err}exit {answer.code}")
         ledger = service.ledger()
+    assert not wrong, "\n".join(wrong)
     charged = sum(job.charged_seconds for job in ledger.jobs)
     assert 20 < charged < 40  # "about 30 of them"
