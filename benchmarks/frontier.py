@@ -22,7 +22,7 @@ import qcompile
 from qcompile.deploy.settings import RunSettings
 from qcompile.execution import Workload, load_backend
 from qcompile.planning.point import undominated
-from qcompile.planning.search import Judge, Ladder, Wanted
+from qcompile.planning.search import Evaluator, Goal, Ladder
 
 ROOT = Path(__file__).parents[1]
 HELD, DATA, PAGE = ROOT / "benchmarks/held", ROOT / "docs/frontier.json", ROOT / "docs/budget.md"
@@ -47,8 +47,8 @@ def cell(task: str, hold: int, device: str) -> list[dict[str, Any]]:
     assert policy.hold == hold
     backend = load_backend(device)
     settings = RunSettings(seed=SEED).resolved(backend.device)
-    wanted = Wanted(settings, EPISODES, within=600)
-    ladder = Ladder(policy, backend, wanted, Judge([policy], wanted), lambda done, words: None)
+    goal = Goal(settings, EPISODES, within=600)
+    ladder = Ladder(policy, backend, goal, Evaluator([policy], goal), lambda done, words: None)
     place = {"task": task, "device": device}
     last = ladder.point(SHOTS[-1])
     points = [place | point.values for point in (*map(ladder.point, SHOTS[:-1]), last)]

@@ -10,7 +10,7 @@ from typing import Literal
 
 Shelf = Literal["hardware", "trained"]
 
-_MOST_LETTERS = 100
+_MAX_LETTERS = 100
 """Longer words are near to nothing, and take long to compare."""
 
 _PACKAGE = Path(__file__).parent
@@ -75,7 +75,7 @@ def close_names(name: str, known: Iterable[str]) -> list[str]:
     spelled: dict[str, list[str]] = {}
     for word in dict.fromkeys(known):
         spelled.setdefault(word.casefold(), []).append(word)
-    given = name.casefold()[:_MOST_LETTERS]
+    given = name.casefold()[:_MAX_LETTERS]
     close = difflib.get_close_matches(given, spelled, n=3, cutoff=2 / 3)
     likeness = [difflib.SequenceMatcher(None, low, given).ratio() for low in close]
     close = [low for low, ratio in zip(close, likeness, strict=True) if ratio > likeness[0] - 0.08]

@@ -121,10 +121,13 @@ IDEAL = Device(
 
 def device_names() -> list[str]:
     """Every device known by name, `ideal` first; aliases are left out."""
-    return [IDEAL_NAME, *(known for known in names("hardware", [".json"]) if _claims(known))]
+    return [
+        IDEAL_NAME,
+        *(known for known in names("hardware", [".json"]) if _is_device_file(known)),
+    ]
 
 
-def _claims(name: str) -> bool:
+def _is_device_file(name: str) -> bool:
     """Whether the file of that name says that it is a device: others may share the folder."""
     path = find("hardware", name, [".json"]) if name != IDEAL_NAME else None
     try:

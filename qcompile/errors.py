@@ -11,6 +11,7 @@ QcompileError                 exit code 1 on the command line
 ├── CalibrationError          counts from which no calibration can be fitted
 ├── TrainingError             training settings that contradict each other
 ├── StudyError                a study or a grid that cannot be run or written up
+├── FigureError               a figure or a table that cannot be drawn as asked
 ├── LiveError                 a run on real hardware that cannot start or resume
 │   ├── BudgetError           it would pass its limit of QPU seconds
 │   ├── PaidFailureError      it would pay again for a job that was charged for nothing
@@ -82,6 +83,10 @@ class TrainingError(QcompileError, ValueError):
 
 class StudyError(QcompileError, ValueError):
     """A study, or a grid of evaluations, cannot be run or written up as asked."""
+
+
+class FigureError(QcompileError, ValueError):
+    """A figure, a table or a drawing cannot be made as asked, or its style cannot be read."""
 
 
 class LiveError(QcompileError, RuntimeError):

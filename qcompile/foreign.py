@@ -16,17 +16,17 @@ _CIRCUITS = {
 }
 
 
-def _homes(value: object) -> set[tuple[str, str]]:
+def _class_paths(value: object) -> set[tuple[str, str]]:
     """Package and name of each class of `value`."""
     return {(base.__module__.partition(".")[0], base.__name__) for base in type(value).__mro__}
 
 
 def is_qiskit_backend(value: object) -> bool:
     """Whether `value` is a Qiskit BackendV2."""
-    return ("qiskit", "BackendV2") in _homes(value)
+    return ("qiskit", "BackendV2") in _class_paths(value)
 
 
-def what_it_is(value: object) -> str:
+def describe(value: object) -> str:
     """`value` in two or three words, such as "a Qiskit circuit"."""
     if is_qiskit_backend(value):
         return "a Qiskit backend"
@@ -37,7 +37,7 @@ def what_it_is(value: object) -> str:
     return "a path" if isinstance(value, Path) else f"an object of type {type(value).__name__}"
 
 
-def way_to_a_program(value: Any) -> str:
+def program_hint(value: Any) -> str:
     """The call that makes a Program of `value`, as a line of advice."""
     if known := _circuit(value):
         return known[1]
@@ -49,4 +49,4 @@ def way_to_a_program(value: Any) -> str:
 
 
 def _circuit(value: object) -> tuple[str, str] | None:
-    return next((_CIRCUITS[home] for home in _homes(value) if home in _CIRCUITS), None)
+    return next((_CIRCUITS[home] for home in _class_paths(value) if home in _CIRCUITS), None)

@@ -7,7 +7,7 @@ from html import escape
 
 Rows = Sequence[Sequence[str]]
 
-MOST_ROWS = 40
+MAX_ROWS = 40
 """Longer tables show their beginning and their end."""
 
 
@@ -21,7 +21,7 @@ def reward_digits(*rewards: float) -> int:
     return 2 if max(map(abs, rewards)) < 10 else 1
 
 
-def reward_words(mean: float, deviation: float | None = None, sign: str = "") -> str:
+def reward_text(mean: float, deviation: float | None = None, sign: str = "") -> str:
     """Mean ± standard deviation of rewards; with the sign "+" the mean has one."""
     digits = reward_digits(mean)
     return f"{mean:{sign}.{digits}f}" + ("" if deviation is None else f" ± {deviation:.{digits}f}")
@@ -33,10 +33,10 @@ def shortened(text: str, most: int = 100) -> str:
 
 
 def shortened_rows(rows: Rows) -> Rows:
-    """At most MOST_ROWS rows: of more of them the first, a row of dots and the last five."""
-    if len(rows) <= MOST_ROWS:
+    """At most MAX_ROWS rows: of more of them the first, a row of dots and the last five."""
+    if len(rows) <= MAX_ROWS:
         return rows
-    return [*rows[: MOST_ROWS - 6], ["..."] * len(rows[0]), *rows[-5:]]
+    return [*rows[: MAX_ROWS - 6], ["..."] * len(rows[0]), *rows[-5:]]
 
 
 def text_table(columns: Sequence[str], rows: Rows) -> str:

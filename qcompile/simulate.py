@@ -52,9 +52,9 @@ class Simulator:
             form = forms.setdefault(tuple(a.terms for a in angles), len(self._steps))
             axis = "z" if position % 2 == 0 else "y"
             self._steps.append(_Step(axis, table, form, xp, dtype))
-        self._seen = _seen(self._steps)
+        self._relevant = _relevant(self._steps)
         self._largest = _largest(self._steps)
-        self._last_z = next((step for step in reversed(self._seen) if step.axis == "z"), None)
+        self._last_z = next((step for step in reversed(self._relevant) if step.axis == "z"), None)
 
     def __repr__(self) -> str:
         return f"Simulator({self._words})"
@@ -74,7 +74,7 @@ class Simulator:
         turns: dict[int, tuple[Array, Array]] = {}
         # The Bloch vector, from |0>: None stands for 0 and, in r_z, for 1.
         r_x = r_y = r_z = None
-        for step in self._seen:
+        for step in self._relevant:
             cos, sin = step.turn(x, theta, turns, large)
             if step.axis == "z":
                 if step is self._last_z:  # what turns into y is seen no more
@@ -85,7 +85,7 @@ class Simulator:
                     r_x, r_y = r_x * cos - r_y * sin, r_x * sin + r_y * cos
             elif r_x is None:
                 r_x, r_z = sin, cos
-            elif step is self._seen[-1]:
+            elif step is self._relevant[-1]:
                 r_z = r_z * cos - r_x * sin
             else:
                 r_x, r_z = r_x * cos + r_z * sin, r_z * cos - r_x * sin
@@ -201,7 +201,7 @@ def _largest(steps: Sequence[_Step]) -> tuple[float, float]:
     return max((x for x, _ in pairs), default=0.0), max((theta for _, theta in pairs), default=0.0)
 
 
-def _seen(steps: Sequence[_Step]) -> list[_Step]:
+def _relevant(steps: Sequence[_Step]) -> list[_Step]:
     """The steps that `<Z>` depends on: from the first y that turns to the last one."""
     kept = [step for step in steps if not step.is_identity]
     while kept and kept[0].axis == "z":

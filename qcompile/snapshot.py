@@ -22,9 +22,9 @@ _KNOWN_GATES = ("rz", "sx", "x", "rx")
 USUAL_SX_NS = 320 / 9
 """160 samples of 2/9 ns: the sx of IBM's Falcon processors."""
 
-_MOST_READOUT_ERROR = 0.1
-_MOST_GATE_ERROR = 0.01
-_MOST_SX_NS = 200.0
+_MAX_READOUT_ERROR = 0.1
+_MAX_GATE_ERROR = 0.01
+_MAX_SX_NS = 200.0
 _QUBIT_UNITS_NS = {
     "T1": 1e3,
     "T2": 1e3,
@@ -118,7 +118,7 @@ def device_from_backend(backend: Any, name: str | None = None) -> Device:
         try:
             qubits.append(_qubit(index, values))
         except _UnknownQubitError as unknown:
-            qubits.append(_nothing_known(unknown))
+            qubits.append(_placeholder_qubit(unknown))
             left_out[index] = str(unknown)
         if index in faulty:
             left_out.setdefault(index, f"Qubit {index} is marked as faulty by IBM.")
@@ -219,7 +219,7 @@ class _UnknownQubitError(Exception):
     """A qubit's calibration lacks a value, or has an impossible one."""
 
 
-def _nothing_known(unknown: _UnknownQubitError) -> Qubit:
+def _placeholder_qubit(unknown: _UnknownQubitError) -> Qubit:
     """A qubit that is left out: its numbers are those of noise, and stand for nothing."""
     return Qubit(t1_us=1.0, t2_us=1.0, p10=0.5, p01=0.5, doubtful=(str(unknown)[:500],))
 
@@ -259,20 +259,20 @@ def _qubit(index: int, calibration: _Calibration) -> Qubit:
     except ValidationError as error:
         words = f"Qubit {index} has an impossible value: {'; '.join(explain(error))}"
         raise _UnknownQubitError(words) from error
-    return qubit.model_copy(update={"doubtful": tuple(_doubts(qubit))})
+    return qubit.model_copy(update={"doubtful": tuple(_implausible_values(qubit))})
 
 
-def _doubts(qubit: Qubit) -> Iterator[str]:
+def _implausible_values(qubit: Qubit) -> Iterator[str]:
     readout_error = (qubit.p10 + qubit.p01) / 2
-    if readout_error > _MOST_READOUT_ERROR:
-        yield f"readout error {readout_error:.3g} is above {_MOST_READOUT_ERROR}"
+    if readout_error > _MAX_READOUT_ERROR:
+        yield f"readout error {readout_error:.3g} is above {_MAX_READOUT_ERROR}"
     if qubit.t2_us > 2 * qubit.t1_us:
         yield f"T2 {qubit.t2_us:.4g} us is above 2 T1 = {2 * qubit.t1_us:.4g} us"
     for name, gate in qubit.gates.items():
-        if name == "sx" and gate.length_ns > _MOST_SX_NS:
-            yield f"sx length {gate.length_ns:.4g} ns is above {_MOST_SX_NS:.0f} ns"
-        if gate.error > _MOST_GATE_ERROR:
-            yield f"{name} error {gate.error:.3g} is above {_MOST_GATE_ERROR}"
+        if name == "sx" and gate.length_ns > _MAX_SX_NS:
+            yield f"sx length {gate.length_ns:.4g} ns is above {_MAX_SX_NS:.0f} ns"
+        if gate.error > _MAX_GATE_ERROR:
+            yield f"{name} error {gate.error:.3g} is above {_MAX_GATE_ERROR}"
         least = relaxation_error(qubit, gate.length_ns)
         if gate.error < least:
             yield f"{name} error {gate.error:.3g} is below the {least:.3g} of relaxation alone"
@@ -280,7 +280,7 @@ def _doubts(qubit: Qubit) -> Iterator[str]:
 
 def _notes(qubits: Sequence[Qubit], left_out: Collection[int]) -> Iterator[str]:
     lengths = [q.gates["sx"].length_ns for q in qubits if "sx" in q.gates]
-    if lengths and (median := statistics.median(lengths)) > _MOST_SX_NS:
+    if lengths and (median := statistics.median(lengths)) > _MAX_SX_NS:
         yield (
             f"Durations are doubtful: the median sx takes {median:.4g} ns, "
             f"{median / USUAL_SX_NS:.3g} times the usual {USUAL_SX_NS:.4g} ns."
@@ -288,10 +288,10 @@ def _notes(qubits: Sequence[Qubit], left_out: Collection[int]) -> Iterator[str]:
     unreadable = [
         i
         for i, q in enumerate(qubits)
-        if i not in left_out and (q.p10 + q.p01) / 2 > _MOST_READOUT_ERROR
+        if i not in left_out and (q.p10 + q.p01) / 2 > _MAX_READOUT_ERROR
     ]
     if unreadable:
         yield (
             f"{len(unreadable)} of {len(qubits)} qubits have a readout error above "
-            f"{_MOST_READOUT_ERROR}: {', '.join(map(str, unreadable))}."
+            f"{_MAX_READOUT_ERROR}: {', '.join(map(str, unreadable))}."
         )

@@ -32,7 +32,7 @@ class Record(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
-_MOST_LETTERS = 320
+_MAX_LETTERS = 320
 """Of all faults together: what is longer is not read."""
 
 
@@ -85,7 +85,7 @@ def explain(error: Exception, most: int = 4, words: Mapping[str, str] | None = N
         said = said.removeprefix("Value error, ")  # these words are our own
         said = _cut(said.replace("Tuple", "List").replace(" after validation", ""), 120)
         line = f"{place}: {said[0].lower()}{said[1:]} (found {_found(fault['input'])})"
-        if lines and len("".join(lines)) + len(line) > _MOST_LETTERS:
+        if lines and len("".join(lines)) + len(line) > _MAX_LETTERS:
             break
         lines.append(line)
     if len(faults) > len(lines):

@@ -15,10 +15,10 @@ import pytest
 
 from qcompile.calibration import (
     Calibration,
+    fit_problems,
     is_calibration,
     load_calibration,
     load_counts,
-    weakness,
 )
 from qcompile.device import IDEAL, load_device
 from qcompile.errors import CalibrationError
@@ -70,7 +70,7 @@ def test_a_contrast_whose_sign_is_not_known_needs_more_shots() -> None:
     fit = LIMA.readout.model_copy(
         update={"p10": (0.4,) * 3, "p01": (0.4,) * 3, "p10_error": (0.09, 0, 0)}
     )
-    first, second = weakness(fit, [1, 2, 4])
+    first, second = fit_problems(fit, [1, 2, 4])
     times = math.ceil(10 * (fit.error[0] / (0.2 / 3)) ** 2) / 10
     assert "the readout of qubit 1 (0.0" in first
     assert first.endswith("is not known to a third of what it shows.")

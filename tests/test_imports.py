@@ -33,6 +33,7 @@ ORDER = (
     {"planning"},
     {"report"},
     {"sweep"},
+    {"page"},
     {"verbs"},
     {"cli"},
     {"__main__"},
@@ -53,17 +54,29 @@ DOORS = {
         "qcompile.report.calibration_values.calibration_html",
         "qcompile.report.calibration_values.calibration_values",
         "qcompile.report.figure.Figure",
+        "qcompile.page.calibration.calibration_document",
+        "qcompile.page.render.write_report",
+        "qcompile.report.style.AnyStyle",
     },
 }
 """The only imports that point upwards: Program.from_*, Executable.to_qiskit and Calibration.plot
-load, when they are called, the function of qcompile.interop or qcompile.report that does their
-work."""
+load, when they are called, the function of a higher room that does their work."""
 
 VERBS = ["run", "evaluate", "train", "calibrate", "validate", "plan", "study"]
 NAMES = [name for name in qcompile.__all__ if name not in (*VERBS, "Live")]
 
 HEAVY = (
-    *("torch", "cvxpy", "gymnasium", "matplotlib", "qiskit", "openqasm3", "imageio", "pennylane"),
+    *(
+        "torch",
+        "cvxpy",
+        "gymnasium",
+        "matplotlib",
+        "qiskit",
+        "openqasm3",
+        "imageio",
+        "pennylane",
+        "jinja2",
+    ),
     *("qiskit_ibm_runtime", "ibm_cloud_sdk_core", "tenacity", "requests"),
 )
 
@@ -114,7 +127,7 @@ def test_every_door_is_there_and_opens_within_a_function() -> None:
         assert doors <= {name for _, name in imports(PACKAGE / file)}
         outside = ast.parse((PACKAGE / file).read_text()).body
         assert not any(
-            (node.module or "").startswith(("qcompile.interop", "qcompile.report"))
+            (node.module or "").startswith(("qcompile.interop", "qcompile.report", "qcompile.page"))
             for node in outside
             if isinstance(node, ast.ImportFrom)
         )
@@ -158,7 +171,7 @@ def test_verbs_load_no_more_than_the_environments() -> None:
 
 
 def test_playing_live_loads_no_more_than_the_environments() -> None:
-    rooms = "qcompile.live.perform, qcompile.live.validate, qcompile.planning.ways"
+    rooms = "qcompile.live.perform, qcompile.live.validate, qcompile.planning.strategies"
     assert loaded_by(f"import {rooms}") <= {"gymnasium"}
 
 

@@ -10,7 +10,7 @@ import nbformat
 import pytest
 from nbclient import NotebookClient
 
-from qcompile.notebook import reward_words
+from qcompile.notebook import reward_text
 
 NOTEBOOK = Path(__file__).parents[1] / "examples/first_hour.ipynb"
 
@@ -69,4 +69,4 @@ def test_no_cell_floods_the_page(outputs: tuple[Path, list[list[Any]]]) -> None:
     ],
 )
 def test_small_rewards_have_two_decimals(arguments: tuple[Any, ...], words: str) -> None:
-    assert reward_words(*arguments) == words
+    assert reward_text(*arguments) == words

@@ -2,7 +2,7 @@
 
 from qcompile.calibration.calibration import (
     Calibration,
-    age_words,
+    age_warnings,
     is_calibration,
     load_calibration,
     load_counts,
@@ -10,23 +10,23 @@ from qcompile.calibration.calibration import (
 from qcompile.calibration.counts import ReadoutCounts, ResponseCounts
 from qcompile.calibration.fits import (
     INVERTIBLE_CONTRAST,
-    MOST_ERROR,
+    MAX_ERROR,
     ReadoutFit,
     ResponseFit,
-    weakness,
+    fit_problems,
 )
 
 __all__ = [
     "INVERTIBLE_CONTRAST",
-    "MOST_ERROR",
+    "MAX_ERROR",
     "Calibration",
     "ReadoutCounts",
     "ReadoutFit",
     "ResponseCounts",
     "ResponseFit",
-    "age_words",
+    "age_warnings",
+    "fit_problems",
     "is_calibration",
     "load_calibration",
     "load_counts",
-    "weakness",
 ]

@@ -15,10 +15,10 @@ from pydantic import AwareDatetime, Field, ValidationError, model_validator
 
 from qcompile.arrays import IntArray
 from qcompile.calibration.counts import ReadoutCounts, ResponseCounts
-from qcompile.calibration.fits import ReadoutFit, ResponseFit, weakness
+from qcompile.calibration.fits import ReadoutFit, ResponseFit, fit_problems
 from qcompile.device import CALIBRATION_MARK, Device, Kind
 from qcompile.errors import CalibrationError
-from qcompile.foreign import what_it_is
+from qcompile.foreign import describe
 from qcompile.limits import CALIBRATION_HOURS, CLOCK_HOURS
 from qcompile.output import write_file
 from qcompile.reading import ContentsError, load_json, read_file, read_json
@@ -26,6 +26,7 @@ from qcompile.validation import Line, Many, Record, explain
 
 if TYPE_CHECKING:
     from qcompile.report.figure import Figure
+    from qcompile.report.style import AnyStyle
 
 
 class Calibration(Record):
@@ -64,7 +65,7 @@ class Calibration(Record):
                 len(column) != count for column in vars(fit).values() if isinstance(column, tuple)
             ):
                 raise ValueError(f"a fit has not one entry for each of {count} qubits")
-            if fit is not None and (words := weakness(fit, self.qubits)):
+            if fit is not None and (words := fit_problems(fit, self.qubits)):
                 raise ValueError(words[0])
         for counts in (self.readout_counts, self.response_counts):
             if counts is not None and any(len(row) != count for row in counts.ones):
@@ -103,12 +104,27 @@ class Calibration(Record):
         """Hours from its creation to `now`, which has a time zone."""
         return (now - self.created).total_seconds() / 3600
 
-    def plot(self) -> Figure:
-        """Response curves, residuals and readout errors of every qubit as a picture."""
-        from qcompile.report.calibration import draw_calibration
-        from qcompile.report.figure import Figure
+    def plot(self, style: AnyStyle = None) -> Figure:
+        """Response curves, residuals and readout errors of every qubit as a figure.
 
-        return Figure(draw_calibration(self))
+        Raises:
+            FigureError: the style cannot be read.
+        """
+        from qcompile.report.calibration import draw_calibration
+
+        return draw_calibration(self, style)
+
+    def report(self, path: str | PathLike[str]) -> None:
+        """Write a page of HTML with figures, tables and settings; it opens offline.
+
+        Raises:
+            OptionError: the file does not end with .html.
+            OutputError: it cannot be written.
+        """
+        from qcompile.page.calibration import calibration_document
+        from qcompile.page.render import write_report
+
+        write_report(calibration_document(self, self.to_dict(), self.plot), Path(path))
 
     def __repr__(self) -> str:
         measured = {"readout": self.readout_counts, "response": self.response_counts}
@@ -145,7 +161,7 @@ def load_calibration(path: str | PathLike[str]) -> Calibration:
         CalibrationError: there is no such file, or it is not a calibration.
     """
     if not isinstance(path, str | PathLike):
-        raise CalibrationError(f"load_calibration takes a file, found {what_it_is(path)}.")
+        raise CalibrationError(f"load_calibration takes a file, found {describe(path)}.")
     path = Path(path)
     try:
         return Calibration.model_validate_json(read_json(path))
@@ -176,7 +192,7 @@ def load_counts(path: Path) -> Calibration:
         raise CalibrationError(f"{path} holds no counts to fit.", *explain(error)) from error
 
 
-def age_words(name: str, calibration: Calibration, now: datetime) -> list[str]:
+def age_warnings(name: str, calibration: Calibration, now: datetime) -> list[str]:
     """Warnings about the age of the calibration called `name`; none where it is fresh."""
     age = calibration.age_hours(now)
     if age < -CLOCK_HOURS:

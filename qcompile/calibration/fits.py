@@ -16,7 +16,7 @@ from qcompile.validation import Many, Record, listed
 
 INVERTIBLE_CONTRAST = 0.02
 """A qubit that shows less of `<Z>` cannot be undone."""
-MOST_ERROR = 0.1
+MAX_ERROR = 0.1
 """A contrast, or an offset, that is known less well needs more shots."""
 _SURE = 3.0
 """The sign of a contrast is known where it is so many standard errors."""
@@ -93,7 +93,7 @@ def _is_covariance(matrix: FloatArray) -> bool:
     return symmetric and least >= -rounding and bool((matrix.diagonal() >= 0).all())
 
 
-def weakness(fit: ReadoutFit | ResponseFit, qubits: Sequence[int]) -> list[str]:
+def fit_problems(fit: ReadoutFit | ResponseFit, qubits: Sequence[int]) -> list[str]:
     """Why the fit of a qubit undoes nothing, and what to try; empty where every fit does.
 
     Numbers are rounded towards the failing side, so that they never read as the limit itself.
@@ -111,7 +111,7 @@ def weakness(fit: ReadoutFit | ResponseFit, qubits: Sequence[int]) -> list[str]:
             "errors cannot be undone.",
             "Leave it out (`left_out` in the device file), or run with --mitigation none.",
         ]
-    limit = np.minimum(MOST_ERROR, kept / _SURE)
+    limit = np.minimum(MAX_ERROR, kept / _SURE)
     unknown = [
         f"{q} ({math.ceil(1e3 * e) / 1e3:g})"
         for q, e, most in zip(qubits, error, limit, strict=True)
@@ -119,7 +119,7 @@ def weakness(fit: ReadoutFit | ResponseFit, qubits: Sequence[int]) -> list[str]:
     ]
     if unknown:
         times = math.ceil(10 * ((error / limit) ** 2).max()) / 10
-        wanted = f"{MOST_ERROR} of <Z>" if error.max() > MOST_ERROR else "a third of what it shows"
+        wanted = f"{MAX_ERROR} of <Z>" if error.max() > MAX_ERROR else "a third of what it shows"
         return [
             f"Too few shots: the {part} of qubit {listed(unknown)} is not known to {wanted}.",
             f"Take {times:g} times the shots or more.",

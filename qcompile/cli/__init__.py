@@ -1,4 +1,4 @@
-"""The command line: one file per command, loaded when it is called."""
+"""The command line: one file per command, loaded when the command is used."""
 
 from __future__ import annotations
 
@@ -16,35 +16,35 @@ from qcompile.terminal import plain, plain_output
 
 COMMANDS = {
     "run": "Play episodes with a policy on a backend.",
-    "evaluate": "Play a grid of policies, backends, shots and mitigations.",
+    "evaluate": "Compare policies, backends, shots and mitigations in a grid.",
     "calibrate": "Measure the readout and the response of a device's qubits.",
-    "plan": "Say what a policy costs on a machine, in each way to run it.",
-    "validate": "Test a calibration's twin against fresh counts.",
+    "plan": "Estimate what a policy costs on a machine, before anything is sent.",
+    "validate": "Test a calibration against fresh counts.",
     "runs": "List, show and export live runs.",
-    "resume": "Resume a live run.",
+    "resume": "Resume a live run where it stopped.",
     "show": "Show circuits before and after compilation.",
     "export": "Write a policy's circuits as an OpenQASM job.",
     "compile": "Compile an OpenQASM 2 or 3 file.",
     "train": "Train a policy with PPO.",
-    "study": "Train the rows of a study: the paper's, or your own.",
+    "study": "Train many policies with several seeds, and write up the results.",
     "backends": "List, show and add devices.",
 }
-"""Name and first help line of every command, so that --help loads none of them."""
+"""Name and summary of every command, so that --help need not load them."""
 
 
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
-"""What a device says that standard output cannot be written to any more."""
+"""Errors of a device that standard output can no longer be written to."""
 
 
 def main() -> None:
     """Run the command line; exit 0 on success, 1 on an explained failure, 2 on wrong usage.
 
-    What is printed is plain text (`qcompile.terminal`), whoever wrote it, and a traceback holds no
-    token.
+    Everything printed is plain text (`qcompile.terminal`), wherever it comes from, and tokens are
+    removed from tracebacks.
     """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
-            stream.reconfigure(errors="replace")  # a terminal without the bars and wires of tables
+            stream.reconfigure(errors="replace")  # some terminals cannot show bars and wires
     if not os.environ.get("COLUMNS", "1").strip("0"):
         del os.environ["COLUMNS"]  # no terminal is 0 wide
     sys.excepthook = _show_traceback
@@ -66,7 +66,7 @@ def _run() -> None:
 
 
 def _explain(error: Exception) -> NoReturn:
-    """End with words on an error, or raise it where it is a defect of ours."""
+    """Exit with an explanation of the error, or raise it if it is a defect of qcompile."""
     if isinstance(error, OptionError):
         _fail(str(error), 2)
     if isinstance(error, QcompileError):
@@ -81,12 +81,12 @@ def _explain(error: Exception) -> NoReturn:
         )
     if isinstance(error, OSError) and error.errno in _FULL:
         _drop_output()
-        _fail(f"The answer cannot be written: {os.strerror(error.errno).lower()}.")
+        _fail(f"Cannot write the output: {os.strerror(error.errno).lower()}.")
     raise error
 
 
 def _drop_output() -> None:
-    """Have what is left of the output go nowhere: it cannot be written when Python ends."""
+    """Discard the rest of the output, which Python would otherwise try to write at exit."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
@@ -100,7 +100,7 @@ def _fail(message: str, code: int = 1) -> NoReturn:
 def _show_traceback(
     kind: type[BaseException], error: BaseException, trace: TracebackType | None
 ) -> None:
-    """What the interpreter shows of an error that nobody caught, plain and without tokens."""
+    """Print the traceback of an uncaught error as plain text, without tokens."""
     import click
 
     words = "".join(traceback.format_exception(kind, error, trace))
@@ -108,6 +108,6 @@ def _show_traceback(
 
 
 def _without_secrets(words: str) -> str:
-    from qcompile.live.words import without_secrets
+    from qcompile.live.client_errors import without_secrets
 
     return without_secrets(words)

@@ -9,10 +9,10 @@ import click
 
 
 class Assignment(click.ParamType[tuple[str, Any]]):
-    """A setting of a training and its value, as `qcompile.train` takes them.
+    """The name and value of a training setting, as `qcompile.train` takes them.
 
-    "none" is None where the setting may be None; a setting of several values takes a list in JSON,
-    or values with commas between them. All else stays a text, which the settings read.
+    "none" is None if the setting may be None; a setting of several values takes a JSON list or
+    values separated by commas. Any other value stays text, which the settings parse.
     """
 
     name = "NAME=VALUE"
@@ -24,7 +24,7 @@ class Assignment(click.ParamType[tuple[str, Any]]):
 
         name, sign, text = (part.strip() for part in str(value).partition("="))
         if not sign:
-            self.fail(f"{value!r} is not NAME=VALUE, such as clip=0.2.", param, ctx)
+            self.fail(f"{value!r} must be NAME=VALUE, such as clip=0.2.", param, ctx)
         hint = get_type_hints(Settings).get(name)
         kinds = {get_origin(kind) or kind for kind in (hint, *get_args(hint))}
         if text == "none" and type(None) in kinds:
@@ -41,7 +41,7 @@ class Assignment(click.ParamType[tuple[str, Any]]):
 
 
 class EnvironmentArgument(click.ParamType[tuple[str, Any]]):
-    """An argument of an environment and its value: JSON, or else a text."""
+    """The name and value of an environment argument; the value is JSON, or else plain text."""
 
     name = "NAME=VALUE"
 
@@ -50,7 +50,7 @@ class EnvironmentArgument(click.ParamType[tuple[str, Any]]):
     ) -> tuple[str, Any]:
         name, sign, text = (part.strip() for part in str(value).partition("="))
         if not sign or not name.isidentifier():
-            self.fail(f"{value!r} is not NAME=VALUE, such as is_slippery=false.", param, ctx)
+            self.fail(f"{value!r} must be NAME=VALUE, such as is_slippery=false.", param, ctx)
         try:
             return name, json.loads(text, parse_constant=str)
         except (ValueError, RecursionError):
@@ -60,7 +60,11 @@ class EnvironmentArgument(click.ParamType[tuple[str, Any]]):
 def as_mapping(
     ctx: click.Context, param: click.Parameter, values: tuple[tuple[str, Any], ...]
 ) -> dict[str, Any]:
-    """The values of a repeated option by their names, each of which stands once."""
+    """The values of a repeated option by name.
+
+    Raises:
+        click.BadParameter: a name is set twice.
+    """
     names = [name for name, _ in values]
     for name in names:
         if names.count(name) > 1:

@@ -1,4 +1,4 @@
-"""`qcompile backends`: the devices known."""
+"""`qcompile backends`: list, show and add devices."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from qcompile.cli.options import echo_json, json_option
 @json_option
 @click.pass_context
 def command(ctx: click.Context, as_json: bool) -> None:
-    """List the devices known by name; `show` one, or `add` one."""
+    """List the devices known by name; `show` one of them, or `add` another."""
     from qcompile.device import device_names, load_device
     from qcompile.report.devices import print_devices
 
     if ctx.invoked_subcommand is not None:
         if as_json:
-            raise click.UsageError("--json goes behind the name: backends show NAME --json")
+            raise click.UsageError("Put --json at the end: backends show NAME --json")
         return
     devices = {name: load_device(name) for name in device_names()}
     if as_json:
@@ -45,17 +45,17 @@ def show(name: str, as_json: bool) -> None:
 
 @command.command("add")
 @click.argument("backend")
-@click.option("--name", help="Name of the device.  [default: that of --out, or the backend's]")
+@click.option("--name", help="Name of the device.  [default: from --out, or the backend's]")
 @click.option(
     "--out",
     type=click.Path(dir_okay=False, path_type=Path),
     help="File to write.  [default: hardware/NAME.json]",
 )
 def add(backend: str, name: str | None, out: Path | None) -> None:
-    """Snapshot a Qiskit fake backend, such as FakeLimaV2, into a device file.
+    """Write a Qiskit fake backend, such as FakeLimaV2, to a device file.
 
-    FakeLimaV2, fake_lima and qiskit:FakeLimaV2 are the same backend.
-    A file in hardware/ of the working folder is then known by its name.
+    FakeLimaV2, fake_lima and qiskit:FakeLimaV2 are the same backend. Device files in the folder
+    hardware/ can be used by name.
     """
     from qcompile.device import IDEAL_NAME
     from qcompile.errors import OutputError
@@ -63,13 +63,15 @@ def add(backend: str, name: str | None, out: Path | None) -> None:
     from qcompile.snapshot import device_from_backend, find_backend
 
     if name == IDEAL_NAME:
-        raise click.BadParameter(f"{name!r} is the backend without noise.", param_hint="'--name'")
+        raise click.BadParameter(
+            f"{name!r} is the name of the noiseless backend.", param_hint="'--name'"
+        )
     snapshot = find_backend(backend)
     device = device_from_backend(snapshot, name or (out.stem if out else None))
     path = out or Path("hardware") / f"{device.name}.json"
     if path.exists():
-        raise OutputError(f"{path} is there already.", "Choose another with --out or --name.")
+        raise OutputError(f"{path} already exists.", "Choose another with --out or --name.")
     write_file(path, device.to_json().encode())
-    click.echo(f"{device.name} with {len(device.qubits)} qubits in {path}")
+    click.echo(f"{device.name}, {len(device.qubits)} qubits, written to {path}")
     for note in device.notes:
         click.echo(note)

@@ -9,36 +9,48 @@ import click
 from click.core import ParameterSource
 
 from qcompile.cli.live_options import live_options
-from qcompile.cli.options import Parts, Positive, Qubits, Shots, echo_json, echo_note, json_option
+from qcompile.cli.options import (
+    Integer,
+    Parts,
+    Positive,
+    Qubits,
+    Shots,
+    echo_json,
+    echo_note,
+    json_option,
+)
+from qcompile.cli.reports import check_report, report_option, write_report
 
 if TYPE_CHECKING:
     from qcompile.mitigation.measure import Part
     from qcompile.verbs.calibrations import CalibrationResult
     from qcompile.verbs.live import Live
 
-_OF_REFIT = {"from_file", "qubits", "out", "force", "plot", "as_json"}
-"""The options that go with --from."""
+_REFIT_OPTIONS = {"from_file", "qubits", "out", "force", "plot", "report", "as_json"}
+"""The options that can be used with --from."""
 
 
 @click.command("calibrate")
 @click.option(
     "--backend",
     metavar="NAME",
-    help="Device by name or file, calibration file (its twin), or qiskit:NAME; with --live a "
-    "machine of IBM's.",
+    help="Device name, device file, calibration file, or qiskit:NAME for a Qiskit backend; with "
+    "--live an IBM machine.",
 )
 @click.option(
     "--from",
     "from_file",
     type=click.Path(dir_okay=False, path_type=Path),
-    help="Measure nothing: fit the counts of this calibration anew, on its --qubits or all.",
+    help="Run nothing; fit the counts in this calibration file again.",
 )
 @click.option(
     "--shots", type=Shots(), default=8192, show_default=True, help="Shots of each circuit."
 )
 @click.option("--qubits", type=Qubits(), help="Qubits to measure.  [default: all usable ones]")
 @click.option("--policy", help="Measure the qubits that this policy's circuits are placed on.")
-@click.option("--parts", type=Parts(), help="What to measure.  [default: both]")
+@click.option(
+    "--parts", type=Parts(), help="What to measure.  [default: both; with --live response]"
+)
 @click.option(
     "--out",
     type=click.Path(dir_okay=False, path_type=Path),
@@ -53,17 +65,16 @@ _OF_REFIT = {"from_file", "qubits", "out", "force", "plot", "as_json"}
 @click.option(
     "--check",
     type=click.Path(dir_okay=False, path_type=Path),
-    help="Compare fresh counts with this calibration; exit 1 where it no longer holds. Its qubits "
-    "and parts are the default.",
+    help="Check whether this calibration still holds against fresh counts; exit 1 if not. Measures "
+    "its qubits and parts by default.",
 )
 @click.option(
     "--max-age-hours",
     type=Positive("hours"),
-    help="For --check: an older calibration does not hold.  [default: 24]",
+    help="With --check: the greatest age at which the calibration holds.  [default: 24]",
 )
-@click.option(
-    "--seed", type=click.IntRange(0), help="Draw the same shots again.  [default: new ones]"
-)
+@click.option("--seed", type=Integer(0), help="Seed of the shots.  [default: a new one each time]")
+@report_option
 @live_options
 @json_option
 @click.pass_context
@@ -81,52 +92,60 @@ def command(
     check: Path | None,
     max_age_hours: float | None,
     seed: int | None,
+    report: Path | None,
     as_json: bool,
     live: Live | None,
 ) -> None:
-    """Measure the readout and the response of a device's qubits, and fit them.
+    """Measure the readout and response of a device's qubits, and write them to a file.
 
-    `run --calibration FILE` mitigates with the file, `run --backend FILE` plays it. With --live
-    IBM's machine of that name is measured, the response alone unless --parts says more. --from FILE
-    fits counts again that are there.
+    Readout: how often 0 is read as 1, and 1 as 0. Response: the curve of measured `<Z>` against
+    the angle of a rotation, which includes gate errors.
+
+    `qcompile run --calibration FILE` mitigates with the file. `qcompile run --backend FILE` plays
+    on the twin: a simulation of the device by its measured response curves.
     """
     from qcompile.verbs.calibrate import calibrate_into, check_calibration, refit
     from qcompile.verbs.calibration_request import CalibrationRequest
 
+    check_report(report, out=out, plot=plot, check=check, **{"from": from_file})
     if from_file is not None:
         _refuse_measuring(ctx)
         refitted = refit(from_file, qubits, out=out, force=force, plot=plot)
         _show(refitted, plot, as_json)
+        write_report(refitted, report)
         return
     if backend is None:
-        raise click.UsageError("--backend names what to measure; --from FILE fits kept counts.")
+        raise click.UsageError(
+            "Give --backend NAME to measure a device, or --from FILE to fit stored counts."
+        )
     if max_age_hours is not None and check is None:
-        raise click.UsageError("--max-age-hours is for --check: nothing else looks at the age.")
+        raise click.UsageError("--max-age-hours needs --check.")
     request = CalibrationRequest(
         backend, qubits, shots, policy, parts, seed, live=live, on_note=echo_note
     )
     if check is None:
-        _show(calibrate_into(request, out, force=force, plot=plot), plot, as_json)
+        calibrated = calibrate_into(request, out, force=force, plot=plot)
+        _show(calibrated, plot, as_json)
+        write_report(calibrated, report)
         return
     checked = check_calibration(
         check, request, max_age_hours=max_age_hours, out=out, force=force, plot=plot
     )
     _show(checked, plot, as_json)
+    write_report(checked, report)
     checked.check_holds()
 
 
 def _refuse_measuring(ctx: click.Context) -> None:
-    """Raise click.UsageError where an option of a measurement stands beside --from."""
+    """Raise click.UsageError if an option of a measurement is given with --from."""
     for param in ctx.command.params:
         source = ctx.get_parameter_source(str(param.name))
-        if param.name not in _OF_REFIT and source is ParameterSource.COMMANDLINE:
-            raise click.UsageError(
-                f"{param.opts[0]} is for a measurement: --from measures nothing."
-            )
+        if param.name not in _REFIT_OPTIONS and source is ParameterSource.COMMANDLINE:
+            raise click.UsageError(f"{param.opts[0]} cannot be used with --from: nothing is run.")
 
 
 def _show(result: CalibrationResult, plot: Path | None, as_json: bool) -> None:
-    from qcompile.mitigation.misfit import misfit_words
+    from qcompile.mitigation.misfit import misfit_warnings
     from qcompile.report.calibration_values import print_calibration
     from qcompile.report.live import charged
 
@@ -135,13 +154,13 @@ def _show(result: CalibrationResult, plot: Path | None, as_json: bool) -> None:
         echo_json(values)
         return
     print_calibration(values)
-    lines = misfit_words(values["calibration_misfits"])
+    lines = misfit_warnings(values["calibration_misfits"])
     if check := values.get("check"):
         drifted = ", ".join(map(str, check["drifted"])) or "none"
         age = f"{check['age_hours']:.1f} hours old"
         lines.append(f"{check['file']} is {age}; drifted qubits: {drifted}")
-    written = {"calibration": result.file, "picture": plot}
-    lines += [f"{what} in {path}" for what, path in written.items() if path]
+    files = {"calibration": result.file, "figure": plot}
+    lines += [f"{name} written to {path}" for name, path in files.items() if path]
     if "run" in values:
         lines.append(charged(values))
     for line in lines:

@@ -1,4 +1,4 @@
-"""`qcompile compile`: an OpenQASM file in a device's own gates."""
+"""`qcompile compile`: compile an OpenQASM file to a device's native gates."""
 
 from __future__ import annotations
 
@@ -14,7 +14,13 @@ from qcompile.cli.options import backend_option, echo_json, json_option, level_o
 @click.argument("file", metavar="FILE.qasm", type=click.Path(dir_okay=False, path_type=Path))
 @backend_option()
 @level_option
-@click.option("--format", type=click.Choice(["qasm3", "qasm2"]), default="qasm3", show_default=True)
+@click.option(
+    "--format",
+    type=click.Choice(["qasm3", "qasm2"]),
+    default="qasm3",
+    show_default=True,
+    help="OpenQASM version to write.",
+)
 @click.option(
     "-o",
     "--output",
@@ -30,10 +36,11 @@ def command(
     output: Path | None,
     as_json: bool,
 ) -> None:
-    """Compile an OpenQASM 2 or 3 program without entangling gates.
+    """Compile an OpenQASM 2 or 3 program without entangling gates to a backend's native gates.
 
-    On a device OpenQASM 3 names its physical qubits, those with the least error first; a program
-    that names physical qubits keeps them. Qubits without gates and measurement need no place.
+    On a device, the qubits with the lowest error are used first, and OpenQASM 3 names them.
+    Physical qubits named in the program are kept. Qubits without gates and measurements are left
+    out.
     """
     from qcompile.execution import open_device
     from qcompile.jobs.program_file import compile_source

@@ -9,6 +9,7 @@ import click
 
 from qcompile.cli.options import (
     BACKEND_HELP,
+    Integer,
     MarkdownPath,
     Several,
     Shots,
@@ -20,6 +21,7 @@ from qcompile.cli.options import (
     json_option,
     once,
 )
+from qcompile.cli.reports import check_report, report_option, write_report
 from qcompile.limits import MAX_EPISODES
 
 if TYPE_CHECKING:
@@ -63,7 +65,7 @@ class _Mitigation(click.ParamType[str]):
     type=Several(_Mitigation()),
     multiple=True,
     callback=once,
-    help="none, readout, ...: as for `qcompile run`.  [default: none, readout]",
+    help="none, readout or response, as for `qcompile run`.  [default: none, readout]",
 )
 @click.option(
     "--calibration",
@@ -72,52 +74,56 @@ class _Mitigation(click.ParamType[str]):
     multiple=True,
     callback=once,
     metavar="FILE",
-    help="Mitigate with this file of `qcompile calibrate` instead of measuring first, on every "
+    help="Mitigate with this file from `qcompile calibrate` instead of calibrating first, on every "
     "backend of its device.",
 )
 @click.option(
     "--level",
     "levels",
-    type=Several(click.IntRange(0, 2)),
+    type=Several(Integer(0, 2)),
     multiple=True,
     callback=once,
     metavar="0|1|2",
-    help="What compilation keeps: as for `qcompile run`.  [default: 2]",
+    help="How far to compile, as for `qcompile run`.  [default: 2]",
 )
 @click.option(
     "--episodes",
-    type=click.IntRange(1, MAX_EPISODES),
+    type=Integer(1, MAX_EPISODES),
     default=100,
     show_default=True,
-    help="Episodes of each cell, the same resets in all.",
+    help="Episodes of each cell.",
 )
 @click.option(
     "--seed",
-    type=click.IntRange(0),
+    type=Integer(0),
     default=0,
     show_default=True,
     help="Episode i resets its environment with seed + i.",
 )
-@click.option("--greedy", is_flag=True, help="Take the likeliest action instead of sampling.")
+@click.option(
+    "--greedy", is_flag=True, help="Take the most probable action instead of sampling one."
+)
 @import_option
 @env_option
 @click.option(
     "--paper",
     is_flag=True,
-    help="The paper's device tests instead of a grid; writes devices.md and devices.png as well.",
+    help="Repeat the paper's device tests instead of a grid, and write devices.md and devices.png "
+    "too.",
 )
 @click.option(
     "--out",
     type=click.Path(file_okay=False, path_type=Path),
     default=Path("evaluation"),
     show_default=True,
-    help="Folder for cells, results and pictures; cells that it holds are not played again.",
+    help="Folder for results and figures. Cells already there are not played again.",
 )
 @click.option(
     "--page",
     type=MarkdownPath(),
-    help="Markdown page of --paper.  [default: devices.md in the folder]",
+    help="With --paper: Markdown page to write.  [default: devices.md in --out]",
 )
+@report_option
 @engine_options("cells")
 @json_option
 def command(
@@ -135,19 +141,21 @@ def command(
     paper: bool,
     out: Path,
     page: Path | None,
+    report: Path | None,
     engine: Engine,
     address: str | None,
     workers: int | None,
     as_json: bool,
 ) -> None:
-    """Play every combination of POLICY (default lunarlander), backend, shots, mitigation and level.
+    """Play each POLICY (default lunarlander) with every combination of backend, shots, mitigation
+    and level.
 
-    Options can be repeated, or take several values with commas between them. Every cell plays the
-    same episodes and is compared with its policy on ideal with exact expectations. Writes
-    results.json, results.csv and a picture for each policy. Ctrl-C keeps every finished cell; the
-    same command resumes from there.
+    Repeat an option to give several values, or separate them with commas. Each combination is a
+    cell of the grid. All cells play the same episodes and are compared with the ideal: the same
+    policy without noise. Writes results.json, results.csv and a figure for each policy. After
+    Ctrl-C the same command resumes with the cells that are missing.
     """
-    from qcompile.report.tables import print_grid
+    from qcompile.report.tables import plural, print_grid
     from qcompile.verbs.evaluate import evaluate, evaluate_paper
 
     sides = {
@@ -163,11 +171,12 @@ def command(
     named: dict[str, Any] = {name: values for name, values in sides.items() if values}
     if paper and (named or greedy):
         raise click.UsageError(
-            "--paper has its own policies, environments, backends, shots and mitigations, and "
-            "samples actions."
+            "--paper cannot be combined with policies or with options that choose what is played: "
+            "the paper's tests fix them all."
         )
     if page is not None and not paper:
-        raise click.UsageError("--page is the page of --paper.")
+        raise click.UsageError("--page needs --paper.")
+    check_report(report, page=page)
     shared: dict[str, Any] = {
         "episodes": episodes,
         "seed": seed,
@@ -186,5 +195,8 @@ def command(
     else:
         print_grid(result.cells)
         paths = ", ".join(map(str, result.paths))
-        click.echo(f"{result.played} cells played, {result.there} were there; written: {paths}")
+        click.echo(
+            f"{plural(result.played, 'cell')} played, {result.there} loaded; written: {paths}"
+        )
+    write_report(result, report)
     result.check_complete()

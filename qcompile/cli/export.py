@@ -7,7 +7,7 @@ from typing import Literal
 
 import click
 
-from qcompile.cli.options import backend_option, echo_json, json_option, level_option
+from qcompile.cli.options import Integer, backend_option, echo_json, json_option, level_option
 from qcompile.limits import MAX_SHOTS
 from qcompile.output import file_name
 
@@ -16,24 +16,29 @@ from qcompile.output import file_name
 @click.argument("policy", default="lunarlander", metavar="[POLICY]")
 @backend_option()
 @level_option
-@click.option("--format", type=click.Choice(["qasm3", "qasm2"]), default="qasm3", show_default=True)
+@click.option(
+    "--format",
+    type=click.Choice(["qasm3", "qasm2"]),
+    default="qasm3",
+    show_default=True,
+    help="OpenQASM version to write.",
+)
 @click.option(
     "--shots",
-    type=click.IntRange(1, MAX_SHOTS),
+    type=Integer(1, MAX_SHOTS),
     default=8192,
     show_default=True,
-    help="Shots to ask for in job.json.",
+    help="Number of shots to write in job.json.",
 )
 @click.option(
     "--observations",
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    help="Bind the angles of these observations: .npy, .csv or .json, a row each.",
+    help="Compute the angles for these observations: a .npy, .csv or .json file with one per row.",
 )
 @click.option(
     "--out",
     type=click.Path(file_okay=False, path_type=Path),
-    help="New folder for job.json and the program files.  [default: NAME-job, with the policy's "
-    "name, in the current folder]",
+    help="New folder for job.json and the program files.  [default: POLICY-job]",
 )
 @json_option
 def command(
@@ -48,8 +53,9 @@ def command(
 ) -> None:
     """Write the circuits of POLICY, compiled for a backend, as OpenQASM.
 
-    Without observations the programs have inputs; with them the angles are bound, one program for
-    each observation and round.
+    Without --observations, the programs have inputs for the angles. With --observations, there is
+    one program per observation, with all angles filled in. If the device has too few qubits for all
+    circuits at once, they are spread over several programs, called rounds.
     """
     from qcompile.execution import open_device
     from qcompile.jobs.policy_job import export_job, read_observations

@@ -1,4 +1,4 @@
-"""The group of all commands; each is loaded when it is called."""
+"""The group of all commands; each is loaded when it is used."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ class _LazyGroup(click.Group):
 
 @click.group(cls=_LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="qcompile")
-@click.option("--traceback", is_flag=True, help="Show where an error comes from.")
+@click.option("--traceback", is_flag=True, help="Show the Python traceback of an error.")
 def cli(traceback: bool) -> None:
-    """Compile policies of single-qubit variational circuits to a device's own gates and play
-    them on its noise model.
+    """Compile policies made of one-qubit variational circuits to a device's native gates, and
+    play them on its noise model or on IBM hardware.
 
     \b
-    qcompile run --backend ibm_lima        land the shipped LunarLander policy on ibm_lima's noise
-    qcompile show lunarlander              its circuits, before and after compilation
-    qcompile export lunarlander --out job  the circuits as OpenQASM
+    qcompile run --backend ibm_lima        play the shipped LunarLander policy on a noise model
+    qcompile show lunarlander              show its circuits before and after compilation
+    qcompile export lunarlander --out job  write the compiled circuits as OpenQASM
     """

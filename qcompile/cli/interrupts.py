@@ -1,4 +1,4 @@
-"""Ctrl-C, without the tracebacks of packages that it would break off half loaded."""
+"""Ctrl-C, without tracebacks from packages that it would interrupt while they load."""
 
 from __future__ import annotations
 
@@ -14,14 +14,15 @@ _LOOK_SECONDS = 0.01
 
 @contextmanager
 def after_imports() -> Iterator[None]:
-    """Within the block Ctrl-C raises KeyboardInterrupt once the import it comes in is done.
+    """Within the block, Ctrl-C during an import raises KeyboardInterrupt after that import.
 
-    A package that is broken off raises errors of its own, or is not whole when it is used next.
+    A package interrupted while it loads raises errors of its own, or is incomplete when it is used
+    next.
     """
     before = signal.getsignal(signal.SIGINT)
     on_main_thread = threading.current_thread() is threading.main_thread()
     if not on_main_thread or before is not signal.default_int_handler:
-        yield  # somebody else decides what Ctrl-C does
+        yield  # the program that runs this one handles Ctrl-C
         return
     signal.signal(signal.SIGINT, _interrupt)
     try:
@@ -39,7 +40,7 @@ def _interrupt(_: int, frame: FrameType | None) -> None:
 
 
 def _imports(frame: FrameType | None) -> bool:
-    """Whether an import is under way in the frame or one that led to it."""
+    """Whether an import is running in the frame or in one of its callers."""
     while frame is not None:
         if frame.f_code.co_filename.startswith("<frozen importlib"):
             return True

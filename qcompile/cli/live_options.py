@@ -1,4 +1,4 @@
-"""Options of commands that can run on real hardware."""
+"""Options of commands that can run on IBM hardware."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from qcompile.cli.options import Decorator, Positive
+from qcompile.cli.options import Decorator, Integer, Positive
 from qcompile.limits import MAX_QPU_SECONDS
 
 runs_option: Decorator = click.option(
@@ -19,38 +19,47 @@ runs_option: Decorator = click.option(
     default=Path("runs"),
     show_default=True,
     envvar="QCOMPILE_RUNS",
-    help="Folder of the journals of live runs.",
+    help="Folder that records live runs.",
 )
 seconds_option: Decorator = click.option(
     "--max-qpu-seconds",
     type=Positive("seconds", most=MAX_QPU_SECONDS),
-    help="With --live: the run stops before it would take more.",
+    help="With --live: the most QPU seconds to use. The run stops before it would exceed them.",
 )
 wait_option: Decorator = click.option(
     "--max-wait-seconds",
     type=Positive("seconds"),
-    help="Give up waiting for a job after so long; `resume` fetches it.  [default: wait]",
+    help="Stop waiting for a job after this time; `qcompile resume` fetches it later.  [default: "
+    "no limit]",
 )
 pace_option: Decorator = click.option(
     "--jobs-per-minute",
-    type=click.IntRange(1),
+    type=Integer(1),
     metavar="N",
-    help="Send at most N jobs in any minute, where an account may send no more.  [default: no "
-    "limit; `resume` keeps that of its run]",
+    help="Send at most N jobs a minute, for accounts with a rate limit.  [default: no limit]",
 )
-yes_option: Decorator = click.option("--yes", is_flag=True, help="Spend without asking.")
+yes_option: Decorator = click.option(
+    "--yes", is_flag=True, help="Spend QPU time without asking first."
+)
 
 _SHARED = (
     click.option(
         "--live",
         is_flag=True,
-        help="Run on IBM's machine that --backend names. This spends.",
+        help="Run on IBM hardware instead of a simulation. This spends QPU time.",
     ),
     seconds_option,
     yes_option,
-    click.option("--account", help="Account of IBM's own tools.  [default: theirs]"),
-    click.option("--instance", help="CRN or name; without, only the free Open Plan is used."),
-    click.option("--batch", is_flag=True, help="Send the jobs as a batch of IBM's."),
+    click.option(
+        "--account",
+        help="Name of an account saved with qiskit-ibm-runtime.  [default: its default account]",
+    ),
+    click.option(
+        "--instance",
+        help="CRN or name of an IBM instance.  [default: the account's, or one on the free Open "
+        "Plan]",
+    ),
+    click.option("--batch", is_flag=True, help="Send the jobs as one IBM batch."),
     pace_option,
     wait_option,
     runs_option,
@@ -62,7 +71,7 @@ _NEED_LIVE = (
 
 
 def live_options(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Give the command the options of a live run; it gets them as `live`, None without --live."""
+    """Add the options of a live run to a command, which gets `live`: None without --live."""
 
     @functools.wraps(function)
     def called(**values: Any) -> Any:
@@ -72,12 +81,12 @@ def live_options(function: Callable[..., Any]) -> Callable[..., Any]:
             for name, value in given.items():
                 if value:
                     option = f"--{name.replace('_', '-')}"
-                    raise click.UsageError(f"{option} is for --live.")
+                    raise click.UsageError(f"{option} needs --live.")
             return function(live=None, **values)
         if given["max_qpu_seconds"] is None:
             raise click.UsageError(
-                "--live needs --max-qpu-seconds: the run stops before it would take more. "
-                "`qcompile plan` says how many it takes."
+                "--live needs --max-qpu-seconds, the most QPU time the run may use. "
+                "`qcompile plan` estimates how much it needs."
             )
         from qcompile.sweep.arguments import ignore
         from qcompile.verbs.live import Live
@@ -91,24 +100,24 @@ def live_options(function: Callable[..., Any]) -> Callable[..., Any]:
     return called
 
 
-def confirm(question: str, hint: str = "In a script say --yes.") -> None:
-    """Nothing, if somebody says yes; `hint` is for those who cannot be asked.
+def confirm(question: str, hint: str = "In a script, add --yes.") -> None:
+    """Return if the user answers yes; `hint` is what to do where nobody can answer.
 
     Raises:
-        click.Abort: somebody says no.
-        LiveError: nobody is there to say it.
+        click.Abort: the user answers no.
+        LiveError: nobody is there to answer.
     """
     from qcompile.errors import LiveError
 
     try:
         click.confirm(question, abort=True, err=True)
     except click.Abort:
-        if not somebody_is_there():
+        if not is_interactive():
             click.echo(err=True)
-            raise LiveError("Nobody said yes. Nothing was sent.", hint) from None
+            raise LiveError("The question was not answered. Nothing was sent.", hint) from None
         raise
 
 
-def somebody_is_there() -> bool:
-    """Whether a question would be read by somebody."""
+def is_interactive() -> bool:
+    """Whether a user can answer questions on standard input."""
     return sys.stdin is not None and not sys.stdin.closed and sys.stdin.isatty()

@@ -19,27 +19,38 @@ if TYPE_CHECKING:
     from qcompile.mitigation.measure import Part
 
 BACKEND_HELP = (
-    "Device by name or file (`qcompile backends` lists them), calibration file, or qiskit:NAME."
+    "Device name (`qcompile backends` lists them), device file, calibration file, or qiskit:NAME "
+    "for a Qiskit backend."
 )
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 class Decorator(Protocol):
-    """What click.option gives: a function in, the same function out."""
+    """The type of click.option(...): takes a function and returns it."""
 
     def __call__(self, function: Function, /) -> Function: ...
 
 
+class Integer(click.IntRange):
+    """An integer in a range."""
+
+    name = "integer"
+
+
 class Shots(click.ParamType[int | str | None]):
-    """A number of shots, or a word, which means `meaning`.
+    """A number of shots, or `word`, whose value is `meaning`.
 
     "exact" asks for expectations without shot noise.
     """
 
+    name = "shots"
+
     def __init__(self, word: str = "exact", meaning: str | None = None):
-        self.name = f"n|{word}"
         self._word, self._meaning = word, meaning
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str:
+        return f"N|{self._word}"
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
@@ -54,8 +65,8 @@ class Shots(click.ParamType[int | str | None]):
             self.fail(f"{value!r} is neither a number nor '{self._word}'.", param, ctx)
         if not 1 <= shots <= MAX_SHOTS:
             self.fail(
-                f"{shots} shots cannot be run; the number lies in [1, {MAX_SHOTS}] "
-                f"(1024 and 8192 are usual), or say '{self._word}'.",
+                f"{shots} is not in the range 1 to {MAX_SHOTS} (1024 and 8192 are usual), "
+                f"nor '{self._word}'.",
                 param,
                 ctx,
             )
@@ -63,9 +74,12 @@ class Shots(click.ParamType[int | str | None]):
 
 
 class Depth(click.ParamType["int | str"]):
-    """A number of decisions that a job measures of an episode, or "auto"."""
+    """The number of decisions per episode that one job measures, or "auto"."""
 
-    name = "d|auto"
+    name = "depth"
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str:
+        return "D|auto"
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
@@ -78,7 +92,9 @@ class Depth(click.ParamType["int | str"]):
 
 
 class Share(click.FloatRange):
-    """A number above 0 and at most 1, or below 1 where `open_end`."""
+    """A number above 0 and at most 1, or below 1 with `open_end`."""
+
+    name = "number"
 
     def __init__(self, *, open_end: bool = False) -> None:
         super().__init__(0, 1, min_open=True, max_open=open_end)
@@ -87,13 +103,15 @@ class Share(click.FloatRange):
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> float:
         number: float = super().convert(value, param, ctx)
-        if math.isnan(number):  # compares with no end of the range
+        if math.isnan(number):  # passes every comparison with the range
             self.fail(f"{value!r} is not a number.", param, ctx)
         return number
 
 
 class Positive(click.FloatRange):
-    """A positive number of a unit, infinitely many among them where `most` is None."""
+    """A positive number of a unit; infinity is allowed if `most` is None."""
+
+    name = "number"
 
     def __init__(self, unit: str, *, zero: bool = False, most: float | None = None) -> None:
         super().__init__(0, most, min_open=not zero)
@@ -109,7 +127,7 @@ class Positive(click.FloatRange):
 
 
 class Qubits(click.ParamType[tuple[int, ...]]):
-    """Numbers of qubits with commas between them, sorted, each once."""
+    """Qubit numbers separated by commas; sorted, without duplicates."""
 
     name = "0,1,5"
 
@@ -118,14 +136,17 @@ class Qubits(click.ParamType[tuple[int, ...]]):
     ) -> tuple[int, ...]:
         parts = [part.strip() for part in str(value).split(",")]
         if not all(part.isdecimal() and len(part) < 7 for part in parts):
-            self.fail(f"{value!r} is not a list of qubits such as 0,1,5.", param, ctx)
+            self.fail(f"{value!r} is not a list of qubits, such as 0,1,5.", param, ctx)
         return tuple(sorted({int(part) for part in parts}))
 
 
 class Parts(click.ParamType["tuple[Part, ...]"]):
-    """What of a device to measure, with commas between."""
+    """The parts of a calibration to measure, separated by commas."""
 
-    name = "readout,response"
+    name = "parts"
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str:
+        return "readout,response"
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
@@ -140,7 +161,7 @@ class Parts(click.ParamType["tuple[Part, ...]"]):
 
 
 class MarkdownPath(click.Path):
-    """Where a Markdown page is written."""
+    """The path of a Markdown page to write."""
 
     def __init__(self) -> None:
         super().__init__(dir_okay=False, path_type=Path)
@@ -158,22 +179,25 @@ class MarkdownPath(click.Path):
 
 
 class Several(click.ParamType[tuple[Any, ...]]):
-    """Values of another type, set apart by commas."""
+    """Values of another type, separated by commas."""
 
     def __init__(self, inner: click.ParamType[Any]):
         self.inner, self.name = inner, inner.name
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str | None:
+        return self.inner.get_metavar(param, ctx)
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> tuple[Any, ...]:
         parts = [part.strip() for part in str(value).split(",")]
         if not all(parts):
-            self.fail(f"{value!r} has nothing before or after a comma.", param, ctx)
+            self.fail(f"{value!r} has an empty value beside a comma.", param, ctx)
         return tuple(self.inner.convert(part, param, ctx) for part in parts)
 
 
-def said(**values: Any) -> dict[str, Any]:
-    """Those of the values, by option, that the command line or a variable has said."""
+def explicit(**values: Any) -> dict[str, Any]:
+    """The values, by option, that the command line or an environment variable sets."""
     source = click.get_current_context().get_parameter_source
     return {
         name: value
@@ -185,7 +209,7 @@ def said(**values: Any) -> dict[str, Any]:
 def once(
     ctx: click.Context, param: click.Parameter, values: tuple[tuple[Any, ...], ...]
 ) -> tuple[Any, ...]:
-    """All values of a repeated option, each once."""
+    """All values of a repeated option, without duplicates."""
     return tuple(dict.fromkeys(chain.from_iterable(values)))
 
 
@@ -200,20 +224,23 @@ def backend_option(default: str = "ideal") -> Decorator:
 
 
 def engine_options(noun: str) -> Callable[[Function], Function]:
-    """The options --engine, --address and --workers; `noun` is what is run side by side."""
+    """The options --engine, --address and --workers; `noun` names what they run in parallel."""
     options = (
         click.option(
             "--engine",
             type=click.Choice(["processes", "dask", "ray"]),
             default="processes",
             show_default=True,
-            help=f"What runs the {noun} side by side.",
+            help=f"How to run {noun} in parallel.",
         ),
-        click.option("--address", help="Address of a running Dask scheduler or Ray cluster."),
+        click.option(
+            "--address",
+            help="Address of a running Dask scheduler or Ray cluster.  [default: start one here]",
+        ),
         click.option(
             "--workers",
-            type=click.IntRange(1),
-            help=f"{noun.capitalize()} at a time.  [default: one for each core]",
+            type=Integer(1),
+            help=f"{noun.capitalize()} to run at a time.  [default: one per core]",
         ),
     )
 
@@ -227,34 +254,36 @@ def engine_options(noun: str) -> Callable[[Function], Function]:
 
 level_option: Decorator = click.option(
     "--level",
-    type=click.IntRange(0, 2),
+    type=Integer(0, 2),
     default=2,
     show_default=True,
-    help="0: gate by gate; 1: keep the unitary; 2: keep the distribution of the measurement.",
+    help="How far to compile. 0: translate gate by gate; 1: keep only the unitary; 2: keep only "
+    "the distribution of the measurement.",
 )
 calibration_shots_option: Decorator = click.option(
     "--calibration-shots",
     type=Shots("auto", "auto"),
     default=8192,
-    help="Shots of the calibration that is measured first. auto: few where --shots are few. "
-    " [default: 8192; with --live auto]",
+    help="Shots of each circuit of the calibration that is measured first. auto: as many as "
+    "--shots needs.  [default: 8192; with --live auto]",
 )
 split_option: Decorator = click.option(
     "--split",
     is_flag=True,
-    help="Measure each decision in all copies, with a share of the shots in each.",
+    help="Measure each decision on all copies at once, with a share of the shots on each.",
 )
 max_steps_option: Decorator = click.option(
     "--max-steps",
-    type=click.IntRange(1, 1_000_000),
-    help="Stop each episode after N environment steps.  [default: play them to their end]",
+    type=Integer(1, 1_000_000),
+    help="Stop each episode after N environment steps.  [default: play to the end]",
 )
 import_option: Decorator = click.option(
     "--import",
     "imports",
     multiple=True,
     metavar="MODULE",
-    help="Import a module, or FILE.py, that registers environments; repeatable. Its code runs.",
+    help="Import a Python module or FILE.py that registers environments; repeatable. This runs "
+    "its code.",
 )
 env_option: Decorator = click.option(
     "--env",
@@ -262,19 +291,19 @@ env_option: Decorator = click.option(
     multiple=True,
     callback=as_mapping,
     metavar="NAME=VALUE",
-    help="Argument of the environment; repeatable. VALUE is JSON, or else a text, as in "
-    "is_slippery=false or map_name=8x8.",
+    help="Argument of the environment, such as is_slippery=false or map_name=8x8; repeatable. "
+    "VALUE is JSON, or else plain text.",
 )
 json_option: Decorator = click.option(
-    "--json", "as_json", is_flag=True, help="Print one JSON document on standard output."
+    "--json", "as_json", is_flag=True, help="Print the result as one JSON document."
 )
 
 
 def echo_json(values: Any) -> None:
-    """Print `values` as the one JSON document of a command."""
+    """Print `values` as the JSON document of a command."""
     click.echo(json.dumps(values, indent=1, allow_nan=False))
 
 
 def echo_note(words: str) -> None:
-    """Print words beside the answer of a command, on standard error."""
+    """Print a note on standard error, apart from the result of a command."""
     click.echo(words, err=True)

@@ -1,4 +1,4 @@
-"""`qcompile plan`: what a policy costs on a machine, in each way to run it."""
+"""`qcompile plan`: estimate what a policy costs on a machine."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any, Literal
 import click
 
 from qcompile.cli.options import (
+    Integer,
     Positive,
     Share,
     Shots,
@@ -20,6 +21,7 @@ from qcompile.cli.options import (
     level_option,
     max_steps_option,
 )
+from qcompile.cli.reports import check_report, report_option, write_report
 from qcompile.limits import (
     FREE_SECONDS,
     MAX_EPISODES,
@@ -31,15 +33,15 @@ from qcompile.limits import (
 )
 
 _SECONDS = (
-    f"seconds: IBM's published estimate, {SECONDS_PER_JOB:g} for a job and "
-    f"{SECONDS_PER_EXECUTION:g} for an execution; the free plan has {FREE_SECONDS:g} in 28 days"
+    f"QPU seconds: IBM's published estimate, {SECONDS_PER_JOB:g} per job and "
+    f"{SECONDS_PER_EXECUTION:g} per execution; the free plan has {FREE_SECONDS:g} in 28 days"
 )
 
 
 def _one_or_several(
     ctx: click.Context, param: click.Parameter, values: tuple[str, ...]
 ) -> str | list[str]:
-    """The policies; the usual one where none is named."""
+    """The policies, by default lunarlander."""
     return [*values] if len(values) > 1 else next(iter(values), "lunarlander")
 
 
@@ -48,53 +50,67 @@ def _one_or_several(
 @backend_option("ibm_lima")
 @click.option(
     "--shots",
-    type=click.IntRange(1, MAX_SHOTS),
-    help="Shots of each circuit.  [default: 8192; with --within they are found]",
+    type=Integer(1, MAX_SHOTS),
+    help="Shots of each circuit.  [default: 8192; with --within the cheapest that fit]",
 )
-@click.option("--episodes", type=click.IntRange(1, MAX_EPISODES), default=1, show_default=True)
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
+@click.option(
+    "--episodes",
+    type=Integer(1, MAX_EPISODES),
+    default=1,
+    show_default=True,
+    help="Number of episodes.",
+)
+@click.option(
+    "--seed",
+    type=Integer(0),
+    default=0,
+    show_default=True,
+    help="Episode i resets its environment with seed + i.",
+)
 @level_option
 @click.option(
     "--mitigation",
     type=click.Choice(["none", "readout", "response"]),
-    help="What is mitigated; its calibration is counted, except in the paper's way.  [default: "
-    "readout, or that of the calibration]",
+    help="Errors to correct, as for `qcompile run`. The cost of calibrating first is counted, but "
+    "not in the first row: the paper does not mitigate.  [default: readout, or what --calibration "
+    "has]",
 )
 @click.option(
     "--calibration",
     type=click.Path(dir_okay=False, path_type=Path),
-    help="Mitigate with this file of `qcompile calibrate`: no calibration is counted.",
+    help="Mitigate with this file from `qcompile calibrate`, so that calibrating costs nothing.",
 )
 @click.option(
     "--calibration-shots",
     type=Shots("auto", "auto"),
-    help="Shots of the calibration, or auto.  [default: 8192; with --within auto]",
+    help="Shots of each circuit of the calibration. auto: as many as --shots needs.  [default: "
+    "8192; with --within auto]",
 )
 @click.option(
     "--copies",
-    type=click.IntRange(1, MAX_EPISODES),
-    help="Copies of the circuits side by side on the device: one for each episode, or --split. "
-    " [default: as many as fit]",
+    type=Integer(1, MAX_EPISODES),
+    help="Copies of the circuits on different qubits of the device, measured at once. Each copy "
+    "plays another episode, or shares the shots with --split.  [default: as many as fit]",
 )
 @click.option(
     "--split/--no-split",
     default=None,
-    help="Measure each decision in all copies, with a share of the shots in each.  [default: no; "
-    "with --within whichever is cheaper]",
+    help="Measure each decision on all copies at once, with a share of the shots on each.  "
+    "[default: no; with --within whichever is cheaper]",
 )
 @max_steps_option
 @click.option(
     "--within",
     type=Positive("seconds", most=MAX_QPU_SECONDS),
-    help="Find the cheapest settings that stay within this number of QPU seconds; takes minutes.",
+    help="Find the cheapest settings that need at most this many QPU seconds. Takes minutes.",
 )
 @click.option(
     "--keep",
     type=Share(),
     default=0.97,
     show_default=True,
-    help="With --within: the share of the policy's reward that must be left; 0 is what random "
-    "actions earn, 1 what it earns without noise.",
+    help="With --within: the share of the reward to keep. 0 is the reward of random actions, 1 "
+    "that of the policy without noise.",
 )
 @import_option
 @env_option
@@ -103,11 +119,15 @@ def _one_or_several(
     type=Positive("dollars", zero=True),
     default=USD_PER_SECOND,
     show_default=True,
-    help="Price of a QPU second beyond the free plan; a third party's figure.",
+    help="Price of a QPU second beyond the free plan. The default comes from a third party, not "
+    "from IBM.",
 )
-@click.option("--live", is_flag=True, help="Ask IBM for the machine's qubits; this spends nothing.")
-@click.option("--account", help="With --live: account of IBM's own tools.")
-@click.option("--instance", help="With --live: CRN or name.")
+@click.option(
+    "--live", is_flag=True, help="Read the machine's qubits from IBM. This spends no QPU time."
+)
+@click.option("--account", help="With --live: name of an account saved with qiskit-ibm-runtime.")
+@click.option("--instance", help="With --live: CRN or name of an IBM instance.")
+@report_option
 @json_option
 def command(
     policy: str | list[str],
@@ -130,19 +150,23 @@ def command(
     live: bool,
     account: str | None,
     instance: str | None,
+    report: Path | None,
     as_json: bool,
 ) -> None:
-    """Say what episodes with POLICY (default lunarlander) cost on a machine, before anything is
-    sent.
+    """Estimate what episodes with POLICY (default lunarlander) cost on a machine. Nothing is sent.
 
-    The episodes are played on the backend's noise model first: they may last longer or shorter on
-    the machine. With --within the cheapest settings are found that keep the reward, among those of
-    several policies too, and the command that plays them.
+    The episodes are played on the backend's noise model; on the machine they may be longer or
+    shorter. Without --within, the table compares four ways to run them: from one job per circuit,
+    as in the paper, to a single calibration after which the episodes are simulated.
+
+    With --within, the table shows the cheapest settings that keep the reward, and the command that
+    plays with them. Several policies can be compared.
     """
     from qcompile.policy.decision import held_words
     from qcompile.report.tables import plural, print_table
     from qcompile.verbs.plan import plan
 
+    check_report(report, calibration=calibration)
     planned = plan(
         policy,
         backend,
@@ -182,10 +206,13 @@ def command(
             tight=True,
         )
         click.echo(
-            f"{_SECONDS}\nprice: {usd_per_second:g} USD a second\n"
-            f"lockstep: {plural(values['copies'], 'episode')} side by side, a job for each "
-            "decision; the twin plays any number of episodes\n"
-            "cheaper: --within SECONDS finds settings that fit and keep the reward"
+            f"{_SECONDS}\nUSD: {usd_per_second:g} per QPU second\n"
+            "packed: all circuits of a decision in one job\n"
+            f"lockstep: all episodes step together, {values['copies']} at a time on the device, "
+            "with one job per step\n"
+            "calibrate, play twin: measure the device once, then play any number of episodes "
+            "offline\n"
+            "To find cheaper settings that keep the reward, add --within SECONDS."
         )
     else:
         columns, rows = planned.table
@@ -194,12 +221,14 @@ def command(
         )
         print_table(columns, rows, title, right=range(len(columns)), tight=True)
         click.echo(
-            f"{_SECONDS}\nahead: decisions of an episode in a job, at most (--speculate)\n"
-            f"at 4 sub-jobs: should IBM count a job as four, which is not known\n"
-            f"rewards: of {values['judged_episodes']} whole episodes on a model of the machine, "
-            "more for what is recommended; kept is their share between random actions, "
-            f"{values['random_reward']:.4g}, and no noise, {values['ideal_reward']:.4g}"
+            f"{_SECONDS}\nahead: most decisions of an episode in one job (--speculate)\n"
+            "at 4 sub-jobs: QPU seconds if IBM counts each job as four, which is not known\n"
+            f"mean reward: {values['judged_episodes']} whole episodes on a model of the machine, "
+            "more for the recommended settings\n"
+            f"kept: 0 % is the reward of random actions, {values['random_reward']:.4g}; "
+            f"100 % that without noise, {values['ideal_reward']:.4g}"
         )
         if planned.recommended is not None:
             click.echo(planned.remark)
+    write_report(planned, report)
     planned.check_fits()

@@ -1,4 +1,4 @@
-"""`qcompile resume`: resume a live run."""
+"""`qcompile resume`: resume a live run where it stopped."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import click
 
 from qcompile.cli.live_options import (
     confirm,
+    is_interactive,
     pace_option,
     runs_option,
-    somebody_is_there,
     wait_option,
     yes_option,
 )
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 @click.option(
     "--max-qpu-seconds",
     type=Positive("seconds", most=MAX_QPU_SECONDS),
-    help="Another limit.  [default: the run's]",
+    help="A new limit for the whole run.  [default: the run's]",
 )
 @yes_option
 @pace_option
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 @click.option(
     "--out",
     type=click.Path(dir_okay=False, path_type=Path),
-    help="File for a calibration.  [default: the one it was begun with]",
+    help="File to write a calibration to.  [default: the one that `calibrate` was given]",
 )
 @import_option
 @runs_option
@@ -58,14 +58,17 @@ def command(
     runs: Path,
     as_json: bool,
 ) -> None:
-    """Resume run ID (a part of it will do, `last` is the newest) where it stopped.
+    """Resume run ID where it stopped, or show its result if it is finished.
 
-    What was paid for is fetched and not paid again. The limit stays that of the run unless
-    --max-qpu-seconds sets another; a higher one is confirmed. Sending a job again that was charged
-    and gave no counts is confirmed too. A run that was last resumed in another folder or on another
-    machine shows what it would do and is confirmed; in a script that takes --yes, and
-    --max-qpu-seconds where it began on another machine. A finished run shows its result. A
-    calibration is written to its file, if it began here, and nothing is drawn or checked.
+    Any unique part of ID is enough, and `last` is the newest run. Jobs that were paid for are
+    fetched, not sent again.
+
+    qcompile asks before it raises the limit, before it sends a job again that was charged but gave
+    no counts, and before it resumes a run that comes from another folder or another machine. In a
+    script, --yes answers; a run from another machine needs --max-qpu-seconds as well.
+
+    A calibration is written to its file if it was started in this folder. The options --plot and
+    --check of `calibrate` have no effect here.
     """
     from qcompile.deploy.registration import import_modules
     from qcompile.errors import PaidFailureError
@@ -89,15 +92,18 @@ def command(
         try:
             result = resume(pay_again=pay_again)
         except PaidFailureError as error:
-            if not somebody_is_there():
+            if not is_interactive():
                 raise
             click.echo(error, err=True)
             confirm("Send it again?")
             result = resume(pay_again=True)
         kind = journal.kind
     if kind == "calibrate" and result["file"] is None:
-        words = f"The calibration is in the journal alone: `qcompile resume {run_id} --out FILE`"
-        click.echo(f"{words} writes it to a file.", err=True)
+        click.echo(
+            "The calibration is only in the journal. "
+            f"`qcompile resume {run_id} --out FILE` writes it to a file.",
+            err=True,
+        )
     if as_json:
         echo_json(result_values(kind, result))
     else:
@@ -105,31 +111,32 @@ def command(
 
 
 def _agree(journal: Journal, max_qpu_seconds: float | None, yes: bool) -> None:
-    """Have confirmed whatever the user of this command line may not know of the run.
+    """Ask about a raised limit, or about a run that was started elsewhere.
 
     Raises:
-        LiveError: nobody is there to confirm it, or `yes` does not say enough.
+        LiveError: nobody is there to answer, or `yes` needs a limit beside it.
     """
     from qcompile.errors import LiveError
-    from qcompile.live.perform import is_from_elsewhere, strangeness
+    from qcompile.live.perform import is_from_another_machine, resume_warning
     from qcompile.report.live import terms
 
     limit_s = journal.max_qpu_seconds
-    strange, foreign = strangeness(journal), is_from_elsewhere(journal)
+    strange, foreign = resume_warning(journal), is_from_another_machine(journal)
     if strange:
         click.echo(strange, err=True)
         click.echo(terms(journal, max_qpu_seconds or limit_s), err=True)
         if not yes:
             also = " and --max-qpu-seconds S" if foreign else ""
-            confirm("Resume it here?", f"In a script say --yes{also}.")
+            confirm("Resume it here?", f"In a script, add --yes{also}.")
         elif foreign and max_qpu_seconds is None:
             raise LiveError(
-                f"Its limit of {limit_s:g} QPU seconds was set elsewhere. Nothing was sent.",
-                "Say --max-qpu-seconds S together with --yes.",
+                f"The run's limit of {limit_s:g} QPU seconds was set on another machine. "
+                "Nothing was sent.",
+                "Give a limit with --max-qpu-seconds beside --yes.",
             )
     elif max_qpu_seconds is not None and max_qpu_seconds > limit_s and not yes:
         confirm(f"Allow {max_qpu_seconds:g} QPU seconds instead of {limit_s:g}?")
     if strange or max_qpu_seconds is not None:
-        with journal.held():  # which makes it at home here
+        with journal.locked():  # which marks the run as resumed in this folder
             if max_qpu_seconds is not None:
                 journal.allow(max_qpu_seconds)

@@ -10,19 +10,21 @@ import click
 from qcompile.cli.live_options import live_options
 from qcompile.cli.options import (
     Depth,
+    Integer,
     Shots,
     backend_option,
     calibration_shots_option,
     echo_json,
     echo_note,
     env_option,
+    explicit,
     import_option,
     json_option,
     level_option,
     max_steps_option,
-    said,
     split_option,
 )
+from qcompile.cli.reports import check_report, report_option, write_report
 from qcompile.limits import MAX_EPISODES
 
 if TYPE_CHECKING:
@@ -36,53 +38,64 @@ if TYPE_CHECKING:
     "--shots",
     type=Shots(),
     default=8192,
-    help="Shots of each circuit.  [default: 8192; with --live as planned, within the limit]",
+    help="Shots of each circuit.  [default: 8192; with --live the cheapest that `qcompile plan` "
+    "finds within --max-qpu-seconds]",
 )
-@click.option("--episodes", type=click.IntRange(1, MAX_EPISODES), default=20, show_default=True)
+@click.option(
+    "--episodes",
+    type=Integer(1, MAX_EPISODES),
+    default=20,
+    show_default=True,
+    help="Number of episodes.",
+)
 @click.option(
     "--seed",
-    type=click.IntRange(0),
+    type=Integer(0),
     default=0,
     show_default=True,
-    help="Episode i resets its environment with seed + i and draws shots and actions from streams "
-    "of its own.",
+    help="Episode i resets its environment with seed + i and draws its own shots and actions.",
 )
 @level_option
 @click.option(
     "--mitigation",
     type=click.Choice(["none", "readout", "response"]),
-    help="Undo readout errors, or those of the gates as well.  [default: readout on a noisy "
-    "backend, response where only that is calibrated, none on ideal or with --predistort]",
+    help="Errors to correct in the measured `<Z>`. readout: those of the measurement; response: "
+    "those of the gates too.  [default: readout on a noisy backend, response if the calibration "
+    "has nothing else, none on ideal or with --predistort]",
 )
 @click.option(
     "--calibration",
     "calibration_file",
     type=click.Path(dir_okay=False, path_type=Path),
-    help="Mitigate with this file of `qcompile calibrate` instead of measuring first.",
+    help="Mitigate with this file from `qcompile calibrate` instead of calibrating first.",
 )
 @calibration_shots_option
 @click.option(
     "--predistort",
     is_flag=True,
-    help="Change the angles so that the device shows the ideal `<Z>`, where it can.",
+    help="Change the angles so that the device itself gives the ideal `<Z>` where it can, instead "
+    "of mitigating afterwards.",
 )
 @click.option(
     "--copies",
-    type=click.IntRange(1, MAX_EPISODES),
-    help="Copies of the circuits side by side on the device: one for each episode, or --split. "
-    " [default: 1; with --live or --split as many as fit]",
+    type=Integer(1, MAX_EPISODES),
+    help="Copies of the circuits on different qubits of the device, measured at once. Each copy "
+    "plays another episode, or shares the shots with --split.  [default: 1; with --live or "
+    "--split as many as fit]",
 )
 @split_option
 @click.option(
     "--speculate",
     type=Depth(),
     default=1,
-    help="Measure up to D decisions of each episode in one job, along predicted actions: fewer "
-    "jobs. What lies beyond a wrong prediction is measured again. auto: the D that saves most. "
+    help="Predict actions, to measure up to D decisions of each episode in one job and need fewer "
+    "jobs. Decisions after a wrong prediction are measured again. auto: the D that saves most. "
     " [default: 1; with --live auto]",
 )
 @max_steps_option
-@click.option("--greedy", is_flag=True, help="Take the most probable action; default: sample.")
+@click.option(
+    "--greedy", is_flag=True, help="Take the most probable action instead of sampling one."
+)
 @import_option
 @env_option
 @click.option(
@@ -90,6 +103,7 @@ if TYPE_CHECKING:
     type=click.Path(dir_okay=False, path_type=Path),
     help="Film the first episode; .mp4 or .gif, overwritten.",
 )
+@report_option
 @live_options
 @json_option
 def command(
@@ -111,18 +125,20 @@ def command(
     imports: tuple[str, ...],
     env: dict[str, Any],
     video: Path | None,
+    report: Path | None,
     as_json: bool,
     live: Live | None,
 ) -> None:
-    """Play episodes with POLICY (default lunarlander; a name of trained/ or a file).
+    """Play episodes with POLICY: a shipped policy (default lunarlander), or a policy file.
 
-    A run repeats exactly with the same seed. Ctrl-C ends it and reports the finished episodes.
-    With --live it is played on IBM's machine of that name, recorded step by step; Ctrl-C stops it
-    and `qcompile resume` resumes it.
+    The same seed gives the same result. Ctrl-C ends the run and reports the episodes finished so
+    far. With --live the circuits run on the IBM machine named by --backend, and every step is
+    recorded: after Ctrl-C, `qcompile resume` continues the run.
     """
     from qcompile.report.summary import print_run
     from qcompile.verbs.run import run
 
+    check_report(report, video=video, calibration=calibration_file)
     result = run(
         policy,
         backend,
@@ -139,11 +155,14 @@ def command(
         env=env,
         video=video,
         live=live,
-        **said(shots=shots, calibration_shots=calibration_shots, split=split, speculate=speculate),
+        **explicit(
+            shots=shots, calibration_shots=calibration_shots, split=split, speculate=speculate
+        ),
         on_note=echo_note,
     )
     if as_json:
         echo_json(result.to_dict())
     else:
         print_run(result.to_dict())
+    write_report(result, report)
     result.check_complete()

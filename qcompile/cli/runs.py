@@ -1,4 +1,4 @@
-"""`qcompile runs`: the live runs, and what their journals hold."""
+"""`qcompile runs`: list, show and export live runs."""
 
 from __future__ import annotations
 
@@ -10,8 +10,10 @@ import click
 from qcompile.cli.live_options import runs_option
 from qcompile.cli.options import Decorator, echo_json, json_option
 
-_own_runs: Decorator = click.option(
-    "--runs", type=click.Path(file_okay=False, path_type=Path), help="Folder of the journals."
+_subcommand_runs_option: Decorator = click.option(
+    "--runs",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Folder that records live runs.  [default: runs]",
 )
 
 
@@ -20,9 +22,9 @@ _own_runs: Decorator = click.option(
 @json_option
 @click.pass_context
 def command(ctx: click.Context, runs: Path, as_json: bool) -> None:
-    """List the live runs, the newest last; `show` one, or `export` all that one holds.
+    """List live runs, the newest last; `show` or `export` one of them.
 
-    Where some cannot be read, the others are listed and the exit code is 1.
+    If some runs cannot be read, the others are listed and the exit code is 1.
     """
     from qcompile.errors import LiveError
     from qcompile.live.runs import journals
@@ -31,7 +33,7 @@ def command(ctx: click.Context, runs: Path, as_json: bool) -> None:
     ctx.obj = runs
     if ctx.invoked_subcommand is not None:
         if as_json:
-            raise click.UsageError("--json goes behind the name: runs show ID --json")
+            raise click.UsageError("Put --json at the end: runs show ID --json")
         return
     damaged: list[str] = []
     overviews = []
@@ -45,7 +47,7 @@ def command(ctx: click.Context, runs: Path, as_json: bool) -> None:
     elif overviews:
         _print_runs(overviews)
     else:
-        click.echo(f"There is no live run in {runs}." if not damaged else "No other run is there.")
+        click.echo("There are no other runs." if damaged else f"There are no live runs in {runs}.")
     for words in damaged:
         click.echo(f"Error: {words}", err=True)
     ctx.exit(1 if damaged else 0)
@@ -56,7 +58,7 @@ def _print_runs(overviews: list[dict[str, Any]]) -> None:
     from qcompile.terminal import one_line
 
     print_table(
-        ["run", "what", "backend", "state", "QPU seconds", "settled", "in doubt"],
+        ["run", "kind", "backend", "state", "QPU seconds", "charged", "in doubt"],
         [
             [
                 row["run"],
@@ -75,12 +77,12 @@ def _print_runs(overviews: list[dict[str, Any]]) -> None:
 
 @command.command("show")
 @click.argument("run_id", metavar="ID")
-@_own_runs
+@_subcommand_runs_option
 @json_option
 @click.pass_obj
 def show(of_group: Path, run_id: str, runs: Path | None, as_json: bool) -> None:
-    """Show the result of run ID, or where it stands."""
-    from qcompile.live.looking import doubts_in_words
+    """Show the result of run ID, or its progress if it is not finished."""
+    from qcompile.live.finder import describe_doubts
     from qcompile.live.perform import finished
     from qcompile.live.runs import find_journal
     from qcompile.report.live import overview, print_overview, print_result, result_values
@@ -92,7 +94,7 @@ def show(of_group: Path, run_id: str, runs: Path | None, as_json: bool) -> None:
             echo_json({**overview(journal), "result": shown})
         elif result is not None:
             print_result(journal.kind, result)
-            for line in doubts_in_words(journal):
+            for line in describe_doubts(journal):
                 click.echo(line)
         else:
             print_overview(journal)
@@ -105,10 +107,10 @@ def show(of_group: Path, run_id: str, runs: Path | None, as_json: bool) -> None:
     type=click.Path(dir_okay=False, path_type=Path),
     help="File to write, overwritten.  [default: standard output]",
 )
-@_own_runs
+@_subcommand_runs_option
 @click.pass_obj
 def export(of_group: Path, run_id: str, out: Path | None, runs: Path | None) -> None:
-    """Write all that run ID holds as JSON: settings, jobs with their counts, steps, result."""
+    """Write the whole record of run ID as JSON: settings, jobs with counts, steps, result."""
     import json
 
     from qcompile.live.runs import find_journal

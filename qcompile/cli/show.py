@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 @click.option(
     "--surrogate",
     is_flag=True,
-    help="Show instead the linear softmax policy that a policy's circuits compute, term by term.",
+    help="Show the linear softmax policy that the circuits compute instead, term by term.",
 )
 @json_option
 @click.pass_context
@@ -30,9 +30,9 @@ def command(
 ) -> None:
     """Show the circuits of a policy or an OpenQASM file, before and after compilation.
 
-    A policy's theta is shown as a symbol; `run` and `export` put its numbers in. On a backend with
-    qubits of its own the placement is shown too, and what it follows from. Of a network its layers
-    are shown.
+    The default policy is lunarlander. Trained angles are shown as symbols; `run` and `export` fill
+    in the numbers. On a device, the qubit chosen for each circuit is shown, and why. For a policy
+    that is a neural network, its layers are shown.
     """
     if surrogate:
         _check_surrogate(ctx, subject)
@@ -70,19 +70,19 @@ def command(
 
 
 def _check_surrogate(ctx: click.Context, subject: str) -> None:
-    """Refuse what --surrogate cannot be combined with."""
+    """Raise click.UsageError if --surrogate is combined with something that it excludes."""
     if Path(subject).suffix == ".qasm":
         raise click.UsageError(
-            f"--surrogate is for a policy; {subject} is a program, without encoder and head.", ctx
+            f"--surrogate needs a policy; {subject} is a program, without encoder and head.", ctx
         )
-    for name in _of_circuits(ctx):
+    for name in _circuit_options(ctx):
         raise click.UsageError(
-            f"--surrogate and --{name} exclude each other: nothing is compiled.", ctx
+            f"--surrogate and --{name} cannot be combined: nothing is compiled.", ctx
         )
 
 
-def _of_circuits(ctx: click.Context) -> list[str]:
-    """The options given that only circuits have."""
+def _circuit_options(ctx: click.Context) -> list[str]:
+    """The options given that apply only to circuits."""
     default = ParameterSource.DEFAULT
     return [name for name in ("backend", "level") if ctx.get_parameter_source(name) is not default]
 
@@ -91,7 +91,7 @@ def _show_network(ctx: click.Context, network: Network, as_json: bool) -> None:
     from qcompile.deploy.network import refuse_options
     from qcompile.report.network import network_values, print_network
 
-    refuse_options(network, _of_circuits(ctx))
+    refuse_options(network, _circuit_options(ctx))
     values = network_values(network)
     if as_json:
         echo_json(values)

@@ -1,4 +1,4 @@
-"""`qcompile study`: rows trained with several seeds and written up, as a command."""
+"""`qcompile study`: train many policies with several seeds, and write up the results."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from qcompile.cli.options import (
+    Integer,
     MarkdownPath,
     echo_json,
     echo_note,
@@ -16,6 +17,7 @@ from qcompile.cli.options import (
     import_option,
     json_option,
 )
+from qcompile.cli.reports import check_report, report_option, write_report
 
 if TYPE_CHECKING:
     from qcompile.sweep.engine import Engine
@@ -28,42 +30,52 @@ if TYPE_CHECKING:
     "figures",
     multiple=True,
     metavar="NAME",
-    help="Only this figure, of paper: cartpole, reuse, cartpole-v0, acrobot or lunarlander; "
-    "repeatable.",
+    help="Only the rows of this figure; repeatable. Those of `paper` are cartpole, reuse, "
+    "cartpole-v0, acrobot and lunarlander.",
 )
 @click.option(
-    "--row", "rows", multiple=True, metavar="NAME", help="Only rows whose name begins with this."
+    "--row",
+    "rows",
+    multiple=True,
+    metavar="NAME",
+    help="Only rows whose names begin with NAME; repeatable.",
 )
 @click.option(
     "--seeds",
-    type=click.IntRange(1, 1000),
-    help="Seeds of each row.  [default: the study's; paper: 5, 10]",
+    type=Integer(1, 1000),
+    help="Number of seeds of each row.  [default: the study's; for paper 5 or 10]",
 )
 @click.option(
-    "--episodes", type=click.IntRange(1), help="At most so many a training, for a first look."
+    "--episodes",
+    type=Integer(1),
+    metavar="N",
+    help="Stop each training after N episodes, for a first look.",
 )
 @click.option(
     "--evaluation",
-    type=click.IntRange(1, 10_000),
+    type=Integer(1, 10_000),
     default=100,
     show_default=True,
-    help="Fresh episodes that each final model plays.",
+    help="Episodes that each trained model plays at the end.",
 )
 @click.option(
     "--out",
     type=click.Path(file_okay=False, path_type=Path),
-    help="Folder for trainings, CSV and figures; what it holds is not trained again. "
+    help="Folder for trainings, CSV files and figures. Trainings already there are not repeated. "
     " [default: study, or the name of the file]",
 )
 @click.option(
     "--page",
     type=MarkdownPath(),
-    help="Markdown page to write.  [default: reproduction.md in the folder]",
+    help="Markdown page to write.  [default: reproduction.md in --out]",
 )
+@report_option
 @import_option
 @env_option
 @engine_options("trainings")
-@click.option("--list", "listing", is_flag=True, help="List the rows and what is left, and stop.")
+@click.option(
+    "--list", "listing", is_flag=True, help="Only list the rows and the trainings still to do."
+)
 @json_option
 def command(
     engine: Engine,
@@ -71,15 +83,17 @@ def command(
     workers: int | None,
     listing: bool,
     as_json: bool,
+    report: Path | None,
     **choice: Any,
 ) -> None:
-    """Train every row of a study with several seeds and write up all that the folder holds.
+    """Train every row of a study with several seeds, and write up the results.
 
-    A study is `paper`, the paper's, or a TOML file with rows of your own. Writes results.csv,
-    curves.csv, a picture for each figure and reproduction.md. Ctrl-C keeps every finished training;
-    the same command resumes from there.
+    A study is `paper`, which repeats the paper's, or a TOML file of your own. A row is a model
+    trained in an environment with certain settings. Writes results.csv, curves.csv, the learning
+    curves of each figure, and the page reproduction.md. After Ctrl-C the same command resumes with
+    the trainings that are missing.
     """
-    from qcompile.report.tables import print_table
+    from qcompile.report.tables import plural, print_table
     from qcompile.sweep.study import StudyRequest
     from qcompile.verbs.study import study
 
@@ -88,14 +102,18 @@ def command(
         if as_json:
             echo_json(members)
         else:
-            columns = ["row", "environment", "seeds", "left"]
+            columns = ["row", "environment", "seeds", "to do"]
             print_table(columns, [[*row.values()] for row in members])
         return
+    check_report(report, page=choice["page"])
     result = study(**choice, engine=engine, address=address, workers=workers, on_note=echo_note)
     if as_json:
         echo_json(result.to_dict())
+        write_report(result, report)
         return
     print_table(*result.table, right=(1, 2, 3))
     click.echo(
-        f"{result.trained} trainings done, {result.there} were there; written up in {result.page}"
+        f"{plural(result.trained, 'training')} done, {result.there} loaded; "
+        f"results written to {result.page}"
     )
+    write_report(result, report)

@@ -1,4 +1,4 @@
-"""`qcompile train`: make a policy."""
+"""`qcompile train`: train a policy."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import click
 
 from qcompile.cli.assignments import Assignment, as_mapping
 from qcompile.cli.options import (
+    Integer,
     Shots,
     echo_json,
     echo_note,
@@ -26,36 +27,40 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
 @click.option(
     "--model",
     type=click.Choice(["svqc", "mvqc", "fcn", "cnn", "surrogate"]),
-    help="One-qubit circuits, an entangling circuit, a fully connected or a convolutional network, "
-    "or the classical functions that the one-qubit circuits amount to.  [default: svqc]",
+    help="svqc: one-qubit circuits; mvqc: one entangling circuit; fcn, cnn: fully connected or "
+    "convolutional neural network; surrogate: the classical functions that one-qubit circuits "
+    "compute.  [default: svqc]",
 )
 @click.option(
     "--preset",
     type=click.Choice(["paper", "tuned", "hardware"]),
-    help="paper: arXiv 2203.14348 as it stands; tuned: ours; hardware: ours for few QPU seconds, "
-    "holds decisions and learns under noise, svqc.  [default: tuned]",
+    help="Training settings. paper: as in arXiv 2203.14348; tuned: improved; hardware: for svqc "
+    "policies that need few QPU seconds, trained under noise and holding each action for several "
+    "steps.  [default: tuned]",
 )
 @click.option(
     "--layout",
     type=click.Choice(["parallel", "serial", "single"]),
-    help="A circuit per feature and copy, re-uploading, or one circuit for three features; svqc. "
-    " [default: parallel]",
+    help="Circuits of svqc. parallel: one per feature; serial: data re-uploading, all features in "
+    "turn; single: one circuit for three features.  [default: parallel]",
 )
 @click.option(
     "--reuse",
-    type=click.IntRange(1, 1000),
-    help="Copies of each output in training; svqc, mvqc, surrogate.",
+    type=Integer(1, 1000),
+    help="Output reuse: copies of each circuit output in training; svqc, mvqc, surrogate.",
 )
-@click.option("--seed", type=click.IntRange(0), help="[default: 0]")
+@click.option("--seed", type=Integer(0), help="Seed of the training.  [default: 0]")
 @click.option(
     "--episodes",
-    type=click.IntRange(1),
-    help="Stop after so many episodes.  [default: the preset's]",
+    type=Integer(1),
+    metavar="N",
+    help="Stop after N episodes.  [default: the preset's]",
 )
 @click.option(
     "--steps",
-    type=click.IntRange(1),
-    help="Stop after so many environment steps.  [default: the preset's]",
+    type=Integer(1),
+    metavar="N",
+    help="Stop after N environment steps.  [default: the preset's]",
 )
 @click.option(
     "-s",
@@ -65,111 +70,115 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
     multiple=True,
     callback=as_mapping,
     metavar="NAME=VALUE",
-    help="Change a setting of the preset; repeatable. As in clip=0.1, hidden=64,64 or "
-    "minibatch=none.",
+    help="Change a setting of the preset, such as clip=0.1, hidden=64,64 or minibatch=none; "
+    "repeatable.",
 )
 @click.option(
     "--backend",
     metavar="NAME",
-    help="Device whose noise the policy learns under; svqc.  [default: ideal]",
+    help="Device whose noise model the policy is trained on; svqc.  [default: ideal]",
 )
 @click.option(
     "--shots",
     type=Shots(meaning="exact"),
-    help="Shots of each circuit while it learns; svqc. "
-    " [default: 1024 on a noisy backend, exact on ideal]",
+    help="Shots of each circuit in training; svqc.  [default: 1024 on a noisy backend, exact on "
+    "ideal]",
 )
 @click.option(
     "--mitigation",
     type=click.Choice(["none", "readout"]),
-    help="Undo readout errors; svqc.  [default: readout on a noisy backend, none on ideal]",
+    help="Errors to correct in training; svqc.  [default: readout on a noisy backend, none on "
+    "ideal]",
 )
 @click.option(
     "--hold",
-    type=click.IntRange(1),
+    type=Integer(1),
     metavar="STEPS",
-    help="Decide once in this many steps of the environment and repeat the action between; "
-    "whatever plays the policy does so.  [default: the preset's: 1, more with hardware]",
+    help="Repeat each action for this many environment steps; the policy is always played this "
+    "way.  [default: the preset's: 1, or more with hardware]",
 )
 @import_option
 @env_option
 @click.option(
     "--circuits",
     metavar="FILE",
-    help="Train the circuits of this policy (a file or a name), OpenQASM file or file of circuits "
-    "in place of a layout, with a new head; svqc.",
+    help="Train these circuits instead of a layout, with new output weights; svqc. FILE is a "
+    "policy (name or file), an OpenQASM file or a file of circuits.",
 )
 @click.option(
     "--init",
     metavar="POLICY",
-    help="Start from this policy, a file or a name: its circuits or its layers, and all of its "
-    "numbers; svqc, fcn, cnn.",
+    help="Start from all parameters of this policy (name or file); svqc, fcn, cnn.",
 )
 @click.option(
     "--evaluate-every",
-    type=click.IntRange(1),
+    type=Integer(1),
     metavar="EPISODES",
-    help="Play test episodes after every so many episodes; the training is not disturbed.",
+    help="Play test episodes each time this many training episodes have ended. This does not "
+    "change the training.",
 )
 @click.option(
     "--evaluate-episodes",
-    type=click.IntRange(1, MAX_EPISODES),
-    help="Test episodes of an evaluation.  [default: 20]",
+    type=Integer(1, MAX_EPISODES),
+    help="Number of test episodes each time.  [default: 20]",
 )
 @click.option(
     "--log",
     type=_FILE,
-    help="CSV, a row for each episode: its number, all steps taken by its end, its reward.",
+    help="CSV file with a row per episode: number, total steps so far, reward.",
 )
 @click.option(
     "--tensorboard",
     type=click.Path(file_okay=False, path_type=Path),
     metavar="FOLDER",
-    help="Rewards, losses and evaluations for TensorBoard.",
+    help="Write rewards, losses and evaluations for TensorBoard.",
 )
 @click.option(
-    "--checkpoint", type=_FILE, help="State to resume from, rewritten every 10 s and at the end."
+    "--checkpoint", type=_FILE, help="File for the state to resume from, saved every 10 s."
 )
 @click.option(
     "--resume",
     type=_FILE,
-    help="Resume from this checkpoint with its settings and seed, and keep it up to date.",
+    help="Resume from this checkpoint, with its settings and seed, and keep updating it.",
 )
 @click.option(
     "--seeds",
-    type=click.IntRange(1, 1000),
-    help="Train with so many seeds, from --seed on, side by side; --out is the best of them.",
+    type=Integer(1, 1000),
+    metavar="N",
+    help="Train with N seeds in parallel, starting at --seed; --out gets the best policy.",
 )
 @click.option(
     "--evaluation",
-    type=click.IntRange(1, MAX_EPISODES),
+    type=Integer(1, MAX_EPISODES),
     metavar="EPISODES",
-    help="With --seeds: fresh episodes by which the best is chosen.  [default: 100]",
+    help="With --seeds: episodes that choose the best policy.  [default: 100]",
 )
 @click.option(
     "--workers",
-    type=click.IntRange(1, 10_000),
-    help="With --seeds: trainings at a time.  [default: one for each core]",
+    type=Integer(1, 10_000),
+    help="With --seeds: trainings to run at a time.  [default: one per core]",
 )
 @click.option(
     "--out",
     type=_FILE,
     required=True,
-    help="Policy file to write, .pt or .json. For mvqc, an entangling circuit that is not played "
-    "yet, its checkpoint, .pt.",
+    help="Policy file to write, .pt or .json. An mvqc policy cannot be played yet and is written "
+    "as a checkpoint, .pt.",
 )
 @click.option(
     "--force",
     is_flag=True,
-    help="Overwrite the files of --out and --checkpoint. A resumed training needs it for files of "
-    "other trainings alone.",
+    help="Overwrite --out and --checkpoint. A resumed training overwrites its own files without "
+    "--force.",
 )
 @json_option
 def command(environment: str, as_json: bool, **options: Any) -> None:
     """Train a policy in ENVIRONMENT, such as CartPole-v1, with PPO.
 
-    Ctrl-C ends the training and keeps the policy as it is by then; with --checkpoint, --resume
-    continues from there as if nothing had happened.
+    Ctrl-C ends the training and writes the policy as it is. With --checkpoint, the training can be
+    resumed later with --resume, and gives the same result as without the interruption.
+
+    Model names at the end of an option's description are the models that it applies to.
     """
     from qcompile.report.tables import print_table
     from qcompile.verbs.train import train

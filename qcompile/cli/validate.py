@@ -1,4 +1,4 @@
-"""`qcompile validate`: whether a calibration's twin shows what its machine does."""
+"""`qcompile validate`: test a calibration against fresh counts."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import click
 
 from qcompile.cli.live_options import live_options
 from qcompile.cli.options import (
+    Integer,
     Share,
     echo_json,
     echo_note,
@@ -25,40 +26,42 @@ if TYPE_CHECKING:
 @click.command("validate")
 @click.argument("file", type=click.Path(dir_okay=False, path_type=Path))
 @click.option(
-    "--policy", default="lunarlander", show_default=True, help="Whose circuits are compared."
+    "--policy", default="lunarlander", show_default=True, help="Policy whose circuits are run."
 )
 @click.option(
     "--observations",
-    type=click.IntRange(1, 1000),
-    help="How many, from episodes that the policy plays on the twin.  [default: by --power]",
+    type=Integer(1, 1000),
+    help="Number of observations to run, taken from simulated episodes.  [default: what --power "
+    "needs]",
 )
 @click.option(
     "--shots",
-    type=click.IntRange(1, MAX_SHOTS),
-    help="Shots of each circuit.  [default: by --power]",
+    type=Integer(1, MAX_SHOTS),
+    help="Shots of each circuit.  [default: what --power needs]",
 )
 @click.option(
     "--power",
     type=Share(open_end=True),
-    help="How often a moved qubit is to be found; chooses observations and shots.  [default: 0.9]",
+    help="Probability of detecting a change of --effect on any one qubit; chooses observations and "
+    "shots.  [default: 0.9]",
 )
 @click.option(
     "--effect",
     type=Share(),
     default=0.05,
     show_default=True,
-    help="How far the p01 of a moved qubit is raised.",
+    help="Increase of a qubit's p01, its chance of reading 1 as 0, to detect.",
 )
 @click.option(
-    "--seed", type=click.IntRange(0), default=0, show_default=True, help="Draws the episodes."
+    "--seed", type=Integer(0), default=0, show_default=True, help="Seed of the episodes and shots."
 )
 @import_option
 @env_option
 @click.option(
     "--backend",
     metavar="NAME",
-    help="Without --live: compare with this noise model, calibration or qiskit:NAME.  [default: "
-    "the device of the file]",
+    help="Without --live: run the circuits on this backend.  [default: the noise model of FILE's "
+    "device]",
 )
 @live_options
 @json_option
@@ -76,11 +79,11 @@ def command(
     live: Live | None,
     as_json: bool,
 ) -> None:
-    """Run a policy's circuits and compare their counts with the twin of the calibration FILE.
+    """Run a policy's circuits and compare the counts with what the calibration FILE predicts.
 
-    Exit 1 where a qubit contradicts its curve (chi-square, once in a thousand times by chance). It
-    takes the fewest executions that find a p01 of any one qubit raised by --effect with --power.
-    With --live on the machine that FILE was measured on, for a few seconds.
+    Exit code 1 means that a qubit no longer follows its response curve, by a chi-square test that
+    fails once in a thousand times by chance. With --live the circuits run on the machine that FILE
+    was measured on, for a few QPU seconds.
     """
     from qcompile.report.live import charged, print_validation
     from qcompile.verbs.validate import validate

@@ -9,7 +9,7 @@ from qcompile.calibration import Calibration
 from qcompile.deploy.rows import Rows, packed
 from qcompile.deploy.settings import RunSettings
 from qcompile.errors import CalibrationError
-from qcompile.execution import ExactPrepared, Executor, Workload, exact
+from qcompile.execution import ExactPrepared, Executor, Workload, require_exact
 from qcompile.ir import Program
 from qcompile.mitigation import (
     Misfit,
@@ -158,7 +158,7 @@ class Measurement:
     ) -> FloatArray:
         """The `<Z>` that is seen, (executions, copies * circuits), for as many inputs."""
         if self.settings.shots is None:
-            return exact(self._prepared).expectation(x, theta)
+            return require_exact(self._prepared).expectation(x, theta)
         rng = None if draws is None or rows is None else draws.rows(rows.episode, rows.decision)
         ones = self._prepared.ones(x, theta, self._shots, rng)
         return np.asarray(np.subtract(1.0, ones * (2.0 / self._shots)))
@@ -172,7 +172,7 @@ class Measurement:
         """(B, circuits) for inputs that are there for each place: the mean, weighted by shots."""
         z = self._measure(x, theta, rows, draws)
         if self._mitigation is not None:
-            z = self._mitigation.shown(z)
+            z = self._mitigation.tilted_cosine(z)
         weighted = z.reshape(len(z), len(self._weights), -1) * self._weights[:, None]
         mean = np.asarray(weighted.sum(axis=1))
         return mean if self._of_mean is None else self._of_mean.apply(mean)

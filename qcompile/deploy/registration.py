@@ -26,7 +26,7 @@ import gymnasium
 from gymnasium.envs.registration import EnvSpec
 
 from qcompile.errors import EnvironmentMismatchError, OptionError
-from qcompile.foreign import what_it_is
+from qcompile.foreign import describe
 from qcompile.terminal import first_line
 
 C = TypeVar("C")
@@ -180,13 +180,13 @@ def _name_of(make: Callable[..., Any]) -> str:
         said = first_line(f"{type(error).__name__}: {error}")
         raise EnvironmentMismatchError(what, said) from error
     if not isinstance(environment, gymnasium.Env):
-        raise EnvironmentMismatchError(what, f"It makes {what_it_is(environment)}.")
+        raise EnvironmentMismatchError(what, f"It makes {describe(environment)}.")
     environment.close()
     return type(environment.unwrapped).__name__
 
 
 @dataclass(frozen=True)
-class _Known:
+class _KnownEnvironments:
     """What is known in one process of environments that are not gymnasium's own.
 
     `specs` are pairs of an id and its pickled EnvSpec; a worker needs those of `names`.
@@ -199,7 +199,7 @@ class _Known:
     specs: tuple[tuple[str, bytes], ...]
 
 
-def knowing_environments(run: Callable[[C], R], names: Iterable[str]) -> Callable[[C], R]:
+def with_environments(run: Callable[[C], R], names: Iterable[str]) -> Callable[[C], R]:
     """`run`, which in a worker process knows the environments that are known here.
 
     The worker imports what `import_modules` did, and registers what is registered here; classes
@@ -224,18 +224,18 @@ def knowing_environments(run: Callable[[C], R], names: Iterable[str]) -> Callabl
                     "Register it in a module, which they import: --import MODULE.",
                 ) from error
     path = tuple(folder or os.getcwd() for folder in sys.path)
-    known = _Known(_PROCESS, needed, tuple(_imported), path, tuple(specs))
-    return partial(_run_knowing, known, run)
+    known = _KnownEnvironments(_PROCESS, needed, tuple(_imported), path, tuple(specs))
+    return partial(_run_with_environments, known, run)
 
 
-def _run_knowing(known: _Known, run: Callable[[C], R], cell: C) -> R:
+def _run_with_environments(known: _KnownEnvironments, run: Callable[[C], R], cell: C) -> R:
     if known.process != _PROCESS:
-        _learn(known)
+        _register_known(known)
     return run(cell)
 
 
 @lru_cache(maxsize=1)  # a worker has many cells, and may outlive a definition
-def _learn(known: _Known) -> None:
+def _register_known(known: _KnownEnvironments) -> None:
     """Raise EnvironmentMismatchError where an environment cannot be had here."""
     for folder in known.path:
         _append_path(folder)

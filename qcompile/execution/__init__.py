@@ -12,7 +12,7 @@ from qcompile.execution.prepared import (
     Prepared,
     check_shots,
     draw_ones,
-    exact,
+    require_exact,
 )
 from qcompile.execution.primitive import PrimitiveExecutor
 from qcompile.execution.twin import TwinExecutor
@@ -31,11 +31,11 @@ __all__ = [
     "Workload",
     "check_shots",
     "draw_ones",
-    "exact",
     "expectation_from_ones",
     "load_backend",
     "open_device",
     "open_executor",
     "portions",
     "qpu_seconds",
+    "require_exact",
 ]

@@ -10,7 +10,7 @@ from qcompile.arrays import CountArray, FloatArray
 from qcompile.calibration import Calibration
 from qcompile.device import Device, Kind
 from qcompile.errors import CountsError, DeviceError
-from qcompile.execution.prepared import Prepared, check_shots, exact
+from qcompile.execution.prepared import Prepared, check_shots, require_exact
 from qcompile.passes import Executable
 
 
@@ -54,7 +54,7 @@ class Executor(ABC):
             CountsError: the executor only has shots.
             DeviceError: the executable was compiled for another device.
         """
-        return exact(self._prepared(executable)).expectation(x, theta)
+        return require_exact(self._prepared(executable)).expectation(x, theta)
 
     def _prepared(self, executable: Executable) -> Prepared:
         """The executable prepared, or what was prepared last if it is that."""

@@ -9,7 +9,7 @@ from qcompile.device import Device, Kind
 from qcompile.errors import DeviceError
 from qcompile.execution.executor import Executor, check_device
 from qcompile.execution.prepared import ExactPrepared
-from qcompile.foreign import what_it_is
+from qcompile.foreign import describe
 from qcompile.noise import NoisyCircuits
 from qcompile.passes import Executable
 
@@ -27,7 +27,7 @@ class OfflineExecutor(Executor):
     def __init__(self, device: Device, seed: int | np.random.SeedSequence | None = None):
         if not isinstance(device, Device):
             raise DeviceError(
-                f"OfflineExecutor takes a Device; this is {what_it_is(device)}.",
+                f"OfflineExecutor takes a Device; this is {describe(device)}.",
                 "load_backend(name_or_object).device is one.",
             )
         self.device = device
@@ -41,10 +41,10 @@ class OfflineExecutor(Executor):
             DeviceError: it was compiled for another device.
         """
         check_device(executable, self.device)
-        return _Noisy(executable, self.rng)
+        return _PreparedNoise(executable, self.rng)
 
 
-class _Noisy(ExactPrepared):
+class _PreparedNoise(ExactPrepared):
     def __init__(self, executable: Executable, rng: np.random.Generator):
         super().__init__(executable, rng)
         self._noisy = NoisyCircuits(

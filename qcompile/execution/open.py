@@ -17,7 +17,7 @@ from qcompile.execution.backend import (
     TwinBackend,
 )
 from qcompile.execution.executor import Executor
-from qcompile.foreign import is_qiskit_backend, what_it_is
+from qcompile.foreign import describe, is_qiskit_backend
 from qcompile.snapshot import QISKIT_PREFIX, device_from_backend, find_backend
 
 
@@ -51,7 +51,7 @@ def load_backend(backend: Any, *, sampler: Any = None) -> Any:
         return DeviceBackend(device_from_backend(backend))
     if sampler is not None:
         raise DeviceError(
-            f"sampler= needs the Qiskit backend it runs on, found {what_it_is(backend)}.",
+            f"sampler= needs the Qiskit backend it runs on, found {describe(backend)}.",
             "load_backend(backend, sampler=sampler) with a BackendV2.",
         )
     if isinstance(backend, str | Path):
@@ -63,7 +63,7 @@ def load_backend(backend: Any, *, sampler: Any = None) -> Any:
     if isinstance(backend, Executor) or (hasattr(backend, "open") and hasattr(backend, "device")):
         return backend
     raise DeviceError(
-        f"load_backend found {what_it_is(backend)}.",
+        f"load_backend found {describe(backend)}.",
         "It takes a name, a file, a Device, a Calibration, an executor or a Qiskit BackendV2.",
     )
 

@@ -72,7 +72,7 @@ class ExactPrepared(Prepared):
     def ones(
         self, x: FloatArray, theta: FloatArray, shots: CircuitShots, rng: Binomial | None = None
     ) -> CountArray:
-        most_shots(shots)
+        largest_shots(shots)
         p_one = self.p_one(x, theta)
         if rng is None:
             return draw_ones(self._rng, shots, p_one)
@@ -84,7 +84,7 @@ def draw_ones(rng: np.random.Generator, shots: CircuitShots, p_one: FloatArray) 
     return rng.binomial(shots, np.minimum(np.maximum(p_one, 0.0), 1.0))
 
 
-def exact(prepared: Prepared) -> ExactPrepared:
+def require_exact(prepared: Prepared) -> ExactPrepared:
     """`prepared`, if it has expectations without shot noise.
 
     Raises:
@@ -95,7 +95,7 @@ def exact(prepared: Prepared) -> ExactPrepared:
     raise CountsError(*prepared.shots_only)
 
 
-def most_shots(shots: CircuitShots) -> int:
+def largest_shots(shots: CircuitShots) -> int:
     """The shots that it takes to give each circuit its own.
 
     Raises:

@@ -17,7 +17,7 @@ from qcompile.device import Device, Kind
 from qcompile.errors import DeviceError, MissingExtraError, QcompileError
 from qcompile.execution.executor import Executor, check_device
 from qcompile.execution.packed import REGISTER, PackedExecutable, PackedRound, count_ones
-from qcompile.execution.prepared import Binomial, Prepared, most_shots
+from qcompile.execution.prepared import Binomial, Prepared, largest_shots
 from qcompile.passes import Executable
 from qcompile.snapshot import device_from_backend, properties_of
 from qcompile.terminal import first_line
@@ -77,7 +77,7 @@ class PrimitiveExecutor(Executor):
             DeviceError: it was compiled for another device.
         """
         check_device(executable, self.device)
-        return _Sampled(executable, self)
+        return _PreparedSampler(executable, self)
 
     def bits(
         self, rounds: list[PackedRound], angles: FloatArray, shots: int
@@ -128,7 +128,7 @@ class PrimitiveExecutor(Executor):
             return SamplerV2(mode=self._simulator, options={"simulator": {"seed_simulator": seed}})
 
 
-class _Sampled(PackedExecutable):
+class _PreparedSampler(PackedExecutable):
     def __init__(self, executable: Executable, executor: PrimitiveExecutor):
         super().__init__(executable)
         self._executor = executor
@@ -141,7 +141,7 @@ class _Sampled(PackedExecutable):
     def ones(
         self, x: FloatArray, theta: FloatArray, shots: CircuitShots, rng: Binomial | None = None
     ) -> CountArray:
-        most = most_shots(shots)
+        most = largest_shots(shots)
         angles = self.executable.bind(x, theta)
         circuits = np.arange(len(self.executable.native))
         if not len(angles) or not len(circuits):

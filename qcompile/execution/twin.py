@@ -53,10 +53,10 @@ class TwinExecutor(Executor):
             DeviceError: the executable was compiled for another device.
         """
         check_device(executable, self.device)
-        return _Responding(executable, self.calibration, self.rng)
+        return _PreparedTwin(executable, self.calibration, self.rng)
 
 
-class _Responding(ExactPrepared):
+class _PreparedTwin(ExactPrepared):
     def __init__(self, executable: Executable, calibration: Calibration, rng: np.random.Generator):
         super().__init__(executable, rng)
         assert calibration.response is not None  # the twin has curves

@@ -6,7 +6,7 @@ from os import PathLike
 from pathlib import Path
 
 from qcompile.errors import CircuitError
-from qcompile.foreign import what_it_is
+from qcompile.foreign import describe
 from qcompile.interop.symbols import Inputs, measured_in_order, split
 from qcompile.interop.uploads import Uploads
 from qcompile.ir import Program
@@ -47,6 +47,6 @@ def _source(text_or_path: str | Path, products: bool) -> Source:
     elif not isinstance(text_or_path, PathLike):
         raise CircuitError(
             f"{'Ansatz' if products else 'Program'}.from_qasm takes OpenQASM text or a path, "
-            f"found {what_it_is(text_or_path)}."
+            f"found {describe(text_or_path)}."
         )
     return read_file(text_or_path, products=products)

@@ -68,7 +68,7 @@ def _read(function: Any, inputs: Shape, parameters: Shape, products: bool) -> Up
                 "Give the quantum function that makes the tape instead.",
             )
     else:
-        tape = _called(function, inputs, parameters, products)
+        tape = _traced_tape(function, inputs, parameters, products)
     gates: dict[Any, list[Gate]] = {wire: [] for wire in tape.wires}
     for operation in tape.operations:
         for wire, gate in _expanded(operation):
@@ -107,7 +107,7 @@ def _size(shape: Shape) -> int:
     return int(np.prod(shape, dtype=int))
 
 
-def _called(function: Any, inputs: Shape, parameters: Shape, products: bool) -> Any:
+def _traced_tape(function: Any, inputs: Shape, parameters: Shape, products: bool) -> Any:
     """The tape of one call, with symbols for every input and parameter."""
     import autoray
     import pennylane as qml

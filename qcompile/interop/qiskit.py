@@ -13,7 +13,7 @@ from typing import Any
 from qcompile.arrays import FloatArray, real_array
 from qcompile.errors import CircuitError, MissingExtraError
 from qcompile.execution.packed import pack_round
-from qcompile.foreign import what_it_is
+from qcompile.foreign import describe
 from qcompile.interop.symbols import (
     Inputs,
     at,
@@ -55,7 +55,7 @@ def _read(circuit: Any, inputs: Inputs, products: bool) -> Uploads:
     if not isinstance(circuit, QuantumCircuit):
         raise CircuitError(
             f"{'Ansatz' if products else 'Program'}.from_qiskit takes a QuantumCircuit, "
-            f"found {what_it_is(circuit)}."
+            f"found {describe(circuit)}."
         )
     own, trained = split(natural(p.name for p in circuit.parameters), inputs)
     names = symbols([*own, *trained])
@@ -153,16 +153,16 @@ def _angle(value: Any, names: Mapping[str, str], products: bool) -> Angle:
             for other in others:
                 if second := _number(_slope(slope, other, value), value):
                     pairs[frozenset((parameter, other))] = second
-            slope = _at(slope, dict.fromkeys(others, 0.0))
+            slope = _value_at(slope, dict.fromkeys(others, 0.0))
         slopes[parameter] = _number(slope, value)
     if any(len(pair) == 1 for pair in pairs):
         raise not_affine(str(value))
-    constant = _at(value, dict.fromkeys(slopes, 0.0))
+    constant = _value_at(value, dict.fromkeys(slopes, 0.0))
     for probe in _PROBES:
         point = {p: probe * (i + 1) for i, p in enumerate(slopes)}
         parts = [constant, *(slope * point[p] for p, slope in slopes.items())]
         parts += [c * math.prod(point[p] for p in pair) for pair, c in pairs.items()]
-        if abs(_at(value, point) - sum(parts)) > 1e-12 * sum(map(abs, parts)):
+        if abs(_value_at(value, point) - sum(parts)) > 1e-12 * sum(map(abs, parts)):
             raise not_affine(str(value))
     if any(number.imag for number in (constant, *slopes.values(), *pairs.values())):
         raise CircuitError(f"The angle {value} is not real.", "An angle is a real number.")
@@ -190,7 +190,7 @@ def _number(value: Any, angle: Any) -> complex:
         raise not_affine(str(angle)) from error
 
 
-def _at(value: Any, point: Mapping[Any, float]) -> complex:
+def _value_at(value: Any, point: Mapping[Any, float]) -> complex:
     try:
         number = complex(value.bind(dict(point)))
     except (TypeError, ValueError, ZeroDivisionError, RuntimeError) as error:

@@ -16,7 +16,7 @@ from qcompile.ir.turns import MODERATE_RAD, reduced_product
 Array = Any
 """A numpy array or a torch tensor; one code serves both."""
 
-_MOST_DENSE = 1_000_000
+_MAX_DENSE = 1_000_000
 """Entries of a dense matrix of linear forms."""
 
 
@@ -41,7 +41,7 @@ class _Linear:
         """No form is larger than this times the largest value."""
         self._terms = index, scale
         self._matrix = self._gathers = None
-        if most > 1 and len(symbols) * len(forms) <= _MOST_DENSE:
+        if most > 1 and len(symbols) * len(forms) <= _MAX_DENSE:
             matrix = np.zeros((len(symbols), len(forms)))
             for symbols_of_term, scale_of_term in zip(index, scale, strict=True):
                 matrix[symbols_of_term, np.arange(len(forms))] += scale_of_term

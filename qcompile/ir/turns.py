@@ -21,8 +21,8 @@ MODERATE_RAD = 256.0
 """Up to here plain arithmetic of doubles serves: one rounding is at most 3e-14."""
 
 _MANTISSA = 53
-_LEAST_EXPONENT = 3 - _MANTISSA  # of an angle of 4 or more, as a whole number times a power of 2
-_MOST_EXPONENT = 1024 - _MANTISSA
+_MIN_EXPONENT = 3 - _MANTISSA  # of an angle of 4 or more, as a whole number times a power of 2
+_MAX_EXPONENT = 1024 - _MANTISSA
 _LOW_32 = np.uint64(0xFFFFFFFF)
 _32 = np.uint64(32)
 
@@ -37,7 +37,7 @@ def reduced(angles: FloatArray | float) -> FloatArray:
     large = (np.abs(angles) >= 4.0) & np.isfinite(angles)
     whole = np.where(large, np.abs(mantissa) * 2.0**_MANTISSA, 0.0).astype(np.uint64)
     high, low = _turns_of_powers()
-    index = np.where(large, exponent - _MANTISSA - _LEAST_EXPONENT, 0)
+    index = np.where(large, exponent - _MANTISSA - _MIN_EXPONENT, 0)
     # Products modulo one turn: what overflows 64 bits is whole turns.
     turns = whole * high[index] + _upper_half(whole, low[index])
     radians = turns.astype(np.int64) * (2 * math.pi / 2.0**64)
@@ -97,11 +97,11 @@ def _upper_half(a: NDArray[np.uint64], b: NDArray[np.uint64]) -> NDArray[np.uint
 @cache
 def _turns_of_powers() -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
     """2^e radians as a fraction of a turn, in two words of 64 bits, from the least e on."""
-    bits = _MOST_EXPONENT + 128 + 64
+    bits = _MAX_EXPONENT + 128 + 64
     inverse = (1 << 2 * bits) // (2 * _pi(bits))  # 1 / (2 pi) times 2^bits
     words = [
         (inverse << e + 64 >> bits - 64) & ((1 << 128) - 1)
-        for e in range(_LEAST_EXPONENT, _MOST_EXPONENT + 1)
+        for e in range(_MIN_EXPONENT, _MAX_EXPONENT + 1)
     ]
     split = [(word >> 64, word & ((1 << 64) - 1)) for word in words]
     high, low = np.array(split, dtype=np.uint64).T

@@ -8,7 +8,7 @@ from qcompile.errors import BudgetError
 from qcompile.execution import qpu_seconds
 from qcompile.limits import MAX_QPU_SECONDS
 from qcompile.live.database import Database
-from qcompile.live.opening import reading
+from qcompile.live.journal_file import reading
 from qcompile.live.records import Charge
 
 _DOUBTS = "charged_s IS NULL AND job_id IS NULL"
@@ -130,7 +130,7 @@ class Charges:
         """IBM has a job of which the journal had nothing."""
         self._insert(number, executions, cap_s, sent_at, job_id)
 
-    def note_looked_over(self) -> None:
+    def note_reconciled(self) -> None:
         """IBM has no job of the run but those that are here."""
         self._db.do("INSERT INTO looked_over VALUES (?)", datetime.now(UTC).isoformat())
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from qcompile.live.words import Apart, never_left
+from qcompile.live.client_errors import DetachedErrors, never_left
 
 _TIMEOUT_S = (5.0, 60.0)
 """To connect, and between two pieces of an answer; by itself the client waits for ever."""
@@ -44,7 +44,7 @@ def make_safe(service: Any, count: Callable[[int], None]) -> None:
             submits = request.method == "POST" and path.endswith("/jobs")
             count(submits)
             try:
-                with Apart():
+                with DetachedErrors():
                     return super().send(request, *args, **options)
             except OSError as error:
                 count(-(submits and never_left(error)))

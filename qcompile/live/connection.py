@@ -12,13 +12,13 @@ from typing import Any, TypeVar
 
 from qcompile.device import Device
 from qcompile.errors import LiveError, MissingExtraError, QcompileError
-from qcompile.live import words
+from qcompile.live import client_errors
 from qcompile.live.answers import UnreadableAnswerError
 from qcompile.live.client import clients, log_in, make_safe
-from qcompile.live.words import (
-    Apart,
+from qcompile.live.client_errors import (
+    DetachedErrors,
     duration,
-    in_words,
+    explain_error,
     retry_after_s,
     seconds_setting,
     transient,
@@ -58,7 +58,7 @@ class Connection:
         if not backend:
             raise LiveError("The backend has no name.", "Name a machine of the account.")
         self.name, self._account, self._instance = backend, account, instance
-        usual_s = seconds_setting("QCOMPILE_PATIENCE_SECONDS", words.PATIENCE_S)
+        usual_s = seconds_setting("QCOMPILE_PATIENCE_SECONDS", client_errors.PATIENCE_S)
         self._patience_s = usual_s if patience_s is None else patience_s
         self._given: Any = given
         self._say = say
@@ -258,13 +258,13 @@ class Connection:
             reraise=True,
         )
         try:
-            with Apart(), warnings.catch_warnings():
+            with DetachedErrors(), warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # the client's words go to people who program it
                 return retrying(call)
         except QcompileError:
             raise
         except (QiskitError, ApiException, RequestException, OSError) as error:
-            raise in_words(error) from error
+            raise explain_error(error) from error
         except Exception as error:  # of the client: what another shape breaks depends on the shape
             raise UnreadableAnswerError(about) from error
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from qcompile.errors import LiveError
-from qcompile.live.opening import connect, reading
+from qcompile.live.journal_file import connect, reading
 
 
 class Database:

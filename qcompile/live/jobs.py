@@ -11,14 +11,14 @@ from qcompile.live.answers import RemoteJob, UnreadableAnswerError
 from qcompile.live.billing import Billing
 from qcompile.live.budget import Budget
 from qcompile.live.connection import Connection
-from qcompile.live.earlier import bits_of_ones
 from qcompile.live.journal import Journal
+from qcompile.live.old_counts import bits_of_ones
 from qcompile.live.pace import Pace
+from qcompile.live.progress import Queue
 from qcompile.live.records import Register, Submission
 from qcompile.live.remote import JobGoneError, RemoteJobs
 from qcompile.live.request import Request, is_same, measured
-from qcompile.live.sending import Sender
-from qcompile.live.waiting import Queue
+from qcompile.live.sender import Sender
 
 _SLOWEST_POLL_S = 2.0
 _MOST_ATTEMPTS = 3
@@ -136,7 +136,7 @@ class Jobs:
             return
         raise ReplayError(
             f"Job {number} of run {self.journal.id} was another one when it was sent.",
-            *(self._finder.words_on_doubts() if found.state == "sending" else ()),
+            *(self._finder.doubt_hints() if found.state == "sending" else ()),
         )
 
     def _job_of(self, last: Submission | None, number: int, request: Request) -> str:
@@ -182,7 +182,7 @@ class Jobs:
         What it does not say within some seconds stays unknown, and counts with its cap.
         """
         try:
-            self._finder.look_over()
+            self._finder.reconcile()
         except LiveError as error:
             self._say(str(error))
         self._billing.settle()
@@ -199,7 +199,7 @@ class Jobs:
         if charged_s != 0:
             raise PaidFailureError(
                 f"Job {failed.job_id} gave no counts. IBM says: {failed.words}",
-                f"It {_in_words(charged_s)}. It is sent and paid again only if you say so.",
+                f"It {_charge_text(charged_s)}. It is sent and paid again only if you say so.",
             )
 
     def _settle(self, submission: Submission, job_id: str, registers: Sequence[Register]) -> None:
@@ -213,13 +213,13 @@ class Jobs:
         if job.is_done:
             self.journal.note_done(submission, self._fetch(job_id, registers))
             self._billing.ask(self.journal.charges.of_job(job_id))
-            self._finder.sweep(submission)
+            self._finder.cancel_duplicates(submission)
             return
         expected_s = self.budget.expected_s(submission.executions)  # and not after what it took
         self.journal.note_failed(submission, job.reason)
-        self._finder.sweep(submission)
+        self._finder.cancel_duplicates(submission)
         charged_s = self._billing.charge_s(job_id)
-        charge = f"It {_in_words(charged_s)}; this was attempt {submission.attempt + 1}."
+        charge = f"It {_charge_text(charged_s)}; this was attempt {submission.attempt + 1}."
         if job.was_cut_off:
             known = self.journal.charges.of_job(job_id)
             cap_s = submission.cap_s if known is None else known.cap_s
@@ -284,5 +284,5 @@ class Jobs:
         ) from last
 
 
-def _in_words(charged_s: float | None) -> str:
+def _charge_text(charged_s: float | None) -> str:
     return "may be charged yet" if charged_s is None else f"was charged {charged_s:g} s"

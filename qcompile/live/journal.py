@@ -23,9 +23,9 @@ from qcompile.errors import LiveError
 from qcompile.limits import MAX_QPU_SECONDS
 from qcompile.live import home, schema
 from qcompile.live.charges import Charges, check_limit
+from qcompile.live.client_errors import quoted
 from qcompile.live.database import Database
-from qcompile.live.measured import Measured
-from qcompile.live.opening import (
+from qcompile.live.journal_file import (
     FILE,
     check_pages,
     check_values,
@@ -33,9 +33,9 @@ from qcompile.live.opening import (
     reading,
     write_journal,
 )
+from qcompile.live.measured import Measured
 from qcompile.live.records import Register, State, Submission
 from qcompile.live.steps import Steps
-from qcompile.live.words import quoted
 
 TaskKind = Literal["run", "calibrate", "validate", "sampler"]
 
@@ -135,7 +135,7 @@ class Journal:
         self._db.close()
 
     @contextmanager
-    def held(self) -> Iterator[None]:
+    def locked(self) -> Iterator[None]:
         """Hold the run: no other process may resume it meanwhile.
 
         Raises:
@@ -273,9 +273,9 @@ class Journal:
         doubt = self.charges.doubts(submission.number)[-1]
         with self._db.at_once():
             self.charges.note_job(doubt, job_id, doubt.cap_s)
-            self.note_taken(submission, job_id)
+            self.note_adopted(submission, job_id)
 
-    def note_taken(self, submission: Submission, job_id: str) -> None:
+    def note_adopted(self, submission: Submission, job_id: str) -> None:
         """A job that is known is that of the submission: its counts are waited for."""
         self._note(submission, "state = 'sent', job_id = ?", job_id)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from qcompile.live.database import Database
-from qcompile.live.opening import reading
+from qcompile.live.journal_file import reading
 from qcompile.live.records import Register
 
 

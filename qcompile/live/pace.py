@@ -10,7 +10,7 @@ from datetime import UTC, datetime, timedelta
 
 from qcompile.errors import LiveError, OptionError
 from qcompile.live.charges import Charges
-from qcompile.live.words import duration, retry_after_s
+from qcompile.live.client_errors import duration, retry_after_s
 
 MINUTE_S = 60.0
 _LATE_S = 5.0

@@ -26,11 +26,11 @@ from qcompile.live.jobs import Jobs
 from qcompile.live.journal import Journal, TaskKind
 from qcompile.live.measure import CalibrateTask
 from qcompile.live.play import RunTask
+from qcompile.live.progress import Remaining
 from qcompile.live.results import check_result
 from qcompile.live.sampling import SamplerTask
 from qcompile.live.task import Context, Task
 from qcompile.live.validate import ValidateTask
-from qcompile.live.waiting import Remaining
 from qcompile.terminal import one_line
 from qcompile.validation import explain
 from qcompile.version import versions
@@ -89,14 +89,14 @@ def complete(
     Raises:
         BudgetError: the limit of QPU seconds would be passed.
         LiveError: a job cannot be had, or Ctrl-C; the same call resumes from there. Or the run is
-            not at home here (`strangeness`): `journal.move_here()` first.
+            not at home here (`resume_warning`): `journal.move_here()` first.
         PaidFailureError: a job was charged and gave no counts, and `pay_again` is not said.
         ReplayError: the run does not repeat what the journal holds.
     """
     task = task_of(journal)
-    if journal.result is None and (words := strangeness(journal)):
+    if journal.result is None and (words := resume_warning(journal)):
         raise LiveError(words, f"`{resume_command(journal)}` asks whether to resume it here.")
-    with journal.held():
+    with journal.locked():
         step = ""
 
         def say(words: str) -> None:
@@ -129,14 +129,14 @@ def complete(
                 if task.ends:
                     journal.finish(found)
             except KeyboardInterrupt:
-                raise explained(LiveError("Interrupted."), journal) from None
+                raise with_advice(LiveError("Interrupted."), journal) from None
             except QcompileError as error:
-                raise explained(error, journal) from error
+                raise with_advice(error, journal) from error
             finally:
                 jobs.close()
         with suppress(KeyboardInterrupt, MissingExtraError):
             jobs.settle()
-        if is_from_elsewhere(journal):
+        if is_from_another_machine(journal):
             task = task.without_file()
         result = finished(journal) if task.ends else found | costs(journal)
         try:
@@ -152,7 +152,7 @@ def _why(error: Exception) -> list[str]:
     return [one_line(line, 120) for line in explain(error, 2)]
 
 
-def strangeness(journal: Journal) -> str:
+def resume_warning(journal: Journal) -> str:
     """Why the run should not be resumed here unasked, in words; empty where it is at home."""
     last, now = journal.home("last"), here(journal.id, journal.folder)
     if is_same_place(last, now):
@@ -166,7 +166,7 @@ def strangeness(journal: Journal) -> str:
     return f"{words} and may still be running there, as process {last.process}."
 
 
-def is_from_elsewhere(journal: Journal) -> bool:
+def is_from_another_machine(journal: Journal) -> bool:
     """Whether another machine made the journal, or one that is not known: its limit and its files
     are somebody else's word."""
     began = journal.home("began")
@@ -208,7 +208,7 @@ def finished(journal: Journal) -> dict[str, Any]:
     return {**result, **costs(journal)}
 
 
-def progress_in_words(journal: Journal) -> str:
+def describe_progress(journal: Journal) -> str:
     """A line of words: jobs and steps of the run so far."""
     steps = f", steps played: {len(journal.steps)}" if journal.kind == "run" else ""
     return f"Jobs done: {journal.jobs_done()}{steps}; all of it is kept."
@@ -219,7 +219,7 @@ def run_versions() -> dict[str, str]:
     return versions(*_PACKAGES) | {"machine": platform.machine()}
 
 
-def explained(error: QcompileError, journal: Journal) -> QcompileError:
+def with_advice(error: QcompileError, journal: Journal) -> QcompileError:
     """The error, with where the run stands and what to do."""
     export = f"`{export_command(journal)}` gives what was measured."
     if isinstance(error, ReplayError):
@@ -243,7 +243,7 @@ def explained(error: QcompileError, journal: Journal) -> QcompileError:
         hint = f"`{resume_command(journal)}` resumes it."
     else:
         hint = export
-    return error.with_hints(progress_in_words(journal), hint)
+    return error.with_hints(describe_progress(journal), hint)
 
 
 def _another_journal(journal: Journal) -> list[str]:
@@ -262,4 +262,4 @@ def _hints_for_a_program(error: QcompileError, journal: Journal) -> list[str]:
         hint = "Run the same program again: it gets what is recorded, and goes on."
     else:
         return []
-    return [progress_in_words(journal), hint]
+    return [describe_progress(journal), hint]

@@ -9,8 +9,8 @@ from typing import Any, TypeVar
 from qcompile.errors import LiveError
 from qcompile.live.answers import Listing, Metrics, RemoteJob, UnreadableAnswerError, read
 from qcompile.live.client import clients
+from qcompile.live.client_errors import NOT_FOUND, status_code
 from qcompile.live.connection import Connection
-from qcompile.live.words import NOT_FOUND, status_code
 
 T = TypeVar("T")
 

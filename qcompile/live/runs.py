@@ -8,7 +8,7 @@ from pathlib import Path
 
 from qcompile.errors import LiveError
 from qcompile.live.journal import Journal
-from qcompile.live.opening import FILE, NeverBegunError
+from qcompile.live.journal_file import FILE, NeverBegunError
 
 
 def journals(

@@ -11,16 +11,16 @@ from pathlib import Path
 from typing import Any
 
 from qcompile.errors import LiveError, OptionError, QcompileError
-from qcompile.foreign import what_it_is
+from qcompile.foreign import describe
 from qcompile.live.charges import check_limit
 from qcompile.live.commands import resume_command
 from qcompile.live.connection import Connection
 from qcompile.live.jobs import Jobs
 from qcompile.live.jobs_sampler import JobsSampler, SamplerJob
 from qcompile.live.journal import Journal
-from qcompile.live.opening import FILE
+from qcompile.live.journal_file import FILE
 from qcompile.live.pace import check_pace
-from qcompile.live.perform import costs, explained, run_versions, strangeness
+from qcompile.live.perform import costs, resume_warning, run_versions, with_advice
 from qcompile.live.pubs import Call
 from qcompile.live.sampling import SamplerTask
 
@@ -90,7 +90,7 @@ class GuardedSampler(JobsSampler):
         name, given = _machine(backend)
         if not isinstance(journal, str | Path):
             raise OptionError(
-                f"journal is {what_it_is(journal)}.", "It is the name of a folder: 'runs/mine'."
+                f"journal is {describe(journal)}.", "It is the name of a folder: 'runs/mine'."
             )
         folder = Path(journal)
         connection = Connection(name, account, instance, given=given)
@@ -106,7 +106,7 @@ class GuardedSampler(JobsSampler):
                 connection = Connection(name, account, task.instance)
             if (before := _OPEN.get(folder.resolve())) is not None:
                 before.close()
-            stack.enter_context(self.journal.held())
+            stack.enter_context(self.journal.locked())
             self.journal.allow(max_qpu_seconds)
             super().__init__(
                 Jobs(
@@ -190,7 +190,7 @@ class GuardedSampler(JobsSampler):
         try:
             yield
         except QcompileError as error:
-            raise explained(error, self.journal) from error
+            raise with_advice(error, self.journal) from error
 
     def check_owner(self) -> None:
         """Nothing, if the process and the thread that made it ask.
@@ -239,7 +239,7 @@ def _machine(backend: Any) -> tuple[str, Any]:
     if "qiskit_ibm_runtime.ibm_backend" in homes:
         return backend.name, backend
     raise OptionError(
-        f"GuardedSampler found {what_it_is(backend)}.",
+        f"GuardedSampler found {describe(backend)}.",
         "It takes the name of a machine, or the IBMBackend of QiskitRuntimeService.backend(name).",
         "Sessions and batches are not taken; batch=True makes one.",
         "A simulator costs nothing and needs no guard: use its own sampler.",
@@ -288,6 +288,6 @@ def _task(journal: Journal, backend: str, account: str | None) -> SamplerTask:
             f"This sampler asks {backend}, account {account or 'the usual one'}. "
             "Name another folder.",
         )
-    if words := strangeness(journal):
+    if words := resume_warning(journal):
         raise LiveError(words, f"`{resume_command(journal)}` asks whether to resume it here.")
     return task

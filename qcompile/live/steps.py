@@ -8,7 +8,7 @@ import numpy as np
 
 from qcompile.arrays import CountArray, FloatArray
 from qcompile.live.database import Database
-from qcompile.live.opening import reading
+from qcompile.live.journal_file import reading
 from qcompile.live.records import Chains, Step, to_bytes
 
 _BEGUN = f"instr(substr(actions, 1, 128), X'{b'(3, '.hex()}')"

@@ -10,7 +10,7 @@ from qcompile.mitigation.measure import CALIBRATION_SHOTS, Part, calibrate
 from qcompile.mitigation.undo import Mitigation, readout_mitigation, response_mitigation
 from qcompile.passes import Executable
 
-LEAST_SHOTS = 256
+MIN_SHOTS = 256
 """Fewer save next to nothing, and chi-square holds no longer: right response curves are doubted."""
 SHARE = 0.05
 """What the variance of the calibration may be of that of shot noise."""
@@ -32,7 +32,7 @@ def enough_shots(
     is what a square error of a circuit's `<Z>` costs (`Policy.importance`); where a circuit stands
     in several places, each has its own, and for a mean over places it has the squares of their
     weights. The covariance is that of a calibration of the noise model: it falls as 1 / shots. The
-    result is a power of two in [LEAST_SHOTS, CALIBRATION_SHOTS].
+    result is a power of two in [MIN_SHOTS, CALIBRATION_SHOTS].
     """
     model = OfflineExecutor(executable.device, 0)
     known = calibrate(model, executable.qubits, CALIBRATION_SHOTS, parts=[part])
@@ -41,15 +41,15 @@ def enough_shots(
         if part == "readout"
         else response_mitigation(known, executable, any_side=True)
     )
-    counted, calibrated = mitigation.variances(_shown(mitigation), shots)
+    counted, calibrated = mitigation.variances(_measured_z(mitigation), shots)
     noise, error = (counted * importance).sum(), (calibrated * importance).sum()
     if not error:
-        return LEAST_SHOTS
+        return MIN_SHOTS
     wanted = CALIBRATION_SHOTS * error / (SHARE * noise)
-    return int(2 ** np.ceil(np.log2(np.clip(wanted, LEAST_SHOTS, CALIBRATION_SHOTS))))
+    return int(2 ** np.ceil(np.log2(np.clip(wanted, MIN_SHOTS, CALIBRATION_SHOTS))))
 
 
-def _shown(mitigation: Mitigation) -> FloatArray:
+def _measured_z(mitigation: Mitigation) -> FloatArray:
     """What circuits of ideal `<Z>` show, (numbers, circuits)."""
     polar = np.arccos(_Z)[:, None] - mitigation.tilt
     return np.asarray(mitigation.offset + mitigation.contrast * np.cos(polar))

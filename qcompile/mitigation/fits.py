@@ -7,16 +7,16 @@ from typing import Any
 import numpy as np
 
 from qcompile.arrays import FloatArray, IntArray
-from qcompile.calibration import ReadoutFit, ResponseFit, weakness
+from qcompile.calibration import ReadoutFit, ResponseFit, fit_problems
 from qcompile.errors import CalibrationError
 from qcompile.mitigation.cone import within_cone
 from qcompile.validation import listed
 
-_LEAST_SPREAD = 1e-3  # of the angles: else one of b, c and s is hardly measured
+_MIN_SPREAD = 1e-3  # of the angles: else one of b, c and s is hardly measured
 PRIOR_SHOTS = 8.0
 """What all qubits together say of a qubit's readout weighs as much as so many shots of its own."""
 
-_MOST_GAP = 1e-3
+_MAX_GAP = 1e-3
 """In units of chi-square: a fit is kept that is within 0.03 standard errors of the best one."""
 _EXACT = 1e8
 """The weight of exact probabilities: they are taken to be known to 1e-4 of `<Z>`."""
@@ -77,7 +77,7 @@ def fit_response(
     """
     angles = angles_rad if angles_rad.ndim == 2 else np.repeat(angles_rad[:, None], len(qubits), 1)
     design = np.stack([np.ones_like(angles), np.cos(angles), np.sin(angles)], axis=2)
-    if (np.linalg.matrix_rank(design.transpose(1, 0, 2), tol=_LEAST_SPREAD) < 3).any():
+    if (np.linalg.matrix_rank(design.transpose(1, 0, 2), tol=_MIN_SPREAD) < 3).any():
         raise CalibrationError(
             f"{len(angles)} angles do not fix a curve.", "It needs three that differ."
         )
@@ -89,8 +89,8 @@ def fit_response(
     information = np.einsum("kni,kn,knj->nij", design, weights, design)
     covariance = np.linalg.inv(information)
     free = np.einsum("nij,knj,kn,kn->ni", covariance, design, weights, z)
-    fitted, gaps = within_cone(free, information, _MOST_GAP)
-    if lost := qubits[~(gaps <= _MOST_GAP)].tolist():
+    fitted, gaps = within_cone(free, information, _MAX_GAP)
+    if lost := qubits[~(gaps <= _MAX_GAP)].tolist():
         raise CalibrationError(
             f"No solver finds the response curve of qubit {listed(list(map(str, lost)))}.",
             "`qcompile calibrate --from FILE --qubits ...` fits the counts of the others.",
@@ -125,5 +125,5 @@ def _variance(frequency: FloatArray, shots: FloatArray | float) -> FloatArray:
 
 
 def _check(fit: ReadoutFit | ResponseFit, qubits: IntArray) -> None:
-    if words := weakness(fit, qubits.tolist()):
+    if words := fit_problems(fit, qubits.tolist()):
         raise CalibrationError(*words)

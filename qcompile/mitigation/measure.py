@@ -65,15 +65,19 @@ def calibrate(
     readout_counts = response_counts = None
     if "readout" in parts:
         on_circuit(0, of)
-        executable = _prepare(prepared, qubits, executor.device)
+        executable = _readout_circuits(prepared, qubits, executor.device)
         ones = _ones(executor, executable, None, shots).reshape(prepared.shape)
-        readout_counts = ReadoutCounts(prepared=_plain(prepared), ones=_plain(ones), shots=shots)
+        readout_counts = ReadoutCounts(
+            prepared=_nested_tuples(prepared), ones=_nested_tuples(ones), shots=shots
+        )
     if "response" in parts:
         on_circuit(of - len(angles_rad), of)
         orders, order_of = np.unique(angles_rad, axis=1, return_inverse=True)
-        ones = _ones(executor, _turn(qubits, executor.device, order_of.ravel()), orders, shots)
+        ones = _ones(
+            executor, _response_circuits(qubits, executor.device, order_of.ravel()), orders, shots
+        )
         response_counts = ResponseCounts(
-            angles_rad=_plain(angles_rad), ones=_plain(ones), shots=shots
+            angles_rad=_nested_tuples(angles_rad), ones=_nested_tuples(ones), shots=shots
         )
     on_circuit(of, of)
     return fit_counts(
@@ -125,17 +129,19 @@ def fit_counts(counted: Calibration, qubits: Sequence[int] | None = None) -> Cal
     if readout_counts is not None:
         prepared = np.array(readout_counts.prepared)[:, rows]
         ones = np.array(readout_counts.ones)[:, rows]
-        with _noting_failure(unfitted):
+        with _recorded_failure(unfitted):
             readout = fit_readout(prepared, ones, readout_counts.shots, numbers)
         readout_counts = ReadoutCounts(
-            prepared=_plain(prepared), ones=_plain(ones), shots=readout_counts.shots
+            prepared=_nested_tuples(prepared), ones=_nested_tuples(ones), shots=readout_counts.shots
         )
     if response_counts is not None:
         angles, ones = response_counts.angles[:, rows], np.array(response_counts.ones)[:, rows]
-        with _noting_failure(unfitted):
+        with _recorded_failure(unfitted):
             response = fit_response(angles, ones, response_counts.shots, numbers)
         response_counts = ResponseCounts(
-            angles_rad=_plain(angles), ones=_plain(ones), shots=response_counts.shots
+            angles_rad=_nested_tuples(angles),
+            ones=_nested_tuples(ones),
+            shots=response_counts.shots,
         )
     return counted.model_copy(
         update={
@@ -162,7 +168,7 @@ def calibration_workload(
 
 
 @contextmanager
-def _noting_failure(unfitted: list[str]) -> Iterator[None]:
+def _recorded_failure(unfitted: list[str]) -> Iterator[None]:
     """Keep in words why a fit failed: what was counted may have been paid for."""
     try:
         yield
@@ -194,7 +200,7 @@ def _ones(
     return executor.run(executable, x, theta, shots).astype(np.float64)
 
 
-def _prepare(prepared: IntArray, qubits: IntArray, device: Device) -> Executable:
+def _readout_circuits(prepared: IntArray, qubits: IntArray, device: Device) -> Executable:
     """|0> or |1> on every one of `qubits`, in the device's own gates; a pattern is a round."""
     circuits = tuple(Circuit((Gate("x"),)) if bit else Circuit() for bit in prepared.flat)
     rounds = np.repeat(np.arange(len(prepared)), len(qubits))
@@ -202,7 +208,7 @@ def _prepare(prepared: IntArray, qubits: IntArray, device: Device) -> Executable
     return replace(compiled, qubits=np.tile(qubits, len(prepared)), rounds=rounds)
 
 
-def _turn(qubits: IntArray, device: Device, order_of: IntArray) -> Executable:
+def _response_circuits(qubits: IntArray, device: Device, order_of: IntArray) -> Executable:
     """The response circuit on every one of `qubits`; `order_of` has the number of the input a."""
     inputs = tuple(f"x{order}" for order in range(order_of.max() + 1))
     circuits = tuple(device.native.response_circuit(Angle.symbol(inputs[i])) for i in order_of)
@@ -210,5 +216,5 @@ def _turn(qubits: IntArray, device: Device, order_of: IntArray) -> Executable:
     return Executable(program, program, device, 2, qubits, np.zeros_like(qubits))
 
 
-def _plain(array: NDArray[Any]) -> tuple[tuple[Any, ...], ...]:
+def _nested_tuples(array: NDArray[Any]) -> tuple[tuple[Any, ...], ...]:
     return tuple(map(tuple, array.tolist()))

@@ -79,7 +79,7 @@ def misfits(
     return contradicting
 
 
-def misfit_words(misfits: Sequence[Misfit | dict[str, Any]]) -> list[str]:
+def misfit_warnings(misfits: Sequence[Misfit | dict[str, Any]]) -> list[str]:
     """A few sentences for each part with misfits: which qubits, what it means, what helps."""
     plain = [one.values() if isinstance(one, Misfit) else one for one in misfits]
     lines = []

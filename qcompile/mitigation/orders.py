@@ -28,7 +28,7 @@ def angle_orders(angles_rad: FloatArray, qubits: IntArray) -> FloatArray:
     return np.ascontiguousarray(orders[np.asarray(qubits) % len(orders)].T)
 
 
-def strangeness(orders: FloatArray) -> FloatArray:
+def mismatch(orders: FloatArray) -> FloatArray:
     """How badly `<Z>` of a qubit with order j fits a curve of one with order i, (orders, orders).
 
     `orders` is (orders, angles). It is the chi-square of one shot, by the shot noise of a usual
@@ -49,7 +49,7 @@ def _orders(angles_rad: tuple[float, ...]) -> tuple[tuple[float, ...], ...]:
         rng = np.random.default_rng(0)
         few = [angles_rad, *(tuple(rng.permutation(angles_rad)) for _ in range(_CANDIDATES // 2))]
     candidates = np.array(few)
-    between = strangeness(candidates)
+    between = mismatch(candidates)
     between = np.minimum(between, between.T)
     chosen, least = [0], between[0].copy()
     while len(chosen) < min(ORDERS, len(candidates)):

@@ -17,9 +17,9 @@ from qcompile.mitigation.polar import polar_curves
 from qcompile.passes import Executable
 from qcompile.validation import listed
 
-MOST_TILT_RAD = 0.25
+MAX_TILT_RAD = 0.25
 """Near a pole `<Z>` that differ by 2 sin(tilt)^2 may be confused: up to 0.12 at this tilt."""
-_MOST_DOUBTFUL_RAD = math.pi / 4
+_MAX_DOUBTFUL_RAD = math.pi / 4
 """A neighbour that is read along makes a tilt that is not there: a misfit's is left as it is."""
 _SEEN = 3.0
 
@@ -45,20 +45,20 @@ class Mitigation:
         What no ideal circuit shows is clipped to [-1, 1]; without tilt this is the least-squares
         solution under that constraint.
         """
-        return self.upright(self.shown(z))
+        return self.ideal_cosine(self.tilted_cosine(z))
 
-    def shown(self, z: FloatArray) -> FloatArray:
+    def tilted_cosine(self, z: FloatArray) -> FloatArray:
         """cos(w - tilt) for measured z, and beyond what w can show where shot noise takes z."""
         return np.asarray((z - self.offset) / self.contrast)
 
-    def upright(self, u: FloatArray) -> FloatArray:
+    def ideal_cosine(self, u: FloatArray) -> FloatArray:
         """cos(w) for u = cos(w - tilt), w in [0, pi]; what that cannot show is clipped."""
-        u = self._possible(u)
+        u = self._reachable(u)
         if not self._tilted:
             return u
         return np.asarray(np.cos(self.tilt) * u - np.sin(self.tilt) * np.sqrt(1.0 - u * u))
 
-    def _possible(self, u: FloatArray) -> FloatArray:
+    def _reachable(self, u: FloatArray) -> FloatArray:
         """u = cos(w - tilt) in what w in [0, pi] can show."""
         if not self._tilted:
             return np.asarray(np.minimum(np.maximum(u, -1.0), 1.0))
@@ -68,7 +68,7 @@ class Mitigation:
         return np.asarray(np.minimum(np.maximum(u, least), most))
 
     def of_mean(self, weights: FloatArray) -> Mitigation:
-        """What undoes the mean of `shown` over places, of weights (places,) that sum to 1.
+        """What undoes the mean of `tilted_cosine` over places, of weights (places,) that sum to 1.
 
         The arrays of this one come place by place, as circuits side by side do. The mean of
         cos(w - tilt_p) is contrast cos(w - tilt) too: it is undone and clipped once, so that shot
@@ -96,7 +96,7 @@ class Mitigation:
 
         The first is that of shot noise, the second comes from the uncertainty of the calibration.
         """
-        u = self._possible(self.shown(z))
+        u = self._reachable(self.tilted_cosine(z))
         across = np.sqrt(1.0 - u * u)
         slope = np.ones_like(u)
         if self._tilted:
@@ -124,7 +124,7 @@ def readout_mitigation(calibration: Calibration, executable: Executable) -> Miti
         raise CalibrationError(
             "The calibration holds no assignment matrices.",
             *calibration.unfitted,
-            _instead("response", calibration.response, "readout"),
+            _missing_part_hint("response", calibration.response, "readout"),
         )
     p10, p01, v10, v01 = (
         np.array(column)[rows]
@@ -148,7 +148,7 @@ def response_mitigation(
 
     Raises:
         CalibrationError: the executable is not of level 2, a qubit was not calibrated or is tilted
-            by more than MOST_TILT_RAD without `any_side`, or no response was calibrated.
+            by more than MAX_TILT_RAD without `any_side`, or no response was calibrated.
     """
     check_response_level(executable.level, predistort=any_side)
     fit, rows = calibration.response, calibration.rows(executable.qubits)
@@ -156,7 +156,7 @@ def response_mitigation(
         raise CalibrationError(
             "The calibration holds no response curves.",
             *calibration.unfitted,
-            _instead("readout", calibration.readout, "response"),
+            _missing_part_hint("readout", calibration.readout, "response"),
         )
     polar = polar_curves(fit, executable.device.native)
     offset, contrast, tilt = (of[rows] for of in (polar.offset, polar.contrast, polar.tilt))
@@ -166,7 +166,7 @@ def response_mitigation(
     significant = np.abs(tilt) > _SEEN * np.sqrt(covariance[:, 2, 2])
     doubtful = scatter > 1.0
     if not any_side:
-        most = np.where(doubtful, _MOST_DOUBTFUL_RAD, MOST_TILT_RAD)
+        most = np.where(doubtful, _MAX_DOUBTFUL_RAD, MAX_TILT_RAD)
         _check_tilt(executable.qubits[significant & (np.abs(tilt) > most)])
     undone = significant & (any_side or (executable.has_polar_angles & ~doubtful))
     contrast = np.where(undone, contrast, contrast * np.cos(tilt))
@@ -190,13 +190,13 @@ def _check_tilt(tilted: NDArray[np.intp]) -> None:
         which = listed([str(q) for q in np.unique(tilted)])
         raise CalibrationError(
             f"The response of qubit {which} is turned by more "
-            f"than {MOST_TILT_RAD} rad: one measured <Z> then belongs to two ideal ones.",
+            f"than {MAX_TILT_RAD} rad: one measured <Z> then belongs to two ideal ones.",
             "Predistort the angles instead (--predistort), or use --mitigation readout, or other "
             "qubits.",
         )
 
 
-def _instead(other: str, fit: object, part: str) -> str:
+def _missing_part_hint(other: str, fit: object, part: str) -> str:
     """What to try where a calibration lacks a part: the other, if it has that."""
     if fit is None:
         return f"Calibrate the {part}: `qcompile calibrate`."

@@ -7,7 +7,7 @@ import numpy as np
 from qcompile.arrays import FloatArray
 from qcompile.device import IDEAL, Device
 from qcompile.errors import CircuitError, DeviceError
-from qcompile.foreign import is_qiskit_backend, way_to_a_program, what_it_is
+from qcompile.foreign import describe, is_qiskit_backend, program_hint
 from qcompile.ir import Program
 from qcompile.native import NativeGates
 from qcompile.passes.base import Pass
@@ -85,11 +85,11 @@ def compile(
         DeviceError: `device` is no Device.
     """
     if not isinstance(program, Program):
-        what = f"compile takes a Program; this is {what_it_is(program)}"
-        raise CircuitError(f"{what}: {way_to_a_program(program)}")
+        what = f"compile takes a Program; this is {describe(program)}"
+        raise CircuitError(f"{what}: {program_hint(program)}")
     if not isinstance(device, Device):
         door = "load_backend(backend).device" if is_qiskit_backend(device) else "load_device(name)"
-        raise DeviceError(f"compile takes a Device; this is {what_it_is(device)}: {door}")
+        raise DeviceError(f"compile takes a Device; this is {describe(device)}: {door}")
     qubits, rounds = place(len(program), device, importance, copies)
     program = program.side_by_side(copies)
     native = lower(program, level, device.native)

@@ -35,7 +35,7 @@ Show = Callable[[float, str], None]
 
 
 @dataclass(frozen=True)
-class Wanted:
+class Goal:
     """What is asked of a plan: `episodes` from `settings.seed` on, in at most `within` QPU seconds.
 
     `settings` say level, mitigation and calibration. What stands in `given` (shots, copies, split,
@@ -46,28 +46,28 @@ class Wanted:
     episodes: int
     within: float
     keep: float = KEEP
-    given: dict[str, Any] = field(default_factory=dict)
+    fixed: dict[str, Any] = field(default_factory=dict)
 
     @property
-    def judged(self) -> int:
+    def trial_episodes(self) -> int:
         """How many episodes settings are looked at with."""
         return max(_LEAST, self.episodes)
 
     @property
-    def confirmed(self) -> int:
+    def confirming_episodes(self) -> int:
         """How many episodes the recommended settings are judged by.
 
         The longest of n new episodes is longer than all of m others in n / (m + n) of all cases:
         m = 9 n leave one in ten above the interval, as they should.
         """
-        return max(self.judged, min(9 * self.episodes, _MOST))
+        return max(self.trial_episodes, min(9 * self.episodes, _MOST))
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class SearchResult:
     """All points that were looked at, and the recommended one, if one fits."""
 
-    wanted: Wanted
+    goal: Goal
     points: list[Point]
     recommended: Point | None
 
@@ -83,15 +83,15 @@ class Found:
     @property
     def closest(self) -> Point:
         """What comes nearest where nothing fits: the cheapest that keeps enough, or the best."""
-        keeping = [point for point in self.points if point.share >= self.wanted.keep]
+        keeping = [point for point in self.points if point.share >= self.goal.keep]
         if keeping:
             return min(keeping, key=lambda point: point.most_seconds)
         return max(self.points, key=lambda point: point.share)
 
     def nearest(self) -> dict[str, Any]:
         """What would fit: fewer episodes, more seconds, a smaller share; None: nothing."""
-        within, points = self.wanted.within, [*self.points, *_shortened(self.points, self.wanted)]
-        keeping = [point for point in points if point.share >= self.wanted.keep]
+        within, points = self.goal.within, [*self.points, *_shortened(self.points, self.goal)]
+        keeping = [point for point in points if point.share >= self.goal.keep]
         cheapest = min(keeping, key=lambda point: point.most_seconds, default=None)
         fitting = [point.share for point in points if point.most_seconds <= within]
         return {
@@ -104,9 +104,9 @@ class Found:
 def search(
     policies: Sequence[Policy],
     backend: Backend | Executor,
-    wanted: Wanted,
+    goal: Goal,
     show: Show = lambda done, words: None,
-) -> Found:
+) -> SearchResult:
     """Play the policies with fewer and fewer shots, and choose the cheapest that keep the reward.
 
     A policy keeps it where the mean over whole episodes has at least `keep` of what the best of the
@@ -120,37 +120,37 @@ def search(
     """
     _check(policies)
     show(0, "random actions")
-    judge = Judge(policies, wanted)
+    evaluator = Evaluator(policies, goal)
     points: list[Point] = []
     for number, policy in enumerate(policies):
-        shown = _Shown(show, 0.8 * number / len(policies), 0.8 / len(policies))
-        points += Ladder(policy, backend, wanted, judge, shown).points()
+        shown = _PartialProgress(show, 0.8 * number / len(policies), 0.8 / len(policies))
+        points += Ladder(policy, backend, goal, evaluator, shown).points()
 
-    while (chosen := _candidate(points, wanted)) is not None:
-        if len(chosen.simulated.rewards) >= wanted.confirmed:
+    while (chosen := _candidate(points, goal)) is not None:
+        if len(chosen.simulated.rewards) >= goal.confirming_episodes:
             break
         words = f"{chosen.policy.name}, {chosen.settings.shots} shots"
-        show(0.9, f"{words}, {wanted.confirmed} episodes")
-        again = judge.again(replace(chosen, cut=wanted.given.get("max_steps")), backend)
+        show(0.9, f"{words}, {goal.confirming_episodes} episodes")
+        again = evaluator.confirm(replace(chosen, cut=goal.fixed.get("max_steps")), backend)
         points = [again if p.simulated is chosen.simulated else p for p in points]
     if chosen is not None and chosen not in points:
         points.append(chosen)
-    return Found(wanted, points, chosen)
+    return SearchResult(goal, points, chosen)
 
 
-def _candidate(points: Sequence[Point], wanted: Wanted) -> Point | None:
+def _candidate(points: Sequence[Point], goal: Goal) -> Point | None:
     """The cheapest point that keeps the reward and fits, cut only where that saves much."""
-    keeping = [point for point in points if point.share >= wanted.keep]
-    whole = _cheapest(keeping, wanted.within)
-    cut = _cheapest(_shortened(keeping, wanted), wanted.within)
+    keeping = [point for point in points if point.share >= goal.keep]
+    whole = _cheapest(keeping, goal.within)
+    cut = _cheapest(_shortened(keeping, goal), goal.within)
     if whole is None or cut is None:
         return whole or cut
     return cut if cut.most_seconds < _WORTH_A_CUT * whole.most_seconds else whole
 
 
-def _shortened(points: Sequence[Point], wanted: Wanted) -> list[Point]:
+def _shortened(points: Sequence[Point], goal: Goal) -> list[Point]:
     """Points with a cut that touches few of their episodes; none where a cut is given."""
-    if "max_steps" in wanted.given:
+    if "max_steps" in goal.fixed:
         return []
     return [short for point in points if (short := point.shortened()) is not None]
 
@@ -188,7 +188,7 @@ def _episodes_that_fit(point: Point, within: float) -> int | None:
 
 
 @dataclass(frozen=True)
-class _Shown:
+class _PartialProgress:
     show: Show
     start: float
     share: float
@@ -197,28 +197,28 @@ class _Shown:
         self.show(self.start + self.share * done, words)
 
 
-class Judge:
+class Evaluator:
     """What the rewards of some policies are held to: random actions, and the best one's ideal."""
 
-    def __init__(self, policies: Sequence[Policy], wanted: Wanted):
-        self._wanted = wanted
-        self._random = random_rewards(policies[0], wanted.settings.seed)
-        ideal = [ideal_rewards(policy, wanted.settings, wanted.judged) for policy in policies]
+    def __init__(self, policies: Sequence[Policy], goal: Goal):
+        self._goal = goal
+        self._random = random_rewards(policies[0], goal.settings.seed)
+        ideal = [ideal_rewards(policy, goal.settings, goal.trial_episodes) for policy in policies]
         best = int(np.argmax([rewards.mean() for rewards in ideal]))
         self._best = policies[best]
         self.baseline = Baseline(self._random, ideal[best])
 
     @cached_property
-    def _confirming(self) -> Baseline:
-        wanted = self._wanted
-        ideal = ideal_rewards(self._best, wanted.settings, wanted.confirmed)
+    def _confirming_baseline(self) -> Baseline:
+        goal = self._goal
+        ideal = ideal_rewards(self._best, goal.settings, goal.confirming_episodes)
         return Baseline(self._random, ideal)
 
-    def again(self, point: Point, backend: Backend | Executor) -> Point:
+    def confirm(self, point: Point, backend: Backend | Executor) -> Point:
         """The point, judged by as many episodes as a recommended one is."""
-        settings, episodes = point.simulated.settings, self._wanted.confirmed
+        settings, episodes = point.simulated.settings, self._goal.confirming_episodes
         simulated = simulate(point.policy, backend, settings, episodes)
-        return replace(point, simulated=simulated, baseline=self._confirming)
+        return replace(point, simulated=simulated, baseline=self._confirming_baseline)
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,22 +227,22 @@ class Ladder:
 
     policy: Policy
     backend: Backend | Executor
-    wanted: Wanted
-    judge: Judge
+    goal: Goal
+    evaluator: Evaluator
     show: Show
 
     def points(self) -> list[Point]:
         """A point for each number of shots: the best way to measure them."""
-        if "shots" in self.wanted.given:
-            return [self.point(self.wanted.given["shots"])]
-        ladder = [shots for shots in LADDER if self._ways(shots)] or [LADDER[-1]]
+        if "shots" in self.goal.fixed:
+            return [self.point(self.goal.fixed["shots"])]
+        ladder = [shots for shots in LADDER if self._placements(shots)] or [LADDER[-1]]
         first = max(_FIRST, ladder[0])
         points = [self.point(first)]
-        keeps = points[0].share >= self.wanted.keep
+        keeps = points[0].share >= self.goal.keep
         fewer = [shots for shots in reversed(ladder) if shots < first]
         for shots in fewer if keeps else [shots for shots in ladder if shots > first]:
             points.append(self.point(shots))
-            if (points[-1].share >= self.wanted.keep) != keeps:
+            if (points[-1].share >= self.goal.keep) != keeps:
                 before = points[-2].simulated.settings.shots or 0
                 points.append(self.point((before + shots) // 2))
                 break
@@ -251,7 +251,7 @@ class Ladder:
     def point(self, shots: int) -> Point:
         """The cheapest placement of rows and depth for `shots`, each simulated by itself."""
         self.show(1 - np.log2(shots) / 14, f"{self.policy.name}, {shots} shots")
-        played, *others = self._ways(shots) or [self._refused()]
+        played, *others = self._placements(shots) or [self._fixed_placement()]
         first = best = self._point(self._simulated(shots, *played))
         for copies, split in others:  # priced by the same episodes, and played if it is worth it
             settings = RunSettings.of(first.simulated.settings, copies=copies, split=split)
@@ -262,41 +262,41 @@ class Ladder:
 
     def _point(self, simulated: Simulated) -> Point:
         """At the depth that is given, or the best one."""
-        given, episodes = self.wanted.given, self.wanted.episodes
-        cut = given.get("max_steps")
-        point = Point(self.policy, simulated, self.judge.baseline, episodes, 1, cut)
-        return best_depth(point, given.get("speculate"))
+        fixed, episodes = self.goal.fixed, self.goal.episodes
+        cut = fixed.get("max_steps")
+        point = Point(self.policy, simulated, self.evaluator.baseline, episodes, 1, cut)
+        return best_depth(point, fixed.get("speculate"))
 
-    def _ways(self, shots: int) -> list[tuple[int | None, bool]]:
+    def _placements(self, shots: int) -> list[tuple[int | None, bool]]:
         """Numbers of copies, and whether a row is split over them: the likelier one first.
 
         Split rows leave no copy empty, but where their shots are few the copies get unequal ones.
         There is no way where each copy of a split row has no shot, or others have no episode.
         """
-        given, episodes = self.wanted.given, self.wanted.episodes
+        fixed, episodes = self.goal.fixed, self.goal.episodes
         fit = copies_that_fit(len(self.policy.program), self.backend.device)
-        copies = given.get("copies", min(fit, episodes))
-        split = given.get("copies", min(fit, shots))
+        copies = fixed.get("copies", min(fit, episodes))
+        split = fixed.get("copies", min(fit, shots))
         is_even = -shots % split <= _EMPTY * shots
-        ways: list[tuple[int | None, bool]] = [(split, True)] * (2 <= split <= shots)
-        ways += [(copies, False)] * (copies <= episodes)
-        ways = [way for way in ways if given.get("split", way[1]) == way[1]]
-        return ways if is_even else ways[::-1]
+        placements: list[tuple[int | None, bool]] = [(split, True)] * (2 <= split <= shots)
+        placements += [(copies, False)] * (copies <= episodes)
+        placements = [one for one in placements if fixed.get("split", one[1]) == one[1]]
+        return placements if is_even else placements[::-1]
 
-    def _refused(self) -> tuple[int | None, bool]:
+    def _fixed_placement(self) -> tuple[int | None, bool]:
         """What is given, where that is not a way: simulating it says why.
 
         Raises:
             OptionError: there are more copies than episodes.
         """
-        given = self.wanted.given
-        settings = RunSettings.of(copies=given.get("copies"), split=given.get("split", False))
-        settings.check_shared(self.wanted.episodes)
+        fixed = self.goal.fixed
+        settings = RunSettings.of(copies=fixed.get("copies"), split=fixed.get("split", False))
+        settings.check_shared(self.goal.episodes)
         return settings.copies, settings.split
 
     def _simulated(self, shots: int, copies: int | None, split: bool) -> Simulated:
         changes: dict[str, Any] = {"shots": shots, "copies": copies, "split": split}
-        shots_of_calibration = self.wanted.given.get("calibration_shots", "auto")
+        shots_of_calibration = self.goal.fixed.get("calibration_shots", "auto")
         changes["calibration_shots"] = shots_of_calibration
-        settings = RunSettings.of(self.wanted.settings, **changes)
-        return simulate(self.policy, self.backend, settings, self.wanted.judged)
+        settings = RunSettings.of(self.goal.settings, **changes)
+        return simulate(self.policy, self.backend, settings, self.goal.trial_episodes)

@@ -17,7 +17,7 @@ from pydantic import AfterValidator, Field, ValidationError
 
 from qcompile.catalogue import nearest
 from qcompile.errors import CircuitError, PolicyError
-from qcompile.foreign import way_to_a_program, what_it_is
+from qcompile.foreign import describe, program_hint
 from qcompile.ir import Circuit, Program
 from qcompile.output import write_file
 from qcompile.policy.ansatz import NO_FACTOR, Ansatz
@@ -151,12 +151,12 @@ def load_ansatz(source: Any) -> Ansatz:
         return Ansatz.of_program(source)
     if isinstance(source, str | PathLike):
         return _loaded(Path(source))
-    if what_it_is(source) == "a Qiskit circuit":
+    if describe(source) == "a Qiskit circuit":
         return Ansatz.from_qiskit(source)
     raise CircuitError(
-        f"circuits cannot be {what_it_is(source)}.",
+        f"circuits cannot be {describe(source)}.",
         "It is an Ansatz, a Program, a Policy, a Qiskit circuit, or a file of one of these.",
-        way_to_a_program(source).replace("Program.from", "Ansatz.from"),
+        program_hint(source).replace("Program.from", "Ansatz.from"),
     )
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from qcompile.arrays import FloatArray, IntArray, real_array
 from qcompile.errors import PolicyError
-from qcompile.foreign import what_it_is
+from qcompile.foreign import describe
 from qcompile.notebook import count
 
 MOST_HELD = 1_000_000
@@ -79,7 +79,7 @@ def checked_observations(
     needed = f"{reader} needs (B, {features}){' or wider' * wider}."
     array = real_array(observations)
     if array is None:
-        found = what_it_is(observations)
+        found = describe(observations)
         raise PolicyError(f"Observations are not an array of real numbers: {found}.", needed)
     fits = array.ndim == 2 and array.shape[1] >= features
     if not fits or (array.shape[1] > features and not wider):

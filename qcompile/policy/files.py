@@ -11,7 +11,7 @@ from pydantic import BaseModel, ValidationError
 
 from qcompile.catalogue import find, names, nearest
 from qcompile.errors import CircuitError, PolicyError
-from qcompile.foreign import what_it_is
+from qcompile.foreign import describe
 from qcompile.output import write_file
 from qcompile.policy.blocks import BlockFile
 from qcompile.policy.decision import hold_values
@@ -65,7 +65,7 @@ def load_policy(policy: str | PathLike[str] | AnyPolicy) -> AnyPolicy:
     if isinstance(policy, Policy | Network):
         return policy
     if not isinstance(policy, str | PathLike):
-        raise PolicyError(f"load_policy takes a name or a file, found {what_it_is(policy)}.")
+        raise PolicyError(f"load_policy takes a name or a file, found {describe(policy)}.")
     path = find("trained", fspath(policy), SUFFIXES)
     if path is None:
         raise PolicyError(
@@ -228,8 +228,8 @@ def save_policy(policy: AnyPolicy, path: str | Path) -> None:
     """
     if not isinstance(path, str | PathLike) or not isinstance(policy, Policy | Network):
         raise PolicyError(
-            f"save_policy takes a Policy or a Network, and a path, found {what_it_is(policy)} "
-            f"and {what_it_is(path)}."
+            f"save_policy takes a Policy or a Network, and a path, found {describe(policy)} "
+            f"and {describe(path)}."
         )
     path = Path(path)
     if path.suffix not in SUFFIXES:

@@ -57,14 +57,14 @@ def read_pt(path: Path) -> dict[str, Any]:
     if values.get("format") == _CHECKPOINT_1:
         raise UnreadableError(
             f"{path} is the checkpoint of a training, found where a policy file is needed.",
-            *_way_on(path, values),
+            *_resume_hint(path, values),
         )
     if sum(tensor.numel() for tensor in _tensors(values)) > MAX_VALUES:
         raise UnreadableError(f"{path} has tensors of more than {MAX_VALUES:,} numbers.")
     return {key: _plain(value) for key, value in values.items()}
 
 
-def _way_on(path: Path, checkpoint: Mapping[str, Any]) -> list[str]:
+def _resume_hint(path: Path, checkpoint: Mapping[str, Any]) -> list[str]:
     """How a checkpoint becomes a policy; of its values none is known to be whole."""
     try:
         model = load_json(str(checkpoint.get("settings")))["model"]

@@ -17,7 +17,7 @@ from qcompile.qasm.modifiers import Unitary
 from qcompile.qasm.work import Work
 from qcompile.qasm.write import DEFINITIONS
 
-_MOST_INLINED, _MOST_INLINED_GATES = 10_000, 1_000
+_MAX_INLINED, _MAX_INLINED_GATES = 10_000, 1_000
 """Calls of the file's own gates that are kept written out, and the gates of each."""
 
 _WRITTEN = {
@@ -68,8 +68,8 @@ class GateCalls:
         self._opaque.add(name)
 
     def note_entangling(self, definition: Any) -> None:
-        """Know whether the gate that is defined joins qubits."""
-        if any(joins(inner, self.entangling) for inner in definition.body):
+        """Record whether the gate that is defined entangles qubits."""
+        if any(is_entangling(inner, self.entangling) for inner in definition.body):
             self.entangling.add(definition.name.name)
         else:
             self.entangling.discard(definition.name.name)
@@ -142,7 +142,7 @@ class GateCalls:
             self._active.pop()
         self._work.line = line
         unitary = Unitary(list(parts.values()), phase)
-        if len(self._inlined) < _MOST_INLINED and unitary.size <= _MOST_INLINED_GATES:
+        if len(self._inlined) < _MAX_INLINED and unitary.size <= _MAX_INLINED_GATES:
             self._inlined[call] = unitary
         return unitary
 
@@ -187,7 +187,7 @@ class GateCalls:
         return unitary.controlled(on_one=name == "ctrl")
 
 
-def joins(statement: Any, entangling: Set[str]) -> bool:
+def is_entangling(statement: Any, entangling: Set[str]) -> bool:
     """Whether a statement is a gate on several qubits at once."""
     if not isinstance(statement, ast.QuantumGate | ast.QuantumPhase):
         return False

@@ -15,7 +15,7 @@ from qcompile.catalogue import nearest
 from qcompile.errors import CircuitError
 from qcompile.ir import Angle
 from qcompile.qasm import operators
-from qcompile.qasm.values import BOOL, FLOAT, INT, MOST_BITS, Type, Value
+from qcompile.qasm.values import BOOL, FLOAT, INT, MAX_BITS, Type, Value
 
 CONSTANTS = {
     name: Value.real(value)
@@ -153,9 +153,9 @@ class Scope:
             case _:
                 return None
         width = None if node.size is None else self.whole_number(node.size)
-        if width is not None and not 1 <= width <= MOST_BITS:
+        if width is not None and not 1 <= width <= MAX_BITS:
             raise CircuitError(
-                f"{kind}[{width}] is not a type here.", f"Sizes are 1 to {MOST_BITS} bits."
+                f"{kind}[{width}] is not a type here.", f"Sizes are 1 to {MAX_BITS} bits."
             )
         if kind == "float" and width is not None and width < 64 and width not in (16, 32):
             raise CircuitError(f"float[{width}] is not a type here.", "Use float[32] or float[64].")
@@ -169,7 +169,7 @@ class Scope:
                 return Value.real(node.value)
             case ast.BooleanLiteral():
                 return Value(BOOL, int(node.value))
-            case ast.BitstringLiteral() if node.width <= MOST_BITS:
+            case ast.BitstringLiteral() if node.width <= MAX_BITS:
                 return Value(Type("bit", node.width), node.value)
             case ast.Identifier():
                 return self.named(node.name)

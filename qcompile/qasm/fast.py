@@ -27,7 +27,7 @@ _STATEMENT = re.compile(
 )
 _NUMBER = r"[ \t\r\n]*+-?(?:[0-9]++\.?[0-9]*+|\.[0-9]++)(?:[eE][+-]?[0-9]++)?[ \t\r\n]*+"
 _NUMBERS = re.compile(rf"{_NUMBER}(?:,{_NUMBER})*+\)\Z")
-_MOST_TEXTS = 50_000
+_MAX_TEXTS = 50_000
 """Texts that are kept; angles of a long file are mostly different ones."""
 
 
@@ -52,7 +52,7 @@ class FastPath:
         while statement := match(text, position):
             head, operand = statement.groups()
             gates = self._gates.get(head)
-            if gates is None and (gates := self._understand(head)) is None:
+            if gates is None and (gates := self._parse_gate(head)) is None:
                 break
             qubits = self._qubits.get(operand)
             if qubits is None and (qubits := self._resolve(operand)) is None:
@@ -70,7 +70,7 @@ class FastPath:
         """Understand every gate anew: something was declared."""
         self._gates.clear()
 
-    def _understand(self, head: str) -> Sequence[Gate] | None:
+    def _parse_gate(self, head: str) -> Sequence[Gate] | None:
         name, _, arguments = head.partition("(")
         name = name.strip()
         try:
@@ -88,7 +88,7 @@ class FastPath:
         except (CircuitError, RecursionError):
             return None
         gates = tuple(unitary.parts[0])
-        if len(self._gates) < _MOST_TEXTS:
+        if len(self._gates) < _MAX_TEXTS:
             self._gates[head] = gates
         return gates
 
@@ -101,6 +101,6 @@ class FastPath:
             qubits = self._interpreter.qubits(operand)
         except (CircuitError, ValueError):
             return None
-        if len(self._qubits) < _MOST_TEXTS:
+        if len(self._qubits) < _MAX_TEXTS:
             self._qubits[text] = qubits
         return qubits

@@ -77,15 +77,15 @@ class _Parser(ExpressionParser):
 
     def _statement(self, version: int) -> Any:
         line = self._line
-        node = self._words_of_both()
+        node = self._statement_of_both()
         if node is None:
-            node = self._words_of_2() if version == 2 else self._words_of_3()
+            node = self._statement_of_2() if version == 2 else self._statement_of_3()
         if node is None:
             node = self._measured_or_applied(version)
         node.span = ast.Span(line, 0, line, 0)
         return node
 
-    def _words_of_both(self) -> Any:
+    def _statement_of_both(self) -> Any:
         match self._token:
             case "gate":
                 return self._definition()
@@ -106,7 +106,7 @@ class _Parser(ExpressionParser):
                 return ast.QuantumMeasurementStatement(measured, target)
         return None
 
-    def _words_of_2(self) -> Any:
+    def _statement_of_2(self) -> Any:
         match self._token:
             case "qreg" | "creg" as word:
                 self._advance()
@@ -135,7 +135,7 @@ class _Parser(ExpressionParser):
                 return ast.BranchingStatement(condition, [self._statement(2)], [])
         return None
 
-    def _words_of_3(self) -> Any:
+    def _statement_of_3(self) -> Any:
         if self._token in _MODIFIERS or self._token == "gphase":
             return self._modified(self._operand)
         if self._taken("const"):

@@ -13,7 +13,7 @@ from qcompile.errors import CircuitError
 from qcompile.ir import Angle, Circuit, Gate, Program
 from qcompile.ir.products import separated
 from qcompile.qasm.blocks import Blocks
-from qcompile.qasm.calls import GateCalls, joins, unsupported
+from qcompile.qasm.calls import GateCalls, is_entangling, unsupported
 from qcompile.qasm.expressions import source_of
 from qcompile.qasm.grammar import OpaqueGate, UnreadSubroutine
 from qcompile.qasm.layout import Layout
@@ -22,7 +22,7 @@ from qcompile.qasm.registers import Reference, RegisterKind, Registers
 from qcompile.qasm.variables import Variables
 from qcompile.qasm.work import Work
 
-MOST_MARKED = 4_000_000
+MAX_MARKED = 4_000_000
 """Qubits of all resets, barriers, delays and aliases together."""
 
 _INCLUDES = ("stdgates.inc", "qelib1.inc", "hqslib1.inc")
@@ -32,14 +32,14 @@ _COUNTS = {2: "two", 3: "three", 4: "four", 5: "five"}
 class Interpreter:
     """Runs the statements of a file, one by one; `gates` are those that it can call.
 
-    `version` is that of the file, "2" or "3". `joining_later` counts the statements still to come
-    that join qubits, for a message. With `products` an angle may hold products of two inputs, which
+    `version` is that of the file, "2" or "3". `entangling_later` counts the entangling statements
+    still to come, for a message. With `products` an angle may hold products of two inputs, which
     become inputs of the program; `products` then has both of each. Whatever cannot be compiled is a
     CircuitError without the line.
     """
 
-    def __init__(self, version: str | None, joining_later: Callable[[], int], products: bool):
-        self._joining_later = joining_later
+    def __init__(self, version: str | None, entangling_later: Callable[[], int], products: bool):
+        self._entangling_later = entangling_later
         self._is_2 = version == "2"
         self._variables = Variables(real=self._is_2, products=products)
         self.products: dict[str, tuple[str, str]] = {}
@@ -155,7 +155,9 @@ class Interpreter:
                 self._blocks.call(call)
             case OpaqueGate():
                 self.gates.define_opaque(self._declare(statement.name.name))
-            case ast.QuantumGate() | ast.QuantumPhase() if joins(statement, self.gates.entangling):
+            case ast.QuantumGate() | ast.QuantumPhase() if is_entangling(
+                statement, self.gates.entangling
+            ):
                 raise self._entangles(statement)
             case ast.QuantumGate() | ast.QuantumPhase():
                 self._apply(statement)
@@ -201,7 +203,7 @@ class Interpreter:
         swaps = isinstance(statement, ast.QuantumGate) and statement.name.name == "swap"
         verb = "exchanges" if swaps and not statement.modifiers else "entangles"
         width = max(2, len(statement.qubits))
-        count = 1 + self._joining_later()
+        count = 1 + self._entangling_later()
         return CircuitError(
             f"{source_of(statement)} {verb} {_COUNTS.get(width, width)} qubits.",
             f"qcompile compiles circuits without entangling gates; this one has {count}.",
@@ -240,9 +242,9 @@ class Interpreter:
 
     def _count(self, qubits: int) -> None:
         self._marked += qubits
-        if self._marked > MOST_MARKED:
+        if self._marked > MAX_MARKED:
             raise CircuitError(
-                f"Resets, barriers, delays and aliases name more than {MOST_MARKED} qubits in all.",
+                f"Resets, barriers, delays and aliases name more than {MAX_MARKED} qubits in all.",
                 "Remove some of them, or name fewer qubits in each.",
             )
 

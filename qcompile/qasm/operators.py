@@ -46,7 +46,7 @@ _REAL: dict[str, Callable[[float], float]] = {
     "floor": lambda x: float(math.floor(x)),
 }
 
-_MOST_BITS_OF_A_NUMBER = 4096
+_MAX_NUMBER_BITS = 4096
 
 
 class NoOperationError(Exception):
@@ -186,7 +186,7 @@ def _whole_numbers(symbol: str, left: Value, right: Value, to_whole: bool) -> Va
     if symbol == "**":
         if b < 0:
             return _reals(symbol, left, right)
-        if a.bit_length() * b > _MOST_BITS_OF_A_NUMBER:
+        if a.bit_length() * b > _MAX_NUMBER_BITS:
             raise OverflowError
         number = a**b
     elif symbol in _WHOLE:
@@ -198,7 +198,7 @@ def _whole_numbers(symbol: str, left: Value, right: Value, to_whole: bool) -> Va
         number = _WHOLE[symbol](a, b)
     else:
         raise NoOperationError
-    if number.bit_length() > _MOST_BITS_OF_A_NUMBER:
+    if number.bit_length() > _MAX_NUMBER_BITS:
         raise OverflowError
     return _in_range(number, left.type, right.type, to_whole)
 

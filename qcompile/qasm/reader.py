@@ -10,7 +10,7 @@ from openqasm3 import ast
 
 from qcompile.errors import CircuitError
 from qcompile.ir import Program
-from qcompile.qasm.calls import joins
+from qcompile.qasm.calls import is_entangling
 from qcompile.qasm.fast import FastPath
 from qcompile.qasm.interpreter import Interpreter
 from qcompile.qasm.layout import Layout
@@ -52,7 +52,7 @@ class Reader:
                 "The file is empty.", "A program declares qubits and applies gates to them."
             )
         self._grammar = Grammar(text)
-        interpreter = Interpreter(self._grammar.version, self._joining_later, self._multiply)
+        interpreter = Interpreter(self._grammar.version, self._entangling_later, self._multiply)
         self._interpreter = interpreter
         fast = FastPath(text, self._grammar.version, interpreter)
         self._position = self._grammar.start
@@ -61,12 +61,12 @@ class Reader:
                 self._run_fast(fast)
             span = next(spans(text, self._position), None)
             if span is None:
-                self._come_to(self._position)
+                self._advance_to(self._position)
                 program, layout, marks = interpreter.finish()
                 self.products = interpreter.products
                 return program, layout, (*self._notes(), *interpreter.notes()), marks
             self._position = span.end
-            self._come_to(span.start)
+            self._advance_to(span.start)
             if span.word.lstrip("#") == "pragma":
                 self._skip(span)
             elif not isinstance(self._run(span), _DECLARES_NOTHING):
@@ -76,7 +76,7 @@ class Reader:
         try:
             self._position = fast.run(self._position)
         except CircuitError:
-            self._come_to(fast.stopped)
+            self._advance_to(fast.stopped)
             raise
 
     def _run(self, span: Span) -> Any:
@@ -93,7 +93,7 @@ class Reader:
             raise
         return node
 
-    def _come_to(self, position: int) -> None:
+    def _advance_to(self, position: int) -> None:
         self.line += self._text.count("\n", self._counted, position)
         self._counted = position
 
@@ -113,7 +113,7 @@ class Reader:
         others = f" and {more} more" if more else ""
         return (f"pragmas are skipped: {self._pragmas[0]}{others}.",)
 
-    def _joining_later(self) -> int:
+    def _entangling_later(self) -> int:
         """How many statements behind this one join qubits."""
         count, names = 0, self._interpreter.gates.entangling
         for span in spans(self._text, self._position):
@@ -125,5 +125,5 @@ class Reader:
                     if isinstance(node, ast.QuantumGateDefinition):
                         self._interpreter.gates.note_entangling(node)
                     else:
-                        count += joins(node, names)
+                        count += is_entangling(node, names)
         return count

@@ -15,7 +15,7 @@ from qcompile.errors import CircuitError
 from qcompile.qasm.expressions import Scope, source_of
 from qcompile.qasm.layout import Layout, Register, Slot
 
-MOST_QUBITS = 100_000
+MAX_PROGRAM_QUBITS = 100_000
 
 RegisterKind = Literal["qubit", "bit"]
 
@@ -43,10 +43,10 @@ class Registers:
     def declare(self, kind: RegisterKind, name: str, size: int | None, least: int = 1) -> None:
         """Add a register of `size` qubits or bits, at least `least`, or a single one (None)."""
         places = self._places[kind]
-        if size is not None and not least <= size <= MOST_QUBITS - len(places):
+        if size is not None and not least <= size <= MAX_PROGRAM_QUBITS - len(places):
             raise CircuitError(
                 f"Register {name!r} has {size} {kind}s.",
-                f"A program can have 1 to {MOST_QUBITS} of them.",
+                f"A program can have 1 to {MAX_PROGRAM_QUBITS} of them.",
             )
         register, first = Register(name, size), len(places)
         self._registers[kind].append(register)

@@ -18,7 +18,7 @@ from qcompile.ir import Angle
 
 TypeKind = Literal["bool", "int", "uint", "float", "angle", "bit"]
 
-MOST_BITS = 1024
+MAX_BITS = 1024
 """The widest type that a file may name."""
 
 _MACHINE_BITS = 64

@@ -20,9 +20,9 @@ from qcompile.reading.files import ContentsError
 if TYPE_CHECKING:
     import torch
 
-_MOST_ENTRIES = 10_000
-_MOST_DEPTH = 100
-_MOST_OPCODES = 3 * MAX_VALUES
+_MAX_ENTRIES = 10_000
+_MAX_DEPTH = 100
+_MAX_OPCODES = 3 * MAX_VALUES
 _EXPANDED_BYTES = 2**20
 """Tensors may repeat numbers of their storage, to this many bytes more than the file has."""
 _ENTRY = b"PK\x01\x02"
@@ -96,8 +96,8 @@ class _Archive:
     """A file of torch.save: a zip file with a pickle and the storages of its tensors."""
 
     def __init__(self, contents: bytes):
-        if contents.count(_ENTRY) > _MOST_ENTRIES:
-            raise ContentsError(f"It has more than {_MOST_ENTRIES:,} entries.")
+        if contents.count(_ENTRY) > _MAX_ENTRIES:
+            raise ContentsError(f"It has more than {_MAX_ENTRIES:,} entries.")
         self._zip = zipfile.ZipFile(BytesIO(contents))
         self._entries = {entry.filename: entry for entry in self._zip.infolist()}
         unpacked = sum(entry.file_size for entry in self._zip.infolist())
@@ -116,7 +116,7 @@ class _Archive:
             raise ContentsError("It was written on a machine of another byte order.")
         pickled = self._entry("data.pkl")
         _check_opcodes(pickled)
-        return self._built(_Unpickler(BytesIO(pickled)).load(), 0)
+        return self._with_tensors(_Unpickler(BytesIO(pickled)).load(), 0)
 
     def _entry(self, name: str) -> bytes:
         entry = self._entries[self._folder + name]
@@ -128,19 +128,19 @@ class _Archive:
             raise ContentsError("An entry is shorter than it says.")
         return contents
 
-    def _built(self, value: Any, depth: int) -> Any:
+    def _with_tensors(self, value: Any, depth: int) -> Any:
         """`value` with its tensors built; what occurs in several places counts in each."""
         self._values_left -= 1
         if self._values_left < 0:
             raise ContentsError(f"It holds more than {MAX_VALUES:,} values.")
-        if depth > _MOST_DEPTH:
+        if depth > _MAX_DEPTH:
             raise ContentsError("Its values nest too deeply.")
         if isinstance(value, _Tensor):
             return self._tensor(value)
         if isinstance(value, dict):
-            return {key: self._built(found, depth + 1) for key, found in value.items()}
+            return {key: self._with_tensors(found, depth + 1) for key, found in value.items()}
         if isinstance(value, list | tuple):
-            return type(value)([self._built(found, depth + 1) for found in value])
+            return type(value)([self._with_tensors(found, depth + 1) for found in value])
         return value
 
     def _tensor(self, tensor: _Tensor) -> torch.Tensor:
@@ -217,7 +217,7 @@ def _check_opcodes(pickled: bytes) -> None:
     for count, (opcode, argument, _) in enumerate(pickletools.genops(pickled)):
         if opcode.name not in _OPCODES:
             raise CodeError("It holds more than tensors and plain values.")
-        if count > _MOST_OPCODES:
+        if count > _MAX_OPCODES:
             raise ContentsError(f"It holds more than {MAX_VALUES:,} values.")
         if opcode.name == "LONG_BINPUT" and (argument or 0) > count:  # it is a list's length
             raise ContentsError("It is not a whole file of torch.save.")

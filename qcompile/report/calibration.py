@@ -1,10 +1,9 @@
-"""Calibrations as pictures."""
+"""Calibrations as figures."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,26 +11,38 @@ import numpy as np
 from qcompile.arrays import FloatArray
 from qcompile.calibration import Calibration, ReadoutCounts, ResponseCounts
 from qcompile.report.calibration_values import bad_fits, calibration_values
+from qcompile.report.figure import Figure, literal
+from qcompile.report.style import AnyStyle, Style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Drawing
+    from matplotlib.figure import SubFigure
 
-
-_MOST_COLUMNS = 8
+_MOST_COLUMNS = 6
 _MOST_CURVES = 32
 """More qubits than that have a strip of numbers instead of a curve each."""
 _MOST_TICKS = 40
-_BLUE, _ORANGE, _GREY = "#0072B2", "#D55E00", "0.55"  # Okabe and Ito's
+_CURVE_IN, _STRIP_IN = 1.15, 1.1
+"""The height of a row of curves, and that of a strip."""
+_GREY = "0.55"
 
 
-def draw_calibration(calibration: Calibration) -> bytes:
-    """Response curves, residuals and readout errors of every qubit, as the bytes of a PNG file.
+def draw_calibration(calibration: Calibration, style: AnyStyle = None) -> Figure:
+    """Response curves, residuals and readout errors of every qubit, across two columns.
 
     Of more than _MOST_CURVES qubits contrast, offset and tilt are drawn instead of the curves.
-    """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
 
+    Raises:
+        FigureError: the style cannot be read.
+    """
+    look = Style.of(style)
+    with look.applied():
+        drawing = _draw(calibration, look)
+    return Figure(drawing, look)
+
+
+def _draw(calibration: Calibration, style: Style) -> Drawing:
     values = calibration_values(calibration)
     count = len(calibration.qubits)
     rows = math.ceil(count / _MOST_COLUMNS)
@@ -40,68 +51,57 @@ def draw_calibration(calibration: Calibration) -> bytes:
     residuals = list(_residuals(calibration))
     strips = _STRIPS if calibration.response is not None and not rows else ()
     below = len(strips) + bool(residuals) + (calibration.readout is not None)
-    width = 13.0 if count > _MOST_CURVES else min(max(7.5, 1.7 * columns), 13.0)
-    high, low = 1.65 * rows + 0.5 * bool(rows), 2.1 * below + 0.3 * bool(below)
-    figure = Figure(figsize=(width, high + low + 0.5), layout="constrained")
+    high, low = _CURVE_IN * rows + 0.4 * bool(rows), _STRIP_IN * below + 0.2 * bool(below)
+    drawing = style.drawing(high + low + 0.3, wide=True)
     heights = [part for part in (high, low) if part]
-    parts = iter(figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0])
+    parts = iter(drawing.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0])
     shots = values["shots"]
     detail = "exact" if shots == "exact" else f"{shots} shots of each circuit"
-    figure.suptitle(
-        f"{calibration.backend}, {calibration.created:%Y-%m-%d %H:%M} UTC, {detail}",
-        x=0.01,
-        ha="left",
-        fontsize=11,
-    )
+    title = f"{literal(calibration.backend)}, {calibration.created:%Y-%m-%d %H:%M} UTC, {detail}"
+    drawing.suptitle(title, x=0.01, ha="left")
+    colours = style.colours * 2
     if rows:
         part = next(parts)
         panels = part.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
         for index, axes in enumerate(panels.flat):
             if index < count:
-                _draw_curve(axes, calibration, index, values["qubits"][index])
+                _draw_curve(axes, calibration, index, values["qubits"][index], colours)
             else:
                 axes.set_axis_off()
             if index < count <= index + columns:  # nothing below it
                 axes.tick_params(labelbottom=True)
-        part.supxlabel(
-            "angle of rz between the sx" if _has_turn(calibration) else "angle of rx", fontsize=9
-        )
-        part.supylabel("measured <Z>", fontsize=9)
-        part.legend(
-            *panels[0, 0].get_legend_handles_labels(),
-            loc="outside upper right",
-            frameon=False,
-            fontsize=8,
-            ncols=3,
-        )
+        part.supxlabel("angle of rz between the sx" if _has_turn(calibration) else "angle of rx")
+        part.supylabel("measured <Z>")
+        found = panels[0, 0].get_legend_handles_labels()
+        part.legend(*found, loc="outside upper right", ncols=3)
     if below:
         part = next(parts)
         panes = iter(part.subplots(below, 1, squeeze=False, sharex=True)[:, 0])
         for strip in strips:
-            _draw_strip(next(panes), values, *strip)
+            _draw_strip(next(panes), values, *strip, colours[0])
         if residuals:
-            _draw_residuals(next(panes), residuals, values)
+            _draw_residuals(next(panes), residuals, values, colours)
         if calibration.readout is not None:
-            _draw_readout(next(panes), values)
-        doubtful = {qubit for qubit, _ in bad_fits(values)}
-        last = part.axes[-1]
-        every = _every(count)
-        ticks = calibration.qubits[::every]
-        last.set_xticks(range(0, count, every), [str(q) for q in ticks], fontsize=8)
-        last.set_xlim(-0.6, count - 0.4)
-        last.set_xlabel("qubit" + ("; orange: a fit is bad" if doubtful else ""), fontsize=9)
-        for label, qubit in zip(last.get_xticklabels(), ticks, strict=True):
-            if qubit in doubtful and every == 1:
-                label.set(color=_ORANGE, fontweight="bold")
-        for at in (
-            at for at, qubit in enumerate(calibration.qubits) if qubit in doubtful and every > 1
-        ):
-            for axes in part.axes:
-                axes.axvspan(at - 0.5, at + 0.5, color=_ORANGE, alpha=0.15, lw=0, zorder=0)
-    FigureCanvasAgg(figure)
-    picture = BytesIO()
-    figure.savefig(picture, format="png", dpi=120, metadata={"Software": None})
-    return picture.getvalue()
+            _draw_readout(next(panes), values, colours)
+        _name_qubits(part, values, colours[1])
+    return drawing
+
+
+def _name_qubits(part: SubFigure, values: dict[str, Any], colour: Any) -> None:
+    """Number the qubits below the strips; those with a bad fit are in `colour`."""
+    qubits = [row["qubit"] for row in values["qubits"]]
+    doubtful = {qubit for qubit, _ in bad_fits(values)}
+    every, last = _every(len(qubits)), part.axes[-1]
+    ticks = qubits[::every]
+    last.set_xticks(range(0, len(qubits), every), [str(qubit) for qubit in ticks])
+    last.set_xlim(-0.6, len(qubits) - 0.4)
+    last.set_xlabel("qubit" + ("; marked: a fit is bad" if doubtful else ""))
+    for label, qubit in zip(last.get_xticklabels(), ticks, strict=True):
+        if qubit in doubtful and every == 1:
+            label.set(color=colour, fontweight="bold")
+    for at in (at for at, qubit in enumerate(qubits) if qubit in doubtful and every > 1):
+        for axes in part.axes:
+            axes.axvspan(at - 0.5, at + 0.5, color=colour, alpha=0.15, lw=0, zorder=0)
 
 
 def _has_turn(calibration: Calibration) -> bool:
@@ -114,15 +114,16 @@ def _curve(calibration: Calibration, index: int, angles: FloatArray) -> FloatArr
     return np.asarray(b + c * np.cos(angles) + s * np.sin(angles))
 
 
-def _draw_curve(axes: Axes, calibration: Calibration, index: int, row: dict[str, Any]) -> None:
+def _draw_curve(
+    axes: Axes, calibration: Calibration, index: int, row: dict[str, Any], colours: Sequence[Any]
+) -> None:
     turn = np.linspace(0, 2 * np.pi, 121)
     ideal = np.cos(turn - np.pi * _has_turn(calibration))
     axes.plot(turn, ideal, color="0.7", linewidth=1.0, linestyle=(0, (3, 2)), label="ideal")
     axes.plot(
         turn,
         _curve(calibration, index, turn),
-        color=_BLUE,
-        linewidth=1.4,
+        color=colours[0],
         label="fitted, with its contrast",
     )
     counts = calibration.response_counts
@@ -130,16 +131,15 @@ def _draw_curve(axes: Axes, calibration: Calibration, index: int, row: dict[str,
         ones = np.array(counts.ones)[:, index] / (counts.shots or 1)
         at = np.mod(counts.angles[:, index], 2 * np.pi)
         axes.plot(
-            at, 1 - 2 * ones, "o", color=_ORANGE, markersize=3.5, mec="white", mew=0.4,
+            at, 1 - 2 * ones, "o", color=colours[1], ms=3, mec=axes.get_facecolor(), mew=0.4,
             label="measured",
         )  # fmt: skip
-    axes.set_title(f"qubit {row['qubit']}", loc="left", fontsize=8, pad=3)
-    axes.set_title(f"{row['contrast']:.3f}", loc="right", fontsize=8, pad=3, color=_BLUE)
-    axes.set_xticks([0, np.pi, 2 * np.pi], ["0", "π", "2π"], fontsize=7)
-    axes.set_yticks([-1, 0, 1], ["−1", "0", "1"], fontsize=7)
+    axes.set_title(f"qubit {row['qubit']}", loc="left", pad=3)
+    axes.set_title(f"{row['contrast']:.3f}", loc="right", pad=3, color=colours[0])
+    axes.set_xticks([0, np.pi, 2 * np.pi], ["0", "π", "2π"])
+    axes.set_yticks([-1, 0, 1], ["−1", "0", "1"])
     axes.set_ylim(-1.12, 1.12)
     axes.axhline(0, color="0.9", linewidth=0.8, zorder=0)
-    axes.spines[["top", "right"]].set_visible(False)
 
 
 _STRIPS = (("contrast", "contrast"), ("offset", "offset"), ("tilt_rad", "tilt, rad"))
@@ -150,19 +150,19 @@ def _every(count: int) -> int:
     return 1 if count <= _MOST_TICKS else 10 * math.ceil(count / (10 * _MOST_TICKS))
 
 
-def _draw_strip(axes: Axes, values: dict[str, Any], name: str, label: str) -> None:
+def _draw_strip(axes: Axes, values: dict[str, Any], name: str, label: str, colour: Any) -> None:
     """One number of every qubit's response curve, with its standard error."""
     numbers = [row[name] for row in values["qubits"]]
     errors = [
         row["tilt_error_rad" if name == "tilt_rad" else f"{name}_error"] for row in values["qubits"]
     ]
     axes.errorbar(
-        range(len(numbers)), numbers, errors, fmt="o", color=_BLUE, ecolor="0.6", ms=3, mew=0,
-        elinewidth=0.9,
+        range(len(numbers)), numbers, errors, fmt="o", color=colour, ecolor="0.6", ms=2.5, mew=0,
+        elinewidth=0.8,
     )  # fmt: skip
     if name != "contrast":
         axes.axhline(0, color=_GREY, linewidth=0.8, zorder=1)
-    axes.set_ylabel(label, fontsize=9)
+    axes.set_ylabel(label)
     _finish(axes)
 
 
@@ -192,30 +192,31 @@ def _fitted(calibration: Calibration, counts: ReadoutCounts | ResponseCounts) ->
 
 
 def _draw_residuals(
-    axes: Axes, residuals: Sequence[tuple[str, FloatArray]], values: dict[str, Any]
+    axes: Axes,
+    residuals: Sequence[tuple[str, FloatArray]],
+    values: dict[str, Any],
+    colours: Sequence[Any],
 ) -> None:
-    axes.axhspan(-2, 2, color="0.94", lw=0, zorder=0)
+    axes.axhspan(-2, 2, color="0.5", alpha=0.1, lw=0, zorder=0)
     axes.axhline(0, color=_GREY, linewidth=0.8, zorder=1)
     sides = (0.0,) if len(residuals) == 1 else (-0.2, 0.2)
     for (part, residual), side in zip(residuals, sides, strict=True):
         circuits, qubits = residual.shape
         spread = 0.26 * (np.arange(circuits) / max(circuits - 1, 1) - 0.5)
         at = np.arange(qubits) + side + spread[:, None]
-        colour, marker = (_BLUE, "o") if part == "response" else (_ORANGE, "D")
-        size = 3 if qubits <= _MOST_CURVES else 1.5
+        colour, marker = (colours[0], "o") if part == "response" else (colours[1], "D")
+        size = 2.2 if qubits <= _MOST_CURVES else 1.2
         axes.plot(at.ravel(), residual.ravel(), marker, color=colour, ms=size, mew=0, label=part)
     most = max(3.5, 1.1 * max(float(np.abs(residual).max()) for _, residual in residuals))
     axes.set_ylim(-most, most)
-    axes.set_ylabel("residual /\nstandard error", fontsize=9)
+    axes.set_ylabel("residual /\nstandard error")
     _finish(axes)
 
 
-def _draw_readout(axes: Axes, values: dict[str, Any]) -> None:
+def _draw_readout(axes: Axes, values: dict[str, Any], colours: Sequence[Any]) -> None:
     at = np.arange(len(values["qubits"]))
     names = {"p10": "p10 = P(1 | 0)", "p01": "p01 = P(0 | 1)"}
-    for (name, label), side, colour in zip(
-        names.items(), (-0.2, 0.2), (_BLUE, _ORANGE), strict=True
-    ):
+    for (name, label), side, colour in zip(names.items(), (-0.2, 0.2), colours, strict=False):
         heights = [100 * row[name] for row in values["qubits"]]
         errors = [100 * row[f"{name}_error"] for row in values["qubits"]]
         axes.bar(at + side, heights, 0.36, color=colour, label=label, alpha=0.85)
@@ -225,24 +226,20 @@ def _draw_readout(axes: Axes, values: dict[str, Any]) -> None:
                 heights,
                 errors,
                 fmt="none",
-                ecolor="0.2",
-                capsize=2 if len(at) <= _MOST_CURVES else 0,
-                elinewidth=0.9,
+                ecolor=_GREY,
+                capsize=1.5 if len(at) <= _MOST_CURVES else 0,
+                elinewidth=0.8,
             )
     axes.set_ylim(bottom=0)
-    axes.set_ylabel("readout\nerror, %", fontsize=9)
+    axes.set_ylabel("readout\nerror, %")
     _finish(axes)
 
 
 def _finish(axes: Axes) -> None:
-    axes.tick_params(labelsize=8)
     axes.tick_params(axis="x", length=0)
-    axes.grid(axis="y", color="0.92", linewidth=0.8)
-    axes.set_axisbelow(True)
-    axes.spines[["top", "right"]].set_visible(False)
+    axes.grid(axis="y")
     if not axes.get_legend_handles_labels()[0]:
         return
     axes.legend(
-        loc="lower right", bbox_to_anchor=(1, 1), frameon=False, fontsize=8, ncols=2,
-        borderaxespad=0.1,
+        loc="lower right", bbox_to_anchor=(1, 1), ncols=2, borderaxespad=0.1,
     )  # fmt: skip

@@ -1,19 +1,23 @@
-"""Learning curves as pictures."""
+"""Learning curves as figures."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from io import BytesIO
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from qcompile.report.figure import COLOURS
+from qcompile.report.figure import Figure, literal
+from qcompile.report.legend import labelled, legend_below
+from qcompile.report.style import AnyStyle, Style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+_MOST_SIDE_BY_SIDE = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,55 +36,68 @@ class Curve:
     high: NDArray[np.float64]
 
 
-def draw_curves(
-    title: str,
-    curves: Sequence[Curve],
-    target: float | None = None,
-    most_episodes: int | None = None,
-) -> bytes:
-    """The curves over the number of episodes, as the bytes of a PNG file.
+@dataclass(frozen=True, eq=False)
+class CurvePanel:
+    """Curves on one axis; `target`, if any, is drawn across, and it ends at `most_episodes`."""
 
-    `target`, if any, is drawn across; the picture ends at `most_episodes`.
+    title: str
+    curves: Sequence[Curve]
+    target: float | None = None
+    most_episodes: int | None = None
+
+
+def draw_curves(panels: Sequence[CurvePanel], style: AnyStyle = None) -> Figure:
+    """The curves over the number of episodes; panels stand side by side, across two columns.
+
+    Raises:
+        FigureError: the style cannot be read.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    look = Style.of(style)
+    columns = min(len(panels), _MOST_SIDE_BY_SIDE)
+    rows = math.ceil(len(panels) / columns)
+    groups = list(dict.fromkeys(curve.group for panel in panels for curve in panel.curves))
+    with look.applied():
+        drawing = look.drawing(rows * look.height_in, wide=len(panels) > 1)
+        panes = [*drawing.subplots(rows, columns, squeeze=False).flat]
+        for axes in panes[len(panels) :]:
+            axes.set_axis_off()
+        for axes, panel in zip(panes, panels, strict=False):
+            _draw(axes, panel, groups, look)
+        for axes in drawing.axes[::columns]:
+            axes.set_ylabel("mean reward of last 20")
+        legend_below(drawing, labelled(*drawing.axes))
+    return Figure(drawing, look)
+
+
+def _draw(axes: Axes, panel: CurvePanel, groups: list[str], style: Style) -> None:
     from matplotlib.ticker import MaxNLocator
 
-    figure = Figure(figsize=(8.0, 5.2), layout="constrained")
-    axes = figure.add_subplot()
-    groups = list(dict.fromkeys(curve.group for curve in curves))
-    for curve in curves:
-        colour = COLOURS[groups.index(curve.group) % len(COLOURS)]
-        style = "--" if curve.dashed else "-"
-        axes.plot(curve.episodes, curve.mean, style, color=colour, label=curve.label, linewidth=1.6)
-        axes.fill_between(curve.episodes, curve.low, curve.high, color=colour, alpha=0.1, lw=0)
-    if target is not None:
-        _draw_target(axes, target)
-    longest = max((int(curve.episodes[-1]) for curve in curves if len(curve.episodes)), default=1)
-    axes.set_xlim(0, min(longest, most_episodes or longest))
-    axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
-    axes.set_title(title, loc="left", fontsize=11, parse_math=False)
+    colours = style.colours
+    for curve in panel.curves:
+        colour = colours[groups.index(curve.group) % len(colours)]
+        line = "--" if curve.dashed else "-"
+        axes.plot(curve.episodes, curve.mean, line, color=colour, label=curve.label)
+        axes.fill_between(curve.episodes, curve.low, curve.high, color=colour, alpha=0.12, lw=0)
+    if panel.target is not None:
+        _draw_target(axes, panel.target)
+    ends = (int(curve.episodes[-1]) for curve in panel.curves if len(curve.episodes))
+    longest = max(ends, default=1)
+    axes.set_xlim(0, min(longest, panel.most_episodes or longest))
+    axes.xaxis.set_major_locator(MaxNLocator(nbins=5, integer=True, min_n_ticks=1))
+    axes.set_title(literal(panel.title))
     axes.set_xlabel("episode")
-    axes.set_ylabel("average reward of the last 20 episodes")
-    axes.spines[["top", "right"]].set_visible(False)
-    legend = figure.legend(loc="outside lower center", frameon=False, fontsize=8, ncols=4)
-    for label in legend.get_texts():
-        label.set_parse_math(False)  # a dollar is a dollar
-    FigureCanvasAgg(figure)
-    picture = BytesIO()
-    figure.savefig(picture, format="png", dpi=120, metadata={"Software": None})
-    return picture.getvalue()
 
 
 def _draw_target(axes: Axes, target: float) -> None:
     axes.axhline(target, color="0.5", linewidth=0.8, linestyle=":")
     axes.annotate(
-        f"{target:g}",
+        f"{target:g}".replace("-", "−"),
         (1.0, target),
         xycoords=("axes fraction", "data"),
-        xytext=(4, 0),
+        xytext=(3, 0),
         textcoords="offset points",
         va="center",
         color="0.4",
+        fontsize="medium",
         annotation_clip=False,
     )

@@ -1,33 +1,112 @@
-"""Pictures as PNG files, which a notebook shows by itself."""
+"""Figures that a notebook shows by itself, and that are saved as .png, .svg or .pdf."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import re
+import warnings
+from io import BytesIO
 from os import PathLike
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+from qcompile.errors import FigureError
 from qcompile.output import write_file
+from qcompile.report.style import Style
 
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-"""Of Okabe and Ito, which colour-blind readers tell apart; black is the last."""
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Drawing
+
+SUFFIXES = (".png", ".svg", ".pdf")
+
+_UNDATED: dict[str, dict[str, Any]] = {
+    "png": {"Software": None},
+    "svg": {"Date": None, "Creator": None},
+    "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
+}
+"""Without dates and versions the same figure is the same file."""
+_NUMBERED = re.compile(r'<g id="[\w.]+_\d+">')
+"""The names matplotlib gives to groups: two figures on one page would have the same."""
 
 
-@dataclass(frozen=True, repr=False)
+def check_figure_path(path: Path) -> None:
+    """Nothing, if a figure can be saved under such a name.
+
+    Raises:
+        FigureError: it has another ending.
+    """
+    if path.suffix not in SUFFIXES:
+        raise FigureError(f"{path} must end with .png, .svg or .pdf.")
+
+
 class Figure:
-    """A picture, drawn: `png` holds the bytes of its file."""
+    """A figure, drawn: `save` writes it, `png`, `svg()` and `pdf()` are what it writes."""
 
-    png: bytes
+    def __init__(self, drawing: Drawing, style: Style):
+        self._drawing, self._style = drawing, style
+        self._files: dict[str, bytes] = {}
 
-    def save(self, path: str | PathLike[str]) -> None:
-        """Write the picture to a .png file, which is overwritten.
+    @property
+    def png(self) -> bytes:
+        """The bytes of a .png file.
 
         Raises:
+            FigureError: the style leaves no room for what is drawn.
+        """
+        return self._file("png")
+
+    def svg(self) -> str:
+        """The text of an <svg> element: a file's, or to stand in a page of HTML.
+
+        Raises:
+            FigureError: as `png`.
+        """
+        text = self._file("svg").decode()
+        return _NUMBERED.sub("<g>", text[text.index("<svg") :])
+
+    def pdf(self) -> bytes:
+        """The bytes of a .pdf file, whose fonts are embedded.
+
+        Raises:
+            FigureError: as `png`.
+        """
+        return self._file("pdf")
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the figure to a .png, .svg or .pdf file, which is overwritten.
+
+        Raises:
+            FigureError: the file has another ending; as `png`.
             OutputError: the file cannot be written.
         """
-        write_file(Path(path), self.png)
+        file = Path(path)
+        check_figure_path(file)
+        svg = file.suffix == ".svg"
+        contents = self.svg().encode() if svg else self._file(file.suffix.removeprefix("."))
+        write_file(file, contents)
+
+    def _file(self, form: str) -> bytes:
+        if form not in self._files:
+            stream = BytesIO()
+            with self._style.applied(), warnings.catch_warnings():
+                warnings.filterwarnings("error", "constrained_layout not applied", UserWarning)
+                try:
+                    self._drawing.savefig(stream, format=form, metadata=_UNDATED[form])
+                except UserWarning:
+                    raise FigureError(
+                        "The style leaves no room for what is drawn.",
+                        "Give it a greater figure.figsize, or smaller fonts.",
+                    ) from None
+            self._files[form] = stream.getvalue()
+        return self._files[form]
 
     def _repr_png_(self) -> bytes:
         return self.png
 
     def __repr__(self) -> str:
-        return f"Figure({len(self.png):,} bytes; .save('figure.png') writes it)"
+        width, height = self._drawing.get_size_inches()
+        return f"Figure({width:.1f} x {height:.1f} in; .save('figure.pdf') writes it)"
+
+
+def literal(words: str) -> str:
+    """Words as they are: to matplotlib a pair of dollars would be mathematics."""
+    return words.replace("$", r"\$")

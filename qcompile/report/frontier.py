@@ -1,26 +1,46 @@
-"""Reward against QPU seconds, as a picture."""
+"""Reward against QPU seconds, as a figure."""
 
 from __future__ import annotations
 
-from io import BytesIO
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from qcompile.report.figure import COLOURS, Figure
+from qcompile.report.figure import Figure, literal
+from qcompile.report.legend import labelled, legend_below
+from qcompile.report.style import AnyStyle, Style
 
-_GREY = "0.45"
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_GREY = "0.5"
 
 
-def draw_frontier(plan: dict[str, Any]) -> Figure:
+def draw_frontier(plan: dict[str, Any], style: AnyStyle = None) -> Figure:
     """The mean reward of each point of a plan against its QPU seconds, on a logarithmic scale.
 
     `plan` is the document of `qcompile plan --within --json`. Bars are the 80 % interval of the
     seconds and the 95 % interval of the mean; the recommended point is ringed. Lines mark the limit
     and what the ideal policy and random actions earn; a cross is the paper's way.
-    """
-    from matplotlib.figure import Figure as Drawing
 
-    drawing = Drawing(figsize=(7.2, 4.2), layout="constrained")
-    axes = drawing.subplots()
+    Raises:
+        FigureError: the style cannot be read.
+    """
+    look = Style.of(style)
+    with look.applied():
+        drawing = look.drawing(1.2 * look.height_in)
+        axes = drawing.subplots()
+        _draw(axes, plan, look.colours)
+        drawing.suptitle(
+            f"{plan['frontier'][0]['episodes']} episodes on {literal(plan['backend'])}; "
+            "numbers are shots",
+            x=0.01,
+            ha="left",
+        )
+        legend_below(drawing, labelled(axes))
+    return Figure(drawing, look)
+
+
+def _draw(axes: Axes, plan: dict[str, Any], colours: list[Any]) -> None:
+    line = str(axes.xaxis.label.get_color())
     points, names = plan["frontier"], list(dict.fromkeys(p["policy"] for p in plan["frontier"]))
     seconds, rewards = ([p[key] for p in points] for key in ("qpu_seconds", "mean_reward"))
     axes.plot(seconds, rewards, color=_GREY, linewidth=1, zorder=1)
@@ -33,23 +53,20 @@ def draw_frontier(plan: dict[str, Any]) -> Figure:
             xerr=_ends(x, [p["qpu_seconds_80"] for p in own]),
             yerr=_ends(y, [p["ci95"] or [p["mean_reward"]] * 2 for p in own]),
             fmt="o",
-            markersize=4,
-            color=COLOURS[number % len(COLOURS)],
+            color=colours[number % len(colours)],
             elinewidth=1,
             label=name,
         )
         for point in own:
             place = point["qpu_seconds"], point["mean_reward"]
-            axes.annotate(
-                f" {point['shots']}", place, (3, -9), textcoords="offset points", fontsize=7
-            )
+            axes.annotate(f"{point['shots']}", place, (4, -9), textcoords="offset points")
     if (chosen := plan["recommended"]) is not None:
         axes.scatter(
             chosen["qpu_seconds"],
             chosen["mean_reward"],
-            s=130,
+            s=60,
             facecolors="none",
-            edgecolors=COLOURS[-1],
+            edgecolors=line,
             zorder=3,
             label="recommended",
         )
@@ -58,7 +75,7 @@ def draw_frontier(plan: dict[str, Any]) -> Figure:
         paper["qpu_seconds"],
         paper["mean_reward"],
         marker="x",
-        color=COLOURS[-1],
+        color=line,
         label=f"as in the paper, {paper['shots']} shots",
     )
     within = f"within {plan['within']:g} s"
@@ -72,19 +89,11 @@ def draw_frontier(plan: dict[str, Any]) -> Figure:
             xycoords=("axes fraction", "data"),
             textcoords="offset points",
             ha="right",
-            fontsize=7,
             color=_GREY,
         )
     axes.set_xscale("log")
     axes.set_xlabel("QPU seconds, by IBM's published estimate")
     axes.set_ylabel("mean reward")
-    title = f"{points[0]['episodes']} episodes on {plan['backend']}; numbers are shots"
-    axes.set_title(title, loc="left", fontsize=10)
-    axes.legend(frameon=False, fontsize=8, loc="center right")
-    axes.spines[["top", "right"]].set_visible(False)
-    stream = BytesIO()
-    drawing.savefig(stream, format="png", dpi=120, metadata={"Software": None})
-    return Figure(stream.getvalue())
 
 
 def _ends(middle: list[float], intervals: list[list[float]]) -> list[list[float]]:

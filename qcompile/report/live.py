@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from qcompile.calibration import Calibration
 from qcompile.execution.packed import ones_of_bits
 from qcompile.live.commands import resume_command
+from qcompile.live.finder import describe_doubts
 from qcompile.live.journal import Journal, TaskKind
-from qcompile.live.looking import doubts_in_words
-from qcompile.live.opening import reading
-from qcompile.live.perform import costs, progress_in_words, task_of
+from qcompile.live.journal_file import reading
+from qcompile.live.perform import costs, describe_progress, task_of
 from qcompile.live.records import State, Submission
-from qcompile.mitigation.misfit import misfit_words
+from qcompile.mitigation.misfit import misfit_warnings
 from qcompile.report.calibration_values import calibration_values, print_calibration
 from qcompile.report.summary import print_run
 from qcompile.report.tables import cost_in_words, plural, print_table
@@ -145,9 +145,9 @@ def print_overview(journal: Journal) -> None:
     row = overview(journal)
     backend = one_line(str(row["backend"]))
     click.echo(f"{row['run']}, {row['kind']} on {backend}: {row['state']}")
-    click.echo(progress_in_words(journal))
+    click.echo(describe_progress(journal))
     click.echo(f"{cost_in_words(row)}; {row['max_qpu_seconds']:g} allowed")
-    for line in doubts_in_words(journal):
+    for line in describe_doubts(journal):
         click.echo(line)
     if journal.kind == "sampler":
         click.echo(f"{_CONTINUES} `{resume_command(journal)}` fetches what was sent.")
@@ -189,7 +189,7 @@ def print_validation(check: dict[str, Any]) -> None:
             f"{plural(check['observations'], 'observation')}: a p01 of one qubit raised by "
             f"{check['effect']:g} is found {100 * check['least_power']:.0f} % of the time or more"
         )
-        for words in misfit_words(check["calibration_misfits"]):
+        for words in misfit_warnings(check["calibration_misfits"]):
             click.echo(words)
     verdict = "pass" if check["passed"] else "fail"
     click.echo(f"{verdict}; the largest difference of a <Z> is {check['largest_difference']:.3f}")

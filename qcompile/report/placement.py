@@ -12,7 +12,7 @@ import click
 from qcompile.noise import REFERENCE_SHOTS, USABLE_CONTRAST
 from qcompile.report.tables import plural, print_table
 
-_PERFECT = math.sqrt(2 / 3 / REFERENCE_SHOTS)
+PERFECT = math.sqrt(2 / 3 / REFERENCE_SHOTS)
 """Shot noise alone: the mean of 1 - z^2 over z in [-1, 1] is 2/3."""
 
 
@@ -52,7 +52,7 @@ def _lines(values: dict[str, Any], weighed: bool) -> Iterator[str]:
         yield "importance: variance over actions of the circuit's weights, as a share of all"
     yield (
         f"error: root mean square at {REFERENCE_SHOTS} shots, readout mitigated; "
-        f"{_PERFECT:.4f} if perfect"
+        f"{PERFECT:.4f} if perfect"
     )
     if values["left_out"]:
         yield left_out_words({row["qubit"]: row["reason"] for row in values["left_out"]})

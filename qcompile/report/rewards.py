@@ -1,41 +1,42 @@
-"""The rewards of a run's episodes as a picture."""
+"""The rewards of a run's episodes as a figure."""
 
 from __future__ import annotations
 
-from io import BytesIO
 from typing import Any
 
 import numpy as np
 
-from qcompile.report.figure import Figure
+from qcompile.report.figure import Figure, literal
+from qcompile.report.legend import labelled, legend_below
+from qcompile.report.style import AnyStyle, Style
 from qcompile.report.tables import interval_words
 
-_BLUE, _GREY = "#0072B2", "0.45"
+_GREY = "0.5"
 
 
-def draw_rewards(summary: dict[str, Any]) -> Figure:
-    """A bar for each episode of a run, their mean and its interval."""
-    import matplotlib as mpl
-    from matplotlib.figure import Figure as Drawing
+def draw_rewards(summary: dict[str, Any], style: AnyStyle = None) -> Figure:
+    """A bar for each episode of a run, their mean and its interval.
+
+    Raises:
+        FigureError: the style cannot be read.
+    """
     from matplotlib.ticker import MaxNLocator
 
+    look = Style.of(style)
     rewards = [episode["reward"] for episode in summary["episodes"]]
-    with mpl.rc_context({"font.size": 9}):
-        drawing = Drawing(figsize=(6.4, 3.2), layout="constrained")
+    with look.applied():
+        drawing = look.drawing(look.height_in)
         axes = drawing.subplots()
-        axes.bar(np.arange(len(rewards)), rewards, color=_BLUE, width=0.8)
+        axes.bar(np.arange(len(rewards)), rewards, color=look.colours[0], width=0.8)
+        line = str(axes.xaxis.label.get_color())
         if summary["mean_reward"] is not None:
-            axes.axhline(summary["mean_reward"], color="black", linewidth=1, label="mean")
+            axes.axhline(summary["mean_reward"], color=line, linewidth=1, label="mean")
         if interval_words(summary):
-            axes.axhspan(*summary["ci95"], color=_GREY, alpha=0.3, lw=0, label="95 % interval")
+            axes.axhspan(*summary["ci95"], color=_GREY, alpha=0.35, lw=0, label="95 % interval")
         axes.axhline(0, color=_GREY, linewidth=0.6)
         axes.set_xlabel("episode")
         axes.set_ylabel("reward")
-        axes.set_title(f"{summary['policy']} on {summary['backend']}", loc="left")
+        axes.set_title(literal(f"{summary['policy']} on {summary['backend']}"))
         axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
-        axes.spines[["top", "right"]].set_visible(False)
-        if summary["mean_reward"] is not None:
-            drawing.legend(loc="outside lower center", frameon=False, fontsize=8, ncols=2)
-        stream = BytesIO()
-        drawing.savefig(stream, format="png", dpi=150)
-    return Figure(stream.getvalue())
+        legend_below(drawing, labelled(axes))
+    return Figure(drawing, look)

@@ -1,37 +1,39 @@
-"""What each way to run a policy takes, as a picture."""
+"""What each way to run a policy takes, as a figure."""
 
 from __future__ import annotations
 
-from io import BytesIO
 from typing import Any
 
-from qcompile.report.figure import Figure
+from qcompile.report.figure import Figure, literal
+from qcompile.report.legend import labelled, legend_below
+from qcompile.report.style import AnyStyle, Style
 
-_BLUE, _GREY = "#0072B2", "0.45"
+_BAR_IN, _BESIDES_IN = 0.26, 0.75
 
 
-def draw_seconds(plan: dict[str, Any]) -> Figure:
+def draw_seconds(plan: dict[str, Any], style: AnyStyle = None) -> Figure:
     """A bar for the QPU seconds of each way of a plan, on a logarithmic scale.
 
     `plan` is the document of `qcompile plan --json`. A line marks what the free plan has.
-    """
-    from matplotlib.figure import Figure as Drawing
 
+    Raises:
+        FigureError: the style cannot be read.
+    """
+    look = Style.of(style)
     ways = plan["strategies"]
     seconds = [way["qpu_seconds"] for way in ways]
-    drawing = Drawing(figsize=(6.4, 0.9 + 0.45 * len(ways)), layout="constrained")
-    axes = drawing.subplots()
-    bars = axes.barh([way["name"] for way in ways], seconds, color=_BLUE, height=0.6)
-    axes.bar_label(bars, [f"{value:,.1f} s" for value in seconds], padding=3, fontsize=8)
-    free = plan["free_seconds"]
-    axes.axvline(free, color=_GREY, linewidth=1, linestyle=":", label=f"free plan, {free:g} s")
-    axes.set_xscale("log")
-    axes.set_xlim(min(*seconds, free) / 2, max(*seconds, free) * 8)
-    axes.invert_yaxis()
-    axes.set_xlabel("QPU seconds, by IBM's published estimate")
-    axes.set_title(f"{plan['policy']} on {plan['backend']}", loc="left", fontsize=10)
-    axes.legend(loc="lower right", frameon=False, fontsize=8)
-    axes.spines[["top", "right"]].set_visible(False)
-    stream = BytesIO()
-    drawing.savefig(stream, format="png", dpi=120, metadata={"Software": None})
-    return Figure(stream.getvalue())
+    with look.applied():
+        drawing = look.drawing(_BESIDES_IN + _BAR_IN * len(ways))
+        axes = drawing.subplots()
+        names = [way["name"] for way in ways]
+        bars = axes.barh(names, seconds, color=look.colours[0], height=0.6)
+        axes.bar_label(bars, [f"{value:,.1f} s" for value in seconds], padding=3)
+        free = plan["free_seconds"]
+        axes.axvline(free, color="0.4", linewidth=1, linestyle=":", label=f"free plan, {free:g} s")
+        axes.set_xscale("log")
+        axes.set_xlim(min(*seconds, free) / 2, max(*seconds, free) * 20)
+        axes.invert_yaxis()
+        axes.set_xlabel("QPU seconds, by IBM's published estimate")
+        drawing.suptitle(literal(f"{plan['policy']} on {plan['backend']}"), x=0.01, ha="left")
+        legend_below(drawing, labelled(axes))
+    return Figure(drawing, look)

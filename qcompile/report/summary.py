@@ -8,10 +8,11 @@ from typing import Any
 
 from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
 from qcompile.mitigation import CALIBRATION_SHOTS
-from qcompile.mitigation.misfit import misfit_words
-from qcompile.notebook import reward_words
+from qcompile.mitigation.misfit import misfit_warnings
+from qcompile.notebook import reward_text
 from qcompile.policy.decision import held_words
 from qcompile.report.tables import cost_in_words, interval_words, plural, wide_console
 
@@ -28,7 +29,7 @@ _HOUR_S = 3600
 def print_run(summary: dict[str, Any]) -> None:
     """Print what a run found: `Run.summary`."""
     out = wide_console()
-    backend = f"{summary['backend']} ({_KINDS.get(summary['kind'], summary['kind'])})"
+    backend = f"{summary['backend']} ({kind_words(summary['kind'])})"
     policy, environment = escape(summary["policy"]), escape(summary["environment"])
     out.print(f"[bold]{policy}[/] in {environment} on {escape(backend)}")
     grid = Table.grid(padding=(0, 2))
@@ -39,7 +40,18 @@ def print_run(summary: dict[str, Any]) -> None:
     out.print(grid)
 
 
-def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
+def run_facts(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """The lines that `print_run` prints, but for those on the rewards, as plain text."""
+    lines = [(name, Text.from_markup(words).plain) for name, words in _run_lines(summary)]
+    return [(name, words) for name, words in lines if name not in ("mean reward", "each episode")]
+
+
+def kind_words(kind: str) -> str:
+    """What results of a backend of that kind are."""
+    return _KINDS.get(kind, kind)
+
+
+def _run_lines(summary: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
     from qcompile.deploy.intervals import unseen_share
 
     rewards = [episode["reward"] for episode in summary["episodes"]]
@@ -47,7 +59,7 @@ def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
         interval = interval_words(summary)
         interval = f" (95 % interval {interval})" if interval else ""
         if summary["mean_reward"] is not None:
-            mean, _, deviation = reward_words(summary["mean_reward"], summary["std_reward"]).split()
+            mean, _, deviation = reward_text(summary["mean_reward"], summary["std_reward"]).split()
             yield (
                 "mean reward",
                 f"[bold]{mean}[/] ± {deviation} over {plural(len(rewards), 'episode')}{interval}",
@@ -63,7 +75,7 @@ def _run_lines(summary: dict[str, Any]) -> Iterable[tuple[str, str]]:
         yield "environment", escape(said)
     if summary["circuits_per_step"]:
         yield "settings", _circuit_settings(summary)
-    for words in misfit_words(summary.get("calibration_misfits", [])):
+    for words in misfit_warnings(summary.get("calibration_misfits", [])):
         yield "doubtful", words
     if summary["copies"] > 1 and not summary.get("split"):
         yield "side by side", plural(summary["copies"], "episode")
@@ -124,7 +136,7 @@ def _cut_lines(summary: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
     interval = interval_words(summary, "ci95_completed")
     interval = f" (95 % interval {interval})" if interval else ""
     on = " on the noise model" * (summary["kind"] == "hardware")
-    yield "completed", f"mean reward {reward_words(mean)}{interval}, cut episodes continued{on}"
+    yield "completed", f"mean reward {reward_text(mean)}{interval}, cut episodes continued{on}"
 
 
 def _circuit_settings(summary: Mapping[str, Any]) -> str:

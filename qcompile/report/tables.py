@@ -11,8 +11,8 @@ from rich.cells import cell_len
 from rich.markup import escape
 from rich.table import Table
 
-from qcompile.mitigation.misfit import misfit_words
-from qcompile.notebook import reward_digits, reward_words
+from qcompile.mitigation.misfit import misfit_warnings
+from qcompile.notebook import reward_digits, reward_text
 from qcompile.policy.decision import held_words
 from qcompile.report.console import PlainConsole, console
 
@@ -110,7 +110,7 @@ def print_grid(objects: Sequence[Mapping[str, Any]]) -> None:
         rows = [_grid_row(values, levels) for values in results]
         print_table(_grid_columns(levels), rows, title, tight=True)
         for values in results:
-            for words in misfit_words(values.get("calibration_misfits", [])):
+            for words in misfit_warnings(values.get("calibration_misfits", [])):
                 wide_console().print(escape(f"{values['backend']}: {words}"))
 
 
@@ -137,9 +137,9 @@ def _grid_row(values: Mapping[str, Any], levels: bool) -> list[object]:
         str(values["shots"]),
         values["mitigation"],
         *[values["level"]] * levels,
-        reward_words(values["mean_reward"], values["std_reward"]),
+        reward_text(values["mean_reward"], values["std_reward"]),
         interval_words(values) or "-",
-        "-" if values["reference"] or difference is None else reward_words(difference, sign="+"),
+        "-" if values["reference"] or difference is None else reward_text(difference, sign="+"),
         {True: "yes", False: "no", None: "-"}[values["solved"]],
     ]
 
@@ -158,7 +158,7 @@ def plural(count: int, word: str) -> str:
     return f"{count} {word}" if count == 1 else f"{count} {word}s"
 
 
-def cost_in_words(row: dict[str, Any]) -> str:
+def cost_in_words(row: Mapping[str, Any]) -> str:
     """The charge of a run; where it is not settled, what it comes to at most, and why."""
     settled_s, upper_s = row["qpu_seconds_settled"], row["qpu_seconds"]
     words = f"{settled_s:.1f} QPU seconds charged"

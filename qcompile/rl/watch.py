@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from qcompile.notebook import reward_words
+from qcompile.notebook import reward_text
 from qcompile.rl.checkpoint import save_checkpoint
 from qcompile.rl.ppo import Trainer
 from qcompile.rl.result import TrainingResult
@@ -94,11 +94,11 @@ class Watch:
         self._note(episode)
         words = [f"episode {episode.episode}"]
         if self.averages.last is not None:
-            words.append(f"last 20: {reward_words(self.averages.last)}")
+            words.append(f"last 20: {reward_text(self.averages.last)}")
         if self.averages.best is not None:
-            words.append(f"best {reward_words(self.averages.best)}")
+            words.append(f"best {reward_text(self.averages.best)}")
         if self.evaluations:
-            words.append(f"test {reward_words(self.evaluations[-1].mean_reward)}")
+            words.append(f"test {reward_text(self.evaluations[-1].mean_reward)}")
         self._show(progress, ", ".join(words))
 
     def _note(self, episode: FinishedEpisode) -> None:

@@ -36,9 +36,9 @@ class Draws:
     def __init__(self, seed: int, circuits: int):
         self.circuits = circuits
         self._counts, self._actions = Stream(seed, "shots"), Stream(seed, "actions")
-        self._uniforms = _Ahead(self._fill_uniforms, 1, 1)
+        self._uniforms = _BlockOfDraws(self._fill_uniforms, 1, 1)
         self._shots: CircuitShots = 1
-        self._scores = self._scores_ahead(self._shots)
+        self._scores = self._block_of_scores(self._shots)
 
     def actions(self, episode: PlaceArray, decision: PlaceArray) -> FloatArray:
         """A number in [0, 1) for each episode (B,) at its decision (B,)."""
@@ -57,7 +57,7 @@ class Draws:
             ValueError: a probability is not a number, or shapes do not fit.
         """
         if shots is not self._shots and not np.array_equal(shots, self._shots):
-            self._shots, self._scores = shots, self._scores_ahead(shots)
+            self._shots, self._scores = shots, self._block_of_scores(shots)
         scores = self._scores.numbers(episode, decision)
         places = p.reshape(scores.shape[1], self.circuits)
         if not isinstance(shots, np.ndarray):
@@ -72,11 +72,11 @@ class Draws:
         """A source of counts for these places, (rows, copies), in place of a Generator."""
         return RowDraws(self, episode, decision)
 
-    def _scores_ahead(self, shots: CircuitShots) -> _Ahead:
+    def _block_of_scores(self, shots: CircuitShots) -> _BlockOfDraws:
         def fill(episode: PlaceArray, decision: PlaceArray, out: FloatArray) -> None:
             self._counts.scores(shots, episode, decision, self.circuits, out)
 
-        return _Ahead(fill, ARRAYS, self.circuits)
+        return _BlockOfDraws(fill, ARRAYS, self.circuits)
 
     def _fill_uniforms(self, episode: PlaceArray, decision: PlaceArray, out: FloatArray) -> None:
         out[0, :, 0] = self._actions.uniforms(episode, decision)
@@ -94,7 +94,7 @@ class RowDraws(NamedTuple):
         return self.draws.binomial(shots, p, self.episode, self.decision)
 
 
-class _Ahead:
+class _BlockOfDraws:
     """Numbers of `fill`, of a block of decisions at once where they follow each other.
 
     A block that was used up is followed by a longer one; every other starts with a single decision.

@@ -41,7 +41,7 @@ _FEW = 128
 Constant = NDArray[np.float64]
 """An array without dimensions, which numpy takes at half the cost of a scalar."""
 _ONE: Constant = np.array(1.0)
-_LEAST_VARIANCE: Constant = np.array(1e-9)
+_MIN_VARIANCE: Constant = np.array(1e-9)
 """In place of less, which the bound of the error refuses just as well."""
 
 
@@ -75,7 +75,7 @@ def expansion(shots: int, p: FloatArray, scores: FloatArray) -> tuple[FloatArray
     h = _ONE - p
     v = p * h
     v *= n
-    np.maximum(v, _LEAST_VARIANCE, out=v)
+    np.maximum(v, _MIN_VARIANCE, out=v)
     s = np.sqrt(v)
     np.divide(_ONE, v, v)  # 1 / s**2 from here on
     y = p * n

@@ -8,7 +8,7 @@ from typing import Generic, Protocol, TypeVar
 
 from pydantic import BaseModel
 
-from qcompile.deploy.registration import knowing_environments
+from qcompile.deploy.registration import with_environments
 from qcompile.errors import StudyError
 from qcompile.sweep.engine import Engine, Named, run_all
 from qcompile.sweep.folder import Folder
@@ -106,7 +106,7 @@ def complete(
 
     waiting = [cell for cell in cells if cell.name not in results]
     if waiting and not pool.is_this_process:
-        run = knowing_environments(run, environments)
+        run = with_environments(run, environments)
     try:
         run_all(
             waiting,

@@ -15,10 +15,12 @@ from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 
-from qcompile.calibration import Calibration, age_words, load_calibration
+from qcompile.calibration import Calibration, age_warnings, load_calibration
 from qcompile.errors import OptionError
 from qcompile.limits import MAX_EPISODES
+from qcompile.page.words import call as call_words
 from qcompile.sweep.arguments import Name, Planned, Words, is_several, several
+from qcompile.verbs.reports import Reported
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -55,10 +57,10 @@ _WORDS = {
 
 
 def checked(function: Callable[P, R]) -> Callable[P, R]:
-    """`function`, whose arguments of plain types are checked, and plain when it gets them.
+    """`function` with its plain arguments checked and converted before each call.
 
-    numpy's numbers become Python's, and arrays and generators lists. Other types are left to the
-    function, whose module has `from __future__ import annotations`.
+    numpy's numbers become Python's; arrays and generators become lists. A result that has a report
+    keeps its call. Other types are left to the function, whose module has `from __future__ import annotations`.
 
     Raises:
         OptionError: an argument is of another type or out of range, when the function is called.
@@ -70,7 +72,10 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
         bound = form.bind(*args, **kwargs)
         for name, value in bound.arguments.items():
             bound.arguments[name] = _argument(name, value, str(form.parameters[name].annotation))
-        return function(*bound.args, **bound.kwargs)
+        result = function(*bound.args, **bound.kwargs)
+        if isinstance(result, Reported):
+            result.call = call_words(function.__name__, bound.arguments)
+        return result
 
     return call
 
@@ -85,7 +90,7 @@ def calibration_settings(calibration: Name | Calibration | None, on_note: Words)
         return {"calibration": calibration}
     file = str(Path(calibration))
     loaded = load_calibration(Path(calibration))
-    for words in age_words(file, loaded, datetime.now(UTC)):
+    for words in age_warnings(file, loaded, datetime.now(UTC)):
         on_note(words)
     return {"calibration": loaded, "calibration_file": file}
 

@@ -11,14 +11,18 @@ import numpy as np
 
 from qcompile.calibration import Calibration
 from qcompile.device import Device
-from qcompile.errors import CalibrationError, OptionError
+from qcompile.errors import CalibrationError
 from qcompile.limits import CLOCK_HOURS
 from qcompile.mitigation.measure import PARTS, Part
+from qcompile.mitigation.misfit import misfit_warnings
 from qcompile.output import check_writable
+from qcompile.page.calibration import calibration_document
+from qcompile.page.document import Document
 from qcompile.report.calibration_values import calibration_table
-from qcompile.report.figure import Figure
+from qcompile.report.figure import Figure, check_figure_path
+from qcompile.report.style import AnyStyle
 from qcompile.verbs.files import check_distinct, check_new
-from qcompile.verbs.results import Result
+from qcompile.verbs.reports import Reported
 
 
 @dataclass(frozen=True)
@@ -33,10 +37,11 @@ class CalibrationOutputs:
         """Nothing, if the names fit each other and those of the files that are read.
 
         Raises:
-            OptionError: the picture's file is no .png, or is one of the others.
+            FigureError: no figure has such a name.
+            OptionError: the figure's file is one of the others.
         """
-        if self.plot is not None and self.plot.suffix != ".png":
-            raise OptionError(f"{self.plot} must end with .png.")
+        if self.plot is not None:
+            check_figure_path(self.plot)
         check_distinct({**inputs, "plot": self.plot})
         check_distinct({"out": self.out, "plot": self.plot})
 
@@ -75,20 +80,35 @@ class CalibrationOutputs:
             raise CalibrationError(f"Interrupted: {self.plot} was not drawn.{where}") from None
 
 
-class CalibrationResult(Result):
+class CalibrationResult(Reported):
     """A calibration, the file it is in, and the plain values of `qcompile calibrate --json`."""
 
     def __init__(self, calibration: Calibration, values: Mapping[str, Any], file: Path | None):
         super().__init__(values)
         self.calibration, self.file = calibration, file
 
-    def plot(self) -> Figure:
-        """Curves, residuals and readout errors of every qubit."""
-        return self.calibration.plot()
+    def plot(self, style: AnyStyle = None) -> Figure:
+        """Curves, residuals and readout errors of every qubit.
+
+        Raises:
+            FigureError: the style cannot be read.
+        """
+        return self.calibration.plot(style)
 
     @property
     def table(self) -> tuple[list[str], list[list[str]]]:
         return calibration_table(self.to_dict())
+
+    def document(self, command: str) -> Document:
+        values = self.to_dict()
+        warnings = [*misfit_warnings(values["calibration_misfits"]), *self._warnings()]
+        return calibration_document(
+            self.calibration, values, self.plot, warnings=warnings, command=command
+        )
+
+    def _warnings(self) -> Sequence[str]:
+        """What a reader must know first."""
+        return ()
 
 
 class DriftCheck(CalibrationResult):
@@ -109,6 +129,11 @@ class DriftCheck(CalibrationResult):
         super().__init__(calibration, values, file)
         self.failures = _failures(self.to_dict(), max_age_hours)
         self._backend = backend
+
+    def _warnings(self) -> Sequence[str]:
+        if self.holds:
+            return ()
+        return ["\n".join((f"{self.to_dict()['check']['file']} no longer holds.", *self.failures))]
 
     @property
     def holds(self) -> bool:

@@ -13,10 +13,14 @@ from qcompile.deploy.registration import import_modules
 from qcompile.device import Device
 from qcompile.errors import StudyError
 from qcompile.execution import Backend
+from qcompile.page.circuits import Compiled
+from qcompile.page.document import Document
+from qcompile.page.evaluation import evaluation_document
 from qcompile.policy import AnyPolicy
 from qcompile.report import progress as bars
 from qcompile.report.figure import Figure
 from qcompile.report.intervals import draw_intervals
+from qcompile.report.style import AnyStyle
 from qcompile.report.tables import grid_table, plural
 from qcompile.sweep.arguments import Name, Shots, Words, ignore, several
 from qcompile.sweep.complete import CellFailure
@@ -24,10 +28,10 @@ from qcompile.sweep.engine import Engine
 from qcompile.sweep.evaluation import run as grids
 from qcompile.sweep.evaluation.write_up import panels
 from qcompile.verbs.arguments import checked
-from qcompile.verbs.results import Result
+from qcompile.verbs.reports import Reported
 
 
-class EvaluationResult(Result):
+class EvaluationResult(Reported):
     """A grid that was played: `cells` has an object for each cell, as in `qcompile run --json`.
 
     `played` counts the cells that were played now, `there` those that the folder had; `failures`
@@ -58,10 +62,13 @@ class EvaluationResult(Result):
         """
         self._evaluation.check_complete()
 
-    def plot(self, policy: str | None = None) -> Figure:
+    def plot(self, policy: str | None = None, style: AnyStyle = None) -> Figure:
         """Mean rewards and their 95 % intervals, a panel for each policy, or of this one alone.
 
+        Policies of one environment share the axis of rewards.
+
         Raises:
+            FigureError: the style cannot be read.
             StudyError: there is no such policy.
         """
         names = list(dict.fromkeys(values["policy"] for values in self.cells))
@@ -78,7 +85,21 @@ class EvaluationResult(Result):
         episodes = plural(len(self.cells[0]["episodes"]), "episode")
         environments = {cell["environment"] for cell in self.cells if cell["policy"] in shown}
         title = f"{' and '.join(sorted(environments))}, {episodes}"
-        return Figure(draw_intervals(title, drawing, same_scale=len(environments) == 1))
+        return draw_intervals(title, drawing, style)
+
+    def document(self, command: str) -> Document:
+        cells = self._evaluation.cells
+        played = [cell for cell in cells if not cell.is_reference] or cells
+        compiled = {
+            (cell.policy.name, cell.backend.device.name, cell.level): Compiled(
+                cell.policy, cell.backend.device, cell.level
+            )
+            for cell in played
+        }
+        warnings = [f"{failure.name}: {failure.words}" for failure in self.failures]
+        return evaluation_document(
+            self.cells, self.plot, [*compiled.values()], warnings=warnings, command=command
+        )
 
     @property
     def remark(self) -> str:

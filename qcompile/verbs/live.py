@@ -10,8 +10,8 @@ from qcompile.errors import BudgetError, OptionError
 from qcompile.execution import Workload
 from qcompile.limits import FREE_SECONDS, MAX_QPU_SECONDS
 from qcompile.live.connection import Connection
+from qcompile.live.finder import describe_doubts
 from qcompile.live.journal import Journal
-from qcompile.live.looking import doubts_in_words
 from qcompile.live.pace import check_pace, check_seconds
 from qcompile.live.perform import begin, complete, task_of
 from qcompile.live.task import Task
@@ -138,6 +138,6 @@ def follow(
             show=show,
             note=on_note,
         )
-    for line in doubts_in_words(journal):
+    for line in describe_doubts(journal):
         on_note(line)
     return result

@@ -15,31 +15,39 @@ from qcompile.execution import Backend, Executor, load_backend
 from qcompile.execution.backend import DeviceBackend
 from qcompile.limits import FREE_SECONDS, USD_PER_SECOND
 from qcompile.live.connection import Connection
+from qcompile.page.circuits import Compiled
+from qcompile.page.document import Document
+from qcompile.page.plan import plan_document
 from qcompile.planning.command import run_command
 from qcompile.planning.point import Point
-from qcompile.planning.search import KEEP, Wanted, search
-from qcompile.planning.ways import forecast, run_task, strategies
+from qcompile.planning.search import KEEP, Goal, search
+from qcompile.planning.strategies import forecast, run_task, strategies
 from qcompile.policy import Policy, load_circuits
 from qcompile.policy.arguments import with_arguments
 from qcompile.report import progress as bars
 from qcompile.report.figure import Figure
 from qcompile.report.frontier import draw_frontier
 from qcompile.report.seconds import draw_seconds
+from qcompile.report.style import AnyStyle
 from qcompile.sweep.arguments import Name, Words, ignore, several, shots_of
 from qcompile.verbs.arguments import calibration_settings, checked
-from qcompile.verbs.results import Result
+from qcompile.verbs.reports import Reported
 from qcompile.verbs.within import advice, frontier_table, within_values
 
 _SHOTS = 8192
 """Of a plan that is not told another number, and of the paper."""
 
 
-class Plan(Result):
+class Plan(Reported):
     """What each way to run a policy takes: `strategies`, the paper's first.
 
     With a limit of seconds, `frontier` has the settings of which none is cheaper and as good, and
     `recommended` the cheapest that keep the reward and fit, or None.
     """
+
+    def __init__(self, values: Mapping[str, Any], compiled: Compiled | None = None):
+        super().__init__(values)
+        self._compiled = compiled
 
     @property
     def strategies(self) -> list[dict[str, Any]]:
@@ -59,10 +67,24 @@ class Plan(Result):
         chosen: dict[str, Any] | None = self.to_dict().get("recommended")
         return chosen
 
-    def plot(self) -> Figure:
-        """The QPU seconds of each way, or reward against seconds, on a logarithmic scale."""
-        values = self.to_dict()
-        return draw_frontier(values) if "frontier" in values else draw_seconds(values)
+    def plot(self, style: AnyStyle = None) -> Figure:
+        """The QPU seconds of each way, or reward against seconds, on a logarithmic scale.
+
+        Raises:
+            FigureError: the style cannot be read.
+        """
+        draw = draw_frontier if "frontier" in self.to_dict() else draw_seconds
+        return draw(self.to_dict(), style)
+
+    def document(self, command: str) -> Document:
+        return plan_document(
+            self.to_dict(),
+            self.table,
+            self.plot,
+            self._compiled,
+            remark=self.remark,
+            command=command,
+        )
 
     @property
     def remark(self) -> str:
@@ -170,10 +192,10 @@ def plan(
     if within is None:
         RunSettings.of(settings, copies=copies, split=bool(split)).check_shared(episodes)
     else:
-        wanted = Wanted(settings, episodes, within, keep, given)
+        goal = Goal(settings, episodes, within, keep, given)
         title = f"planning for {opened.device.name}"
         with bars.progress_bar(title, 1.0, enabled=progress) as show:
-            found = search(policies, opened, wanted, show)
+            found = search(policies, opened, goal, show)
     chosen = policies[0] if found is None or found.recommended is None else found.recommended.policy
     settings = RunSettings.of(settings, **{"shots": _SHOTS, "copies": copies, **given})
     task = run_task(chosen, opened.device, settings, episodes, backend=opened.device.name)
@@ -206,7 +228,7 @@ def plan(
         way, reward = values["strategies"][0], float(forecasted.rewards.mean())
         values["paper"] = way | {"shots": task.shots, "mean_reward": reward}
         values |= within_values(found, command)
-    return Plan(values)
+    return Plan(values, Compiled(chosen, opened.device, task.level, task.copies or 1))
 
 
 def _opened(

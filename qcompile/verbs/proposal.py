@@ -9,7 +9,7 @@ from qcompile.deploy.settings import RunSettings
 from qcompile.device import Device
 from qcompile.execution.backend import DeviceBackend
 from qcompile.planning.command import option_words
-from qcompile.planning.search import Wanted, search
+from qcompile.planning.search import Goal, search
 from qcompile.policy import Policy
 from qcompile.report import progress as bars
 from qcompile.sweep.arguments import Planned, Words
@@ -57,9 +57,9 @@ def live_settings(
     if "shots" in said:
         changes = {"copies": settings.copies, **_WITHOUT_A_PLAN, **said}
         return RunSettings.of(resolved, **changes)
-    wanted = Wanted(resolved, episodes, max(limit_s - 1, 0), given=dict(said))
+    goal = Goal(resolved, episodes, max(limit_s - 1, 0), fixed=dict(said))
     with bars.progress_bar(f"planning for {device.name}", 1.0) as show:
-        found = search([policy], DeviceBackend(device), wanted, show)
+        found = search([policy], DeviceBackend(device), goal, show)
     point = found.recommended or found.closest
     words = " ".join(option_words(point))
     kept = f"{words}, which keep {100 * point.share:.0f} % of the reward"

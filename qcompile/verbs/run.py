@@ -19,32 +19,43 @@ from qcompile.device import Device
 from qcompile.errors import OptionError, QcompileError
 from qcompile.execution import Backend, Executor, load_backend
 from qcompile.mitigation import CALIBRATION_SHOTS
-from qcompile.mitigation.misfit import misfit_words
-from qcompile.notebook import reward_words
-from qcompile.planning.ways import forecast, run_task
+from qcompile.mitigation.misfit import misfit_warnings
+from qcompile.notebook import reward_text
+from qcompile.page.circuits import Compiled
+from qcompile.page.document import Document
+from qcompile.page.film import film_block
+from qcompile.page.run import run_document
+from qcompile.planning.strategies import forecast, run_task
 from qcompile.policy import AnyPolicy, Network, Policy, load_circuits, load_policy
 from qcompile.policy.arguments import with_arguments
 from qcompile.report import progress as bars
 from qcompile.report.figure import Figure
 from qcompile.report.film import SUFFIXES, Film
 from qcompile.report.rewards import draw_rewards
+from qcompile.report.style import AnyStyle
 from qcompile.report.tables import interval_words
 from qcompile.sweep.arguments import Name, Planned, Shots, Words, ignore, several, shots_of
 from qcompile.verbs.arguments import calibration_settings, checked
 from qcompile.verbs.live import Live, check_live, spend
 from qcompile.verbs.proposal import given, live_settings, offline
-from qcompile.verbs.results import Result
+from qcompile.verbs.reports import Reported
 
 _SHOTS, _SPECULATE, _SPLIT = Planned(8192), Planned(1), Planned(False)
 _CALIBRATION_SHOTS = Planned(CALIBRATION_SHOTS)
 
 
-class RunResult(Result):
+class RunResult(Reported):
     """What a run found. Of an interrupted one the shortest episodes alone are there."""
 
-    def __init__(self, values: Mapping[str, Any], episodes: int):
+    def __init__(
+        self,
+        values: Mapping[str, Any],
+        episodes: int,
+        compiled: Compiled | None = None,
+        video: Path | None = None,
+    ):
         super().__init__(values)
-        self._asked = episodes
+        self._asked, self._compiled, self._video = episodes, compiled, video
 
     @property
     def episodes(self) -> list[dict[str, Any]]:
@@ -74,14 +85,18 @@ class RunResult(Result):
         interval: list[float] | None = self.to_dict()["ci95"]
         return interval
 
-    def plot(self) -> Figure:
-        """The reward of each episode, their mean and its interval."""
-        return draw_rewards(self.to_dict())
+    def plot(self, style: AnyStyle = None) -> Figure:
+        """The reward of each episode, their mean and its interval.
+
+        Raises:
+            FigureError: the style cannot be read.
+        """
+        return draw_rewards(self.to_dict(), style)
 
     @property
     def table(self) -> tuple[list[str], list[list[str]]]:
         values = self.to_dict()
-        mean = "-" if self.mean_reward is None else reward_words(self.mean_reward)
+        mean = "-" if self.mean_reward is None else reward_text(self.mean_reward)
         mitigation = "predistort" if values["predistort"] else values["mitigation"]
         hold = values["hold"]
         row = [values["policy"], values["backend"], values["kind"], str(values["shots"])]
@@ -90,6 +105,16 @@ class RunResult(Result):
         return (
             [*columns, "episodes", "mean reward", "95 % interval"],
             [[*row, interval_words(values) or "-"]],
+        )
+
+    def document(self, command: str) -> Document:
+        values = self.to_dict()
+        film = None
+        if self._video is not None:
+            film = film_block(self._video, "The first episode", "")
+        warnings = [*filter(None, [self.remark]), *misfit_warnings(values["calibration_misfits"])]
+        return run_document(
+            values, self.plot, self._compiled, film, warnings=warnings, command=command
         )
 
     @property
@@ -189,8 +214,8 @@ def run(
     settings = RunSettings.of(settings, **calibration_settings(calibration, on_note))
     if live is not None:
         said = given(planned)
-        values = _run_live(load_circuits(loaded), backend, settings, said, episodes, live, on_note)
-        return RunResult(values, episodes)
+        policy = load_circuits(loaded)
+        return _run_live(policy, backend, settings, said, episodes, live, on_note)
     if isinstance(loaded, Network) and sampler is not None:
         refuse_options(loaded, ["sampler"])
     opened = load_backend(backend, sampler=sampler)
@@ -201,7 +226,7 @@ def run(
 
         def count(episode: Episode) -> None:
             rewards.append(episode.reward)
-            show(len(rewards), f"mean reward {reward_words(sum(rewards) / len(rewards))}")
+            show(len(rewards), f"mean reward {reward_text(sum(rewards) / len(rewards))}")
 
         on_frame = None if film is None else film.add
         result = play(
@@ -215,7 +240,9 @@ def run(
     if film is not None:
         words = f"film of the first episode in {video}"
         on_note(words if film.frames else "no step was played: there is no film")
-    return RunResult(result.summary(), episodes)
+    there = None if film is None or not film.frames else Path(str(video))
+    compiled = Compiled(loaded, opened.device, playing.settings.level, playing.settings.copies or 1)
+    return RunResult(result.summary(), episodes, compiled, there)
 
 
 def _settings(
@@ -259,7 +286,7 @@ def _run_live(
     episodes: int,
     live: Live,
     on_note: Words,
-) -> dict[str, Any]:
+) -> RunResult:
     """Plan the run on the noise model of the backend of now, have it confirmed, and play it."""
     if not isinstance(backend, str):
         raise OptionError("A live run needs the name of a machine of IBM's.")
@@ -272,6 +299,7 @@ def _run_live(
     if (counted := forecasted.player.calibration_shots) is not None:
         task = task.model_copy(update={"calibration_shots": counted})  # as told, and as resumed
     if task.calibration is not None:
-        for words in misfit_words(forecasted.player.misfits):
+        for words in misfit_warnings(forecasted.player.misfits):
             on_note(f"{task.calibration_file or 'the calibration'}: {words}")
-    return spend(task, forecasted.total_load, live, connection, on_note)
+    values = spend(task, forecasted.total_load, live, connection, on_note)
+    return RunResult(values, episodes, Compiled(policy, device, task.level, task.copies or 1))

@@ -6,20 +6,24 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from qcompile.errors import StudyError
+from qcompile.page.document import Document
+from qcompile.page.study import study_document
 from qcompile.report import progress as bars
+from qcompile.report.curves import draw_curves
 from qcompile.report.figure import Figure
+from qcompile.report.style import AnyStyle
 from qcompile.sweep.arguments import Name, Words, ignore
 from qcompile.sweep.complete import Pool
 from qcompile.sweep.engine import Engine
 from qcompile.sweep.study import Study, StudyRequest, run_study
 from qcompile.sweep.study.cell import EVALUATION_EPISODES
 from qcompile.sweep.study.summary import spread
-from qcompile.sweep.study.write_up import draw_figures
+from qcompile.sweep.study.write_up import figure_panels
 from qcompile.verbs.arguments import checked
-from qcompile.verbs.results import Result
+from qcompile.verbs.reports import Reported
 
 
-class StudyResult(Result):
+class StudyResult(Reported):
     """What a study's folder holds: its rows, trainings of before included.
 
     `trained` counts the trainings done now, `there` those asked for that the folder had; `files`
@@ -32,20 +36,30 @@ class StudyResult(Result):
         self.files, self.page = [*study.files], study.request.page_path
         self._study = study
 
-    def plot(self, figure: str | None = None) -> Figure:
-        """The learning curves of a figure of the study, by default its first.
+    def plot(self, figure: str | None = None, style: AnyStyle = None) -> Figure:
+        """The learning curves of a figure of the study, or of all its figures side by side.
 
         Raises:
+            FigureError: the style cannot be read.
             StudyError: the folder holds no training of such a figure.
         """
-        pictures = draw_figures(self._study.request.study, self._study.summaries)
-        name = next(iter(pictures)) if figure is None else figure
-        if name not in pictures:
+        panels = figure_panels(self._study.request.study, self._study.summaries)
+        if figure is not None and figure not in panels:
             raise StudyError(
-                f"There are no trainings of a figure {name!r}.",
-                f"There are: {', '.join(pictures)}.",
+                f"There are no trainings of a figure {figure!r}.",
+                f"There are: {', '.join(panels)}.",
             )
-        return Figure(pictures[name])
+        return draw_curves([*panels.values()] if figure is None else [panels[figure]], style)
+
+    def document(self, command: str) -> Document:
+        return study_document(
+            self._study.request.study,
+            self._study.summaries,
+            self.plot,
+            trained=self.trained,
+            there=self.there,
+            command=command,
+        )
 
     @property
     def table(self) -> tuple[list[str], list[list[str]]]:

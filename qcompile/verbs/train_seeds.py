@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import partial
 
-from qcompile.deploy.registration import knowing_environments
+from qcompile.deploy.registration import with_environments
 from qcompile.errors import OptionError, QcompileError, StudyError
-from qcompile.notebook import reward_words
+from qcompile.notebook import reward_text
 from qcompile.report import progress as bars
 from qcompile.sweep.arguments import Words
 from qcompile.sweep.engine import run_all
@@ -100,10 +100,10 @@ def train_seeds(
             if isinstance(outcome, str):
                 failures[cell.seed], words = outcome, "failed"
             else:
-                scored[cell.seed], words = outcome, reward_words(outcome.rewards.mean())
+                scored[cell.seed], words = outcome, reward_text(outcome.rewards.mean())
             show(len(scored) + len(failures), f"{cell.name}: {words}")
 
-        train = knowing_environments(
+        train = with_environments(
             partial(_train, evaluation=evaluation), [asked.request.environment]
         )
         try:

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from qcompile.errors import QcompileError
-from qcompile.notebook import reward_words
-from qcompile.report.curves import Curve, draw_curves
+from qcompile.notebook import reward_text
+from qcompile.report.curves import Curve, CurvePanel, draw_curves
 from qcompile.report.figure import Figure
+from qcompile.report.style import AnyStyle
 from qcompile.verbs.results import Result
 
 if TYPE_CHECKING:
@@ -90,15 +91,17 @@ class Training(Result):
         ended = [(episode.decisions, episode.reward) for episode in self._history]
         return list(in_order_of_start(ended, self._environments))
 
-    def plot(self) -> Figure:
+    def plot(self, style: AnyStyle = None) -> Figure:
         """The learning curve: average rewards of the last 20 episodes, and their scatter.
 
         Raises:
+            FigureError: the style cannot be read.
             QcompileError: no episode was finished.
         """
         values = self.to_dict()
         curve = self.curve(f"{values['model']}, mean and standard deviation")
-        return Figure(draw_curves(f"{values['environment']}, seed {values['seed']}", [curve]))
+        title = f"{values['environment']}, seed {values['seed']}"
+        return draw_curves([CurvePanel(title, [curve])], style)
 
     def curve(self, label: str) -> Curve:
         """What `plot` draws, under this label and in a colour of its own.
@@ -122,7 +125,7 @@ class Training(Result):
         averages = [values["last_20_mean_reward"], values["best_20_mean_reward"]]
         columns = ["environment", "model", "seed", "episodes", "steps", "parameters"]
         row = [str(values[column]) for column in columns]
-        row += ["-" if average is None else reward_words(average) for average in averages]
+        row += ["-" if average is None else reward_text(average) for average in averages]
         row.append(self.ended)
         return [*columns, "last 20", "best 20", "training"], [row]
 
@@ -142,12 +145,10 @@ class Training(Result):
             words.append("no episode finished")
         averages = {name: values[f"{name}_20_mean_reward"] for name in ("last", "best")}
         words += [
-            f"{name} 20: {reward_words(mean)}"
-            for name, mean in averages.items()
-            if mean is not None
+            f"{name} 20: {reward_text(mean)}" for name, mean in averages.items() if mean is not None
         ]
         if values["evaluations"]:
-            words.append(f"evaluation: {reward_words(values['evaluations'][-1]['mean_reward'])}")
+            words.append(f"evaluation: {reward_text(values['evaluations'][-1]['mean_reward'])}")
         line = f"{', '.join(words)}; {values['parameters']} parameters"
         if values["out"] is None:
             return line

@@ -11,9 +11,10 @@ import numpy as np
 
 from qcompile.arrays import FloatArray
 from qcompile.errors import QcompileError
-from qcompile.notebook import reward_words
-from qcompile.report.curves import draw_curves
+from qcompile.notebook import reward_text
+from qcompile.report.curves import CurvePanel, draw_curves
 from qcompile.report.figure import Figure
+from qcompile.report.style import AnyStyle
 from qcompile.verbs.results import Result
 from qcompile.verbs.training import Training
 
@@ -83,10 +84,11 @@ class Trainings(Training):
         self._copy_episodes(best.training)
         self._asked = asked
 
-    def plot(self) -> Figure:
+    def plot(self, style: AnyStyle = None) -> Figure:
         """The learning curves of all: average rewards of the last 20 episodes.
 
         Raises:
+            FigureError: the style cannot be read.
             QcompileError: a training finished no episode.
         """
         labels = [f"seed {one.to_dict()['seed']}" for one in self.trainings]
@@ -94,7 +96,7 @@ class Trainings(Training):
         values = self.to_dict()
         title = f"{values['environment']}, {values['model']}"
         lines = [replace(curve, low=curve.mean, high=curve.mean) for curve in curves]
-        return Figure(draw_curves(title, lines))
+        return draw_curves([CurvePanel(title, lines)], style)
 
     @property
     def table(self) -> tuple[list[str], list[list[str]]]:
@@ -105,7 +107,7 @@ class Trainings(Training):
                 str(one["steps"]),
                 "-"
                 if one["last_20_mean_reward"] is None
-                else reward_words(one["last_20_mean_reward"]),
+                else reward_text(one["last_20_mean_reward"]),
                 _words(one),
             ]
             for one in self.to_dict()["trainings"]
@@ -161,4 +163,4 @@ def _moments(rewards: FloatArray) -> dict[str, float]:
 
 def _words(moments: Mapping[str, Any]) -> str:
     """Mean ± standard deviation, which one alone does not have."""
-    return reward_words(moments["mean_reward"], moments["std_reward"])
+    return reward_text(moments["mean_reward"], moments["std_reward"])

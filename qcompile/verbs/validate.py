@@ -17,7 +17,7 @@ from qcompile.device import Device
 from qcompile.errors import CalibrationError, OptionError
 from qcompile.execution import Backend, Executor, check_shots, open_executor
 from qcompile.live.validate import ValidateTask
-from qcompile.mitigation.misfit import misfit_words
+from qcompile.mitigation.misfit import misfit_warnings
 from qcompile.policy import Policy, load_circuits
 from qcompile.policy.arguments import with_arguments
 from qcompile.policy.files import policy_values
@@ -66,7 +66,7 @@ class Validation(Result):
             raise CalibrationError(
                 f"The twin of {values['file']} is not its machine any more: qubit "
                 f"{', '.join(map(str, self.failed))}.",
-                *(misfit_words(values["calibration_misfits"]) or [_ADVICE]),
+                *(misfit_warnings(values["calibration_misfits"]) or [_ADVICE]),
             )
 
 

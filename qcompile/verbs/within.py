@@ -5,22 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from qcompile.notebook import reward_words
+from qcompile.notebook import reward_text
 from qcompile.planning.point import Point
-from qcompile.planning.search import Found
+from qcompile.planning.search import SearchResult
 from qcompile.report.tables import plural
 
 Command = Callable[[Point], str | None]
 
 
-def within_values(found: Found, command: Command) -> dict[str, Any]:
+def within_values(found: SearchResult, command: Command) -> dict[str, Any]:
     """What `plan --json` adds with a limit of seconds; `command` says how a point is played."""
-    wanted, chosen = found.wanted, found.recommended
+    goal, chosen = found.goal, found.recommended
     baseline = found.points[0].baseline
     return {
-        "within": wanted.within,
-        "keep": wanted.keep,
-        "judged_episodes": wanted.judged,
+        "within": goal.within,
+        "keep": goal.keep,
+        "judged_episodes": goal.trial_episodes,
         "random_reward": float(baseline.random.mean()),
         "ideal_reward": float(baseline.ideal.mean()),
         "frontier": [point.values for point in found.frontier],
@@ -53,7 +53,7 @@ def frontier_table(values: Mapping[str, Any]) -> tuple[list[str], list[list[str]
                 f"{point['qpu_seconds']:,.1f}",
                 f"{low:,.0f} to {high:,.0f}",
                 f"{point['qpu_seconds_at_4_sub_jobs']:,.0f}",
-                reward_words(point["mean_reward"]),
+                reward_text(point["mean_reward"]),
                 f"{100 * point['share']:.1f} %",
             ]
         )

@@ -149,7 +149,7 @@ def test_a_finished_run_is_shown_again_without_asking_anybody(
     made.note_sent(paid, "job-a")
     made.note_done(paid, [])
     settle(made, "job-a", 2.25)
-    made.charges.note_looked_over()
+    made.charges.note_reconciled()
     made.finish(RESULT)
     for words in (("runs", "show"), ("resume",)):
         answer = qcompile(*words, "last")
@@ -268,7 +268,7 @@ def test_all_that_a_run_holds(qcompile: Call) -> None:
 
 def test_a_run_that_goes_on_elsewhere_is_left_alone(qcompile: Call) -> None:
     made = Journal.create(Path("runs"), "validate", "cart", settings(), VERSIONS, 9.0)
-    with made.held():
+    with made.locked():
         for more in ((), ("--max-qpu-seconds", 20, "--yes")):
             answer = qcompile("resume", "last", *more)
             assert answer.code == 1

@@ -17,7 +17,7 @@ from gymnasium.envs.registration import EnvSpec
 
 from qcompile.deploy import registration
 from qcompile.deploy.environments import make_environments, reward_threshold
-from qcompile.deploy.registration import environment_id, import_modules, knowing_environments
+from qcompile.deploy.registration import environment_id, import_modules, with_environments
 from qcompile.errors import EnvironmentMismatchError, OptionError
 
 MODULE = """
@@ -51,7 +51,7 @@ def as_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]
         del sys.modules[name]
     gymnasium.registry.clear()
     gymnasium.registry.update(known)
-    registration._learn.cache_clear()
+    registration._register_known.cache_clear()
 
 
 def written(path: str, name: str) -> Path:
@@ -237,14 +237,14 @@ def test_a_worker_imports_and_registers_what_is_known_here(monkeypatch: pytest.M
 
     Local.__module__ = "__main__"  # as in a notebook: it travels by value
     assert environment_id(Local) == "Local-v0"
-    task = in_another_process(knowing_environments(steps, ["Local-v0", "Door-v0"]), monkeypatch)
+    task = in_another_process(with_environments(steps, ["Local-v0", "Door-v0"]), monkeypatch)
     assert "Door-v0" not in gymnasium.registry
     assert (task("Local-v0"), task("Door-v0")) == (7.0, 1.0)
 
 
 def test_this_process_stays_as_it_is() -> None:
     spec = gymnasium.spec("CartPole-v1")
-    assert knowing_environments(steps, ["CartPole-v1"])("CartPole-v1") == 1.0
+    assert with_environments(steps, ["CartPole-v1"])("CartPole-v1") == 1.0
     assert gymnasium.spec("CartPole-v1") is spec
 
 
@@ -255,15 +255,15 @@ def test_what_cannot_be_sent_is_told_only_where_it_is_needed() -> None:
         return gymnasium.make("CartPole-v1") if lock else None
 
     name = environment_id(held)
-    assert knowing_environments(steps, ["CartPole-v1"])("CartPole-v1") == 1.0
+    assert with_environments(steps, ["CartPole-v1"])("CartPole-v1") == 1.0
     with pytest.raises(EnvironmentMismatchError, match=r"'held-v0' cannot be sent to worker proc"):
-        knowing_environments(steps, [name])
+        with_environments(steps, [name])
 
 
 def test_a_worker_that_lacks_the_module_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     file = written("worlds_k.py", "Door")
     import_modules(["worlds_k"])
-    task = in_another_process(knowing_environments(steps, ["Door-v0"]), monkeypatch)
+    task = in_another_process(with_environments(steps, ["Door-v0"]), monkeypatch)
     file.unlink()
     with pytest.raises(EnvironmentMismatchError, match="There is no module 'worlds_k'"):
         task("Door-v0")
@@ -274,6 +274,6 @@ def test_a_worker_does_without_a_module_that_its_cells_do_not_need(
 ) -> None:
     file = written("worlds_k.py", "Door")
     import_modules(["worlds_k"])
-    task = in_another_process(knowing_environments(steps, ["CartPole-v1"]), monkeypatch)
+    task = in_another_process(with_environments(steps, ["CartPole-v1"]), monkeypatch)
     file.unlink()
     assert task("CartPole-v1") == 1.0

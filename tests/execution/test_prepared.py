@@ -14,7 +14,7 @@ from qcompile.execution import (
     Prepared,
     TwinExecutor,
     draw_ones,
-    exact,
+    require_exact,
 )
 from qcompile.ir import Circuit, Program
 from qcompile.mitigation import calibrate
@@ -59,7 +59,8 @@ def test_a_prepared_executable_gives_what_its_executor_gives(twin: bool) -> None
             prepared.ones(X, NOTHING, 50), executor.run(executable, X, NOTHING, 50)
         )
     np.testing.assert_array_equal(
-        exact(prepared).expectation(X, NOTHING), executor.expectation(executable, X, NOTHING)
+        require_exact(prepared).expectation(X, NOTHING),
+        executor.expectation(executable, X, NOTHING),
     )
 
 
@@ -71,7 +72,7 @@ def test_what_only_has_shots_says_so() -> None:
             raise AssertionError("nobody throws it")
 
     with pytest.raises(CountsError) as refused:
-        exact(Coin(compile(PROGRAM, DEVICE)))
+        require_exact(Coin(compile(PROGRAM, DEVICE)))
     assert str(refused.value) == "A coin only has shots.\n  Throw it."
 
 

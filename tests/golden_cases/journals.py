@@ -133,7 +133,7 @@ class Busy:
         raise Timeout(str(self.path))
 
 
-SOMEBODY = setting("qcompile.cli.live_options.somebody_is_there", lambda: True)
+SOMEBODY = setting("qcompile.cli.live_options.is_interactive", lambda: True)
 
 CASES = (
     "runs",

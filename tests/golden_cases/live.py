@@ -24,14 +24,14 @@ CALIBRATE = "calibrate --backend fake_lima --shots 200 --qubits 0,1 --live --yes
 VALIDATE = "validate lima.json --policy tiny.json --observations 2 --shots 100 --live --yes"
 LIMIT = "--max-qpu-seconds 60"
 
-SOMEBODY = setting("qcompile.cli.live_options.somebody_is_there", lambda: True)
+SOMEBODY = setting("qcompile.cli.live_options.is_interactive", lambda: True)
 NO_PAUSE = setting("urllib3.util.retry.Retry.get_backoff_time", lambda retry: 0.0)
 NOWHERE = "QISKIT_IBM_URL=http://127.0.0.1:9/experimental IAM_URL=http://127.0.0.1:9"
 
 ACCOUNTS = "qiskit_ibm_runtime.accounts.management._DEFAULT_ACCOUNT_CONFIG_JSON_FILE"
 PAUSES_S: dict[str, Any] = {
-    "qcompile.live.words.PATIENCE_S": 0.3,
-    "qcompile.live.sending.SETTLE_S": 0.02,
+    "qcompile.live.client_errors.PATIENCE_S": 0.3,
+    "qcompile.live.sender.SETTLE_S": 0.02,
     "qcompile.live.jobs._FETCH_PAUSE_S": 0.0,
     "qcompile.live.billing._CHARGE_PAUSES_S": (0.02,),
 }
@@ -40,8 +40,8 @@ PAUSES_S: dict[str, Any] = {
 
 def patient(patch: pytest.MonkeyPatch) -> None:
     """A run waits as long as it usually does."""
-    patch.setattr("qcompile.live.words.PATIENCE_S", 300.0)
-    patch.setattr("qcompile.live.sending.SETTLE_S", 10.0)
+    patch.setattr("qcompile.live.client_errors.PATIENCE_S", 300.0)
+    patch.setattr("qcompile.live.sender.SETTLE_S", 10.0)
 
 
 USAGE = (

@@ -85,6 +85,6 @@ CASES = (
     Command(
         "show many.pt",
         "with 20 opcodes at most",
-        setting("qcompile.reading.torch_files._MOST_OPCODES", 20),
+        setting("qcompile.reading.torch_files._MAX_OPCODES", 20),
     ),
 )

@@ -154,6 +154,6 @@ CASES = (
     Program(
         "qubit[50] q;\nbarrier q;\nbarrier q;\nbarrier q;\n",
         "with 100 marked qubits at most",
-        setting("qcompile.qasm.interpreter.MOST_MARKED", 100),
+        setting("qcompile.qasm.interpreter.MAX_MARKED", 100),
     ),
 )

@@ -70,7 +70,7 @@ def files() -> None:
     """They need none."""
 
 
-FEW = ("with 1000 gates at most", setting("qcompile.qasm.work.MOST_GATES", 1000))
+FEW = ("with 1000 gates at most", setting("qcompile.qasm.work.MAX_GATES", 1000))
 
 CASES = (
     *map(Program, (*ANGLES, *VARIABLES, *BLOCKS)),

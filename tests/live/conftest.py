@@ -34,8 +34,8 @@ def empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     )
     # With each request the client looks for its caller in the whole stack: deep in tests.
     monkeypatch.setenv("USAGE_DATA_OPT_OUT", "True")
-    monkeypatch.setattr("qcompile.live.sending.SETTLE_S", 0.05)
-    monkeypatch.setattr("qcompile.live.words.PATIENCE_S", 2.0)
+    monkeypatch.setattr("qcompile.live.sender.SETTLE_S", 0.05)
+    monkeypatch.setattr("qcompile.live.client_errors.PATIENCE_S", 2.0)
     return tmp_path / "work"
 
 

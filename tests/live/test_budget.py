@@ -130,7 +130,7 @@ def test_sums_are_those_of_whoever_opens_the_journal_next(journal: Journal) -> N
         assert seen.jobs_done() == 50
     with Journal(journal.folder) as other:
         done(other, 7.0, 50)
-    with journal.held():
+    with journal.locked():
         assert journal.charges.settled_s == pytest.approx(math.fsum(charged_s) + 7)
         assert journal.jobs_done() == 51
 

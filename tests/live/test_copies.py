@@ -136,7 +136,7 @@ def test_a_job_with_the_tag_of_an_earlier_attempt_is_found_before_another_is_sen
         return job
 
     monkeypatch.setattr(Service, "submit", submit)
-    monkeypatch.setattr("qcompile.live.sending.Sender._earliest", lambda self, made, job_id: job_id)
+    monkeypatch.setattr("qcompile.live.sender.Sender._earliest", lambda self, made, job_id: job_id)
     found = runs.until_finished(runs.run())
     assert runs.errors == []
     assert played(found) == undisturbed

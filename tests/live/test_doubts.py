@@ -159,7 +159,7 @@ def test_a_refusal_of_a_busy_service_does_not_take_of_the_limit_for_long(
     runs: Runs, undisturbed: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The limit holds the run alone: a job of 429 that counted for an hour would stop it."""
-    monkeypatch.setattr("qcompile.live.looking.REFUSED_S", 0.4)
+    monkeypatch.setattr("qcompile.live.finder.REFUSED_S", 0.4)
     runs.service.faults.once(Fault.RATE_LIMITED, on=SUBMIT)
     found = runs.run(max_qpu_seconds=8)
     assert found.code == 0, found.err

@@ -113,7 +113,7 @@ def test_an_unknown_backend_is_answered_with_the_known_ones(runs: Runs) -> None:
 def test_an_outage_is_not_taken_for_a_missing_backend_or_key(
     runs: Runs, kind: Fault, on: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("qcompile.live.words.PATIENCE_S", 0.4)
+    monkeypatch.setattr("qcompile.live.client_errors.PATIENCE_S", 0.4)
     runs.service.faults.chance(kind, 1.0, on=on)
     answer = runs.run()
     assert answer.code == 1
@@ -153,7 +153,7 @@ def test_a_backend_retired_midway_still_gives_what_it_measured(
 def test_a_service_that_does_not_answer_is_asked_for_a_while_and_explained(
     runs: Runs, kind: Fault, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("qcompile.live.words.PATIENCE_S", 0.4)
+    monkeypatch.setattr("qcompile.live.client_errors.PATIENCE_S", 0.4)
     runs.service.faults.chance(kind, 1.0, on="GET /jobs/{id}")
     answer = runs.run()
     assert answer.code == 1

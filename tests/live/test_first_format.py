@@ -15,8 +15,8 @@ from qiskit import QuantumCircuit
 from qiskit.circuit import Parameter
 from qiskit.primitives import BitArray
 
-from qcompile.live.earlier import bits_of_ones
 from qcompile.live.journal import Journal
+from qcompile.live.old_counts import bits_of_ones
 from qcompile.live.pubs import Call
 from qcompile.live.records import to_bytes
 
@@ -97,10 +97,10 @@ def test_one_that_is_resumed_holds_what_it_held() -> None:
     folder = old()
     with Journal(folder) as reading, Journal(folder) as journal:
         check(reading)
-        with journal.held():
+        with journal.locked():
             check(journal)
             journal.note_sending(journal.intend(6, "d", 100), 3)
-        with journal.held():
+        with journal.locked():
             assert len(journal.charges.doubts()) == 3
     with Journal(folder) as journal:
         assert [doubt.cap_s for doubt in journal.charges.doubts()] == [9, 9, 3]

@@ -123,7 +123,7 @@ def test_a_journal_that_does_not_say_where_it_was_is_asked_about(stopped: Runs) 
 
 
 def test_a_copy_of_one_that_is_going_on_says_by_which_process(stopped: Runs) -> None:
-    with find_journal(RUNS, "last") as journal, journal.held():
+    with find_journal(RUNS, "last") as journal, journal.locked():
         shutil.copytree(RUNS, "copy")
     answer = stopped.call("resume", "last", "--runs", "copy")
     last = journal_home("copy")

@@ -169,14 +169,14 @@ def test_charges_that_are_not_known_yet_are_learnt_later() -> None:
 def test_a_run_is_settled_once_it_was_looked_over_and_nothing_is_open() -> None:
     journal = new()
     made = journal.intend(0, "d", 10)
-    journal.charges.note_looked_over()
+    journal.charges.note_reconciled()
     assert again(journal).charges.are_settled
     journal.note_sending(made, 5)
     journal.note_sent(made, "job-a")
     journal.note_done(made, [])
     charge(journal, "job-a", 1.0)
     assert not again(journal).charges.are_settled  # something was sent since
-    journal.charges.note_looked_over()
+    journal.charges.note_reconciled()
     assert again(journal).charges.are_settled
 
 

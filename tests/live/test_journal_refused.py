@@ -11,13 +11,13 @@ import pytest
 
 from qcompile.errors import LiveError
 from qcompile.live.journal import Journal
-from qcompile.live.opening import FILE
+from qcompile.live.journal_file import FILE
 
 HOLD = """
 import sys
 from pathlib import Path
 from qcompile.live.journal import Journal
-with Journal(Path(sys.argv[1])).held():
+with Journal(Path(sys.argv[1])).locked():
     print("held", flush=True)
     sys.stdin.read()
 """
@@ -37,7 +37,7 @@ def test_one_process_at_a_time_goes_on_with_a_run() -> None:
     )
     assert holder.stdout is not None
     assert holder.stdout.readline() == "held\n"
-    with pytest.raises(LiveError) as caught, journal.held():
+    with pytest.raises(LiveError) as caught, journal.locked():
         pass
     assert str(caught.value) == (
         f"Run {journal.id} is running in another process.\n  Wait for it, or stop it."
@@ -45,7 +45,7 @@ def test_one_process_at_a_time_goes_on_with_a_run() -> None:
     assert Journal(journal.folder).submissions() == []  # it can be looked at meanwhile
     holder.kill()  # and a process that dies holds nothing
     holder.communicate()
-    with journal.held():
+    with journal.locked():
         pass
 
 
@@ -105,7 +105,7 @@ def test_a_file_that_cannot_be_written_is_explained() -> None:
 def test_a_folder_that_cannot_be_locked_is_explained() -> None:
     journal = new()
     (journal.folder / "lock").mkdir()
-    with pytest.raises(LiveError, match=r"cannot be written: "), journal.held():
+    with pytest.raises(LiveError, match=r"cannot be written: "), journal.locked():
         pass
 
 

@@ -34,7 +34,7 @@ def list_with_the_second(runs: Runs, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_job_that_is_listed_late_is_found(
     runs: Runs, undisturbed: dict[str, Any], kind: Fault, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("qcompile.live.sending.SETTLE_S", 0.3)
+    monkeypatch.setattr("qcompile.live.sender.SETTLE_S", 0.3)
     runs.service.faults.listing_lag_seconds = 0.2
     runs.service.faults.once(kind, on=SUBMIT, times=2)
     found = runs.until_finished(runs.run())

@@ -75,7 +75,7 @@ def test_a_batch_that_ended_is_followed_by_another(
 def test_a_batch_that_cannot_be_closed_keeps_the_run_from_nothing(
     runs: Runs, undisturbed: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("qcompile.live.words.PATIENCE_S", 0.1)
+    monkeypatch.setattr("qcompile.live.client_errors.PATIENCE_S", 0.1)
     runs.service.faults.chance(Fault.DROPPED, 1.0, on="PATCH /sessions/{id}")
     answer = runs.run("--batch")
     assert answer.code == 0, answer.err

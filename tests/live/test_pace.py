@@ -15,10 +15,10 @@ import pytest
 from live_runs import Runs, check_paid_once, played
 from standin import Fault, StandIn
 
+from qcompile.live.client_errors import duration
 from qcompile.live.connection import Connection
+from qcompile.live.progress import Queue, Remaining
 from qcompile.live.runs import find_journal
-from qcompile.live.waiting import Queue, Remaining
-from qcompile.live.words import duration
 
 SUBMIT, JOB = "POST /jobs", "GET /jobs/{id}"
 

@@ -104,7 +104,7 @@ def test_somebody_at_a_terminal_is_asked(
     fail_charged(runs, monkeypatch, 0)
     assert runs.run().code == 1
     monkeypatch.setattr("sys.stdin", io.StringIO(said))
-    monkeypatch.setattr("qcompile.cli.resume.somebody_is_there", lambda: True)
+    monkeypatch.setattr("qcompile.cli.resume.is_interactive", lambda: True)
     answer = runs.call("resume", "last")
     assert "It is sent and paid again only if you say so." in answer.err
     assert "Send it again? [y/N]" in answer.err

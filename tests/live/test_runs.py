@@ -8,7 +8,7 @@ import pytest
 
 from qcompile.errors import LiveError
 from qcompile.live.journal import Journal
-from qcompile.live.opening import FILE
+from qcompile.live.journal_file import FILE
 from qcompile.live.runs import find_journal, journals
 
 RUNS = Path("runs")

@@ -310,7 +310,7 @@ def test_nobody_else_asks(service: StandIn, elsewhere: Callable[..., None]) -> N
     assert said.read_text().startswith("A GuardedSampler is asked by the process and the thread")
     with (
         pytest.raises(LiveError, match="is running in another process"),
-        Journal(sampler.journal.folder).held(),
+        Journal(sampler.journal.folder).locked(),
     ):
         pass
     sampler.run([flipped()], shots=SHOTS).result()

@@ -18,8 +18,8 @@ from qcompile.errors import LiveError
 from qcompile.live import GuardedSampler
 from qcompile.live.answers import Metrics, read
 from qcompile.live.connection import Connection
+from qcompile.live.finder import Finder
 from qcompile.live.journal import Journal
-from qcompile.live.looking import Finder
 from qcompile.live.remote import RemoteJobs
 
 from .sampled import VALUES, bits, by_ibm, flipped, two_registers
@@ -84,7 +84,7 @@ def test_resume_finds_a_job_that_the_program_does_not_know_of(runs: Runs) -> Non
     sampler = GuardedSampler("fake_lima")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Finder, "find", lambda self, submission: None)
-        patch.setattr("qcompile.live.sending._MOST_SENDS", 1)
+        patch.setattr("qcompile.live.sender._MOST_SENDS", 1)
         with pytest.raises(LiveError):
             sampler.run(PUBS, shots=SHOTS)
     sampler.close()
@@ -203,7 +203,7 @@ def test_a_clock_that_was_days_ahead_hides_no_job(service: StandIn) -> None:
     sampler = GuardedSampler("fake_lima")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Finder, "find", lambda self, submission: None)
-        patch.setattr("qcompile.live.sending._MOST_SENDS", 1)
+        patch.setattr("qcompile.live.sender._MOST_SENDS", 1)
         with pytest.raises(LiveError):
             sampler.run(PUBS, shots=SHOTS)
     database = sampler.journal._db
@@ -211,8 +211,8 @@ def test_a_clock_that_was_days_ahead_hides_no_job(service: StandIn) -> None:
     database.do("UPDATE run SET created = ?", ahead.isoformat())
     database.do("UPDATE charge SET sent_at = ?", long_ago.isoformat())
     sampler.close()
-    with Journal(Path("runs/mine")) as journal, journal.held():
+    with Journal(Path("runs/mine")) as journal, journal.locked():
         finder = Finder(journal, RemoteJobs(Connection("fake_lima")), 0.0, lambda words: None)
-        finder.look_over()
+        finder.reconcile()
         [charge] = journal.charges.all()
         assert charge.job_id == service.ledger().jobs[0].id

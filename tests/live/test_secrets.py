@@ -67,7 +67,7 @@ def check(words: list[str], tokens: list[str]) -> None:
 def test_no_secret_is_left_by_a_run_with_faults_of_all_kinds(
     runs: Runs, tokens: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("qcompile.live.words.PATIENCE_S", 0.3)
+    monkeypatch.setattr("qcompile.live.client_errors.PATIENCE_S", 0.3)
     words: list[str] = []
 
     def keep(answer: object) -> None:

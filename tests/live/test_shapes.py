@@ -70,7 +70,7 @@ def test_an_answer_of_another_shape_is_explained_or_harmless(
     wrong: int,
 ) -> None:
     """And the same run goes on from there, once answers are right again."""
-    monkeypatch.setattr("qcompile.live.words.PATIENCE_S", 0.3)
+    monkeypatch.setattr("qcompile.live.client_errors.PATIENCE_S", 0.3)
     with monkeypatch.context() as patch:
         reshape(patch, route, WRONG[wrong])
         answer = runs.run()

@@ -28,7 +28,7 @@ _BATCHES = "shape: batch"
 def short_waits(monkeypatch: pytest.MonkeyPatch) -> None:
     """Doubts last for the whole of a test; all other waits are short."""
     monkeypatch.setenv("QCOMPILE_DOUBT_SECONDS", "600")
-    monkeypatch.setattr("qcompile.live.words.PATIENCE_S", 0.3)
+    monkeypatch.setattr("qcompile.live.client_errors.PATIENCE_S", 0.3)
     monkeypatch.setattr("qcompile.live.billing._CHARGE_PAUSES_S", (0.02, 0.02))
     monkeypatch.setattr("qcompile.live.jobs._FETCH_PAUSE_S", 0.01)
 

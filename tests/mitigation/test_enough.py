@@ -9,7 +9,7 @@ from qcompile.device import Device, Qubit
 from qcompile.execution import OfflineExecutor
 from qcompile.ir import Circuit, Program
 from qcompile.mitigation import calibrate, enough_shots, readout_mitigation
-from qcompile.mitigation.enough import LEAST_SHOTS, SHARE
+from qcompile.mitigation.enough import MIN_SHOTS, SHARE
 from qcompile.passes import Executable, compile
 
 P = 0.1
@@ -42,7 +42,7 @@ def by_hand(shots: float, qubits: int, average: int = 1) -> int:
 @pytest.mark.parametrize("shots", [300, 1200])
 def test_the_shots_are_those_of_the_closed_form(shots: int) -> None:
     assert enough_shots(placed(), "readout", shots, np.ones(4)) == by_hand(shots, 4)
-    assert LEAST_SHOTS < by_hand(300, 4) < by_hand(1200, 4) < 8192
+    assert MIN_SHOTS < by_hand(300, 4) < by_hand(1200, 4) < 8192
 
 
 def test_a_mean_over_places_needs_fewer() -> None:
@@ -55,8 +55,8 @@ def test_a_mean_over_places_needs_fewer() -> None:
 
 def test_few_shots_ask_for_the_least_and_many_for_the_usual() -> None:
     found = [enough_shots(placed(), "readout", shots, np.ones(4)) for shots in (1, 16, 100_000)]
-    assert found == [LEAST_SHOTS, LEAST_SHOTS, 8192]
-    assert enough_shots(placed(), "readout", 1024, np.zeros(4)) == LEAST_SHOTS
+    assert found == [MIN_SHOTS, MIN_SHOTS, 8192]
+    assert enough_shots(placed(), "readout", 1024, np.zeros(4)) == MIN_SHOTS
 
 
 def test_circuits_that_matter_to_nothing_do_not_count() -> None:

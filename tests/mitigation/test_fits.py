@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import minimize
 from scipy.stats import norm
 
-from qcompile.calibration import MOST_ERROR
+from qcompile.calibration import MAX_ERROR
 from qcompile.errors import CalibrationError
 from qcompile.mitigation import fits
 from qcompile.mitigation.fits import fit_readout, fit_response
@@ -108,7 +108,7 @@ def test_too_few_shots_are_refused_with_how_many_would_do() -> None:
     with pytest.raises(CalibrationError, match="Too few shots: the readout of qubit 4") as caught:
         fit_readout(prepared, ones, 10, np.array([4, 9]))
     errors = [np.sqrt((k + 0.5) * (10.5 - k)) / 11 / np.sqrt(10) for k in (2, 8)]
-    wanted = (np.hypot(*errors) / MOST_ERROR) ** 2
+    wanted = (np.hypot(*errors) / MAX_ERROR) ** 2
     assert f"Take {math.ceil(10 * wanted) / 10} times the shots" in str(caught.value)
     with pytest.raises(CalibrationError, match="Too few shots"):
         fit_response(ANGLES, np.round(5 * (1 - np.cos(ANGLES)))[:, None] / 2, 5, np.array([1]))

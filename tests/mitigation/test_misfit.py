@@ -14,7 +14,7 @@ from qcompile.device import load_device
 from qcompile.execution import OfflineExecutor
 from qcompile.mitigation import calibrate, misfits, response_mitigation
 from qcompile.mitigation.measure import LIVE_ANGLES_RAD
-from qcompile.mitigation.misfit import MISFIT_LEVEL, misfit_words, p_values
+from qcompile.mitigation.misfit import MISFIT_LEVEL, misfit_warnings, p_values
 from qcompile.passes import compile
 from qcompile.policy.layouts import parallel
 
@@ -90,11 +90,11 @@ def test_the_level_is_divided_among_both_parts(made: Callable[..., Calibration])
 
 def test_the_words_name_the_qubits_and_what_helps(made: Callable[..., Calibration]) -> None:
     found = misfits(doubtful(made, [1.0, 100.0, 100.0]))
-    (words,) = misfit_words(found)
+    (words,) = misfit_warnings(found)
     assert words.startswith("The response of qubit 1, 2 is not a curve of its own angle alone")
     assert "Use other qubits, with an unused one between neighbours" in words
     assert "--parts readout,response" in words
-    assert misfit_words([misfit.values() for misfit in found]) == [words]
+    assert misfit_warnings([misfit.values() for misfit in found]) == [words]
 
 
 def test_a_tilt_that_a_misfit_makes_is_left(made: Callable[..., Calibration]) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from qcompile.mitigation.measure import LIVE_ANGLES_RAD, RESPONSE_ANGLES_RAD
-from qcompile.mitigation.orders import ORDERS, angle_orders, strangeness
+from qcompile.mitigation.orders import ORDERS, angle_orders, mismatch
 
 
 @pytest.mark.parametrize("angles", [LIVE_ANGLES_RAD, RESPONSE_ANGLES_RAD, np.arange(3.0)])
@@ -27,7 +27,7 @@ def test_an_order_goes_by_the_number_of_the_qubit() -> None:
 def test_any_two_qubits_show_in_each_other(angles: np.ndarray, least: float) -> None:
     """By least squares: what no curve of qubit i explains of the <Z> of qubit j, in one shot."""
     orders = angle_orders(angles, np.arange(ORDERS)).T
-    found = strangeness(orders)
+    found = mismatch(orders)
     others = found[~np.eye(ORDERS, dtype=bool)]
     assert others.min() > least
     np.testing.assert_allclose(found.diagonal(), 0, atol=1e-9)

@@ -274,7 +274,7 @@ def test_the_mean_over_places_is_undone_once() -> None:
     offset, contrast = np.array([0.1, -0.05, 0.02, 0.0]), np.array([0.7, 0.9, 0.8, 0.95])
     tilt = np.array([0.1, 0.0, -0.2, 0.0])
     places = Mitigation(offset, contrast, tilt, np.zeros((4, 3, 3)))
-    shown = places.shown(offset + contrast * np.cos(w - tilt))
+    shown = places.tilted_cosine(offset + contrast * np.cos(w - tilt))
     mean = 0.75 * shown[:, :2] + 0.25 * shown[:, 2:]
     np.testing.assert_allclose(
         places.of_mean(weights).apply(mean), np.cos(w) * np.ones(2), atol=1e-12

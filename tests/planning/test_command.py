@@ -17,7 +17,7 @@ from qcompile.execution import Workload, load_backend
 from qcompile.planning.chains import Chains
 from qcompile.planning.command import run_command
 from qcompile.planning.point import Point
-from qcompile.planning.search import Found
+from qcompile.planning.search import SearchResult
 from qcompile.planning.share import Baseline
 from qcompile.planning.simulation import Simulated
 from qcompile.policy import load_circuits
@@ -75,9 +75,9 @@ def test_names_that_a_shell_would_split_are_quoted() -> None:
 def test_a_plan_names_no_command_for_an_object(
     given: str | None, tmp_path: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def search(policies: Any, backend: Any, wanted: Any, show: Any) -> Found:
+    def search(policies: Any, backend: Any, goal: Any, show: Any) -> SearchResult:
         chosen = replace(point(shots=64), policy=policies[0], episodes=3)
-        return Found(wanted, [chosen], chosen)
+        return SearchResult(goal, [chosen], chosen)
 
     monkeypatch.setattr(import_module("qcompile.verbs.plan"), "search", search)
     calibration: Any = None

@@ -14,14 +14,14 @@ from qcompile.errors import OptionError
 from qcompile.execution import Workload, load_backend
 from qcompile.planning import search as searching
 from qcompile.planning.chains import Chains
-from qcompile.planning.search import Found, Wanted, search
+from qcompile.planning.search import Goal, SearchResult, search
 from qcompile.planning.share import Baseline
 from qcompile.planning.simulation import Simulated
 from qcompile.policy import Policy, load_circuits
 
 LIMA = load_backend("fake_lima")
 POLICY = load_circuits("cartpole_1q")
-Search = Callable[..., Found]
+Search = Callable[..., SearchResult]
 
 
 @pytest.fixture
@@ -36,8 +36,8 @@ def scripted(monkeypatch: pytest.MonkeyPatch) -> Search:
         within: float = 600,
         decisions: list[int] | None = None,
         policies: list[Policy] | None = None,
-        **wanted: Any,
-    ) -> Found:
+        **options: Any,
+    ) -> SearchResult:
         lengths = np.array(decisions or [8])
 
         def simulate(policy: Policy, backend: Any, settings: RunSettings, episodes: int) -> Any:
@@ -58,7 +58,7 @@ def scripted(monkeypatch: pytest.MonkeyPatch) -> Search:
         monkeypatch.setattr(searching, "random_rewards", lambda *_: np.zeros(100))
         monkeypatch.setattr(searching, "ideal_rewards", lambda p, s, n: np.full(n, 100.0))
         settings = RunSettings().resolved(LIMA.device)
-        return search(policies or [POLICY], LIMA, Wanted(settings, 10, within, **wanted))
+        return search(policies or [POLICY], LIMA, Goal(settings, 10, within, **options))
 
     return run
 
@@ -114,7 +114,7 @@ def test_what_keeps_enough_must_fit(scripted: Search) -> None:
 
 def test_fewer_episodes_fit_as_nearest_says(scripted: Search) -> None:
     given = {"shots": 8192, "copies": 1, "split": False, "speculate": 8}
-    found = scripted({8192: 100}, within=51, given=given)
+    found = scripted({8192: 100}, within=51, fixed=given)
     # 2.35 s of calibration; n episodes are a job of 2 s and 8 n 8192 0.00035 = 22.94 n s
     assert found.recommended is None
     assert found.nearest()["episodes"] == 2
@@ -144,7 +144,7 @@ def test_an_episode_is_not_cut_where_that_saves_little(scripted: Search) -> None
 
 def test_what_is_given_is_kept(scripted: Search) -> None:
     given = {"shots": 100, "copies": 2, "split": True, "speculate": 4, "max_steps": 7}
-    found = scripted({100: 100}, given=given | {"calibration_shots": 77})
+    found = scripted({100: 100}, fixed=given | {"calibration_shots": 77})
     assert found.recommended is not None
     settings = found.recommended.settings
     assert {name: getattr(settings, name) for name in given} == given
@@ -181,10 +181,10 @@ def test_copies_that_are_given_have_a_shot_or_an_episode_each(scripted: Search) 
     """40 copies, 10 episodes: rows are split, over 64 shots at least."""
     rewards = dict.fromkeys((8, 16, 32, 64, 128, 256), 100.0)
     for split in ({}, {"split": True}):
-        found = scripted(rewards, given={"copies": 40, **split})
+        found = scripted(rewards, fixed={"copies": 40, **split})
         assert {(p.settings.copies, p.settings.split) for p in found.points} == {(40, True)}
         assert min(p.settings.shots or 0 for p in found.points) == 64
     with pytest.raises(OptionError, match="copies 40 are more than the 10 episodes"):
-        scripted(rewards, given={"copies": 40, "split": False})
+        scripted(rewards, fixed={"copies": 40, "split": False})
     with pytest.raises(OptionError, match="copies 40 are more than the 10 episodes"):
-        scripted(rewards, given={"copies": 40, "shots": 8})
+        scripted(rewards, fixed={"copies": 40, "shots": 8})

@@ -13,7 +13,7 @@ from qcompile.errors import CircuitError
 from qcompile.ir import FIXED_GATES, ROTATION_GATES
 from qcompile.qasm import read
 from qcompile.qasm.reader import Reader
-from qcompile.qasm.work import MOST_GATES
+from qcompile.qasm.work import MAX_GATES
 
 HEAD_3 = 'OPENQASM 3.0;\ninclude "stdgates.inc";\n'
 HEAD_2 = 'OPENQASM 2.0;\ninclude "qelib1.inc";\n'
@@ -90,12 +90,12 @@ def test_equal_gates_are_one_object():
 
 
 def test_the_limit_of_gates_counts_each_once():
-    lines = [HEAD_3 + "qubit[1000] q;", *["x q;"] * (MOST_GATES // 1000)]
-    assert len(read("\n".join(lines)).program.circuits[7]) == MOST_GATES // 1000
+    lines = [HEAD_3 + "qubit[1000] q;", *["x q;"] * (MAX_GATES // 1000)]
+    assert len(read("\n".join(lines)).program.circuits[7]) == MAX_GATES // 1000
     reader = Reader("\n".join([*lines, "barrier q;", "h q[3];"]))
-    with pytest.raises(CircuitError, match=f"more than {MOST_GATES} gates"):
+    with pytest.raises(CircuitError, match=f"more than {MAX_GATES} gates"):
         reader.run()
-    assert reader.line == 3 + MOST_GATES // 1000 + 2
+    assert reader.line == 3 + MAX_GATES // 1000 + 2
 
 
 @pytest.mark.parametrize("blank", ["\x1f", "\x0b", "\u2003", "\t", "\r\n"])

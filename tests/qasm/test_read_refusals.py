@@ -197,7 +197,7 @@ def test_unsupported_statements_are_named(statement):
 
 
 def test_barriers_without_end_are_refused(monkeypatch):
-    monkeypatch.setattr("qcompile.qasm.interpreter.MOST_MARKED", 2_000)
+    monkeypatch.setattr("qcompile.qasm.interpreter.MAX_MARKED", 2_000)
     read("qubit[50] q;\nfor uint i in [1:40] { barrier q; }\n")
     with pytest.raises(ProgramFileError, match="name more than 2000 qubits in all"):
         read("qubit[50] q;\nfor uint i in [1:900000] { barrier q; }\n")

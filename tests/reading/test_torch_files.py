@@ -111,7 +111,7 @@ def test_values_that_refer_to_each_other_are_counted_where_they_stand(
 
 def test_more_opcodes_than_values_can_need_are_not_run(monkeypatch: pytest.MonkeyPatch) -> None:
     """A list is a byte in the file and 56 in memory."""
-    monkeypatch.setattr("qcompile.reading.torch_files._MOST_OPCODES", 3000)
+    monkeypatch.setattr("qcompile.reading.torch_files._MAX_OPCODES", 3000)
     with pytest.raises(ContentsError, match="more than 1,000,000 values"):
         read_torch(pickled(b"]" * 3001))
 

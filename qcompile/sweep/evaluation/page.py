@@ -68,7 +68,7 @@ def write_devices(
         raise StudyError(f"{len(cells) - len(objects)} of {len(cells)} cells are missing.")
     versions = played[cells[0].name].versions
     text = page(cells, objects, link(folder, page_path), versions, (folder, page_path))
-    picture = draw_intervals(_TITLE, panels(objects), same_scale=False)
+    picture = draw_intervals(_TITLE, panels(objects)).png
     return write_files({folder / "devices.png": picture, page_path: text.encode()})
 
 
@@ -83,7 +83,8 @@ def panels(objects: Objects) -> list[Panel]:
             _claimed("the paper,\nideal", task.ideal),
         ]
         title = f"{task.environment}, {task.shots} shots"
-        panels.append(Panel(title, intervals, reference_line(played), played[0]["threshold"]))
+        solved = played[0]["threshold"]
+        panels.append(Panel(title, intervals, reference_line(played), solved, scale=title))
     return panels
 
 

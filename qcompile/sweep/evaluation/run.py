@@ -10,13 +10,13 @@ from os import fspath
 from pathlib import Path
 from typing import Any
 
-from qcompile.calibration import Calibration, age_words, load_calibration
+from qcompile.calibration import Calibration, age_warnings, load_calibration
 from qcompile.deploy.environments import close_environments, policy_environments
 from qcompile.deploy.settings import MITIGATIONS
 from qcompile.device import Device
 from qcompile.errors import CalibrationError, DeviceError, StudyError
 from qcompile.execution import Backend, Executor, load_backend
-from qcompile.notebook import reward_words
+from qcompile.notebook import reward_text
 from qcompile.output import check_writable
 from qcompile.policy import AnyPolicy, Network, load_policy
 from qcompile.policy.arguments import with_arguments
@@ -137,7 +137,7 @@ def evaluate(
     check_calibrations(cells)
     now = datetime.now(UTC)
     for file in files:
-        for note in age_words(file.name, file.calibration, now):
+        for note in age_warnings(file.name, file.calibration, now):
             on_note(note)
     for why in _left_out(different, opened, *sides):
         on_note(f"left out: {why}.")
@@ -266,7 +266,7 @@ def _calibration_file(calibration: Name | Calibration) -> CalibrationFile:
 
 def _description(result: CellResult) -> str:
     values = result.summary
-    return f"{values['policy']} on {values['backend']}: {reward_words(values['mean_reward'])}"
+    return f"{values['policy']} on {values['backend']}: {reward_text(values['mean_reward'])}"
 
 
 def _failure_lines(failure: CellFailure) -> list[str]:

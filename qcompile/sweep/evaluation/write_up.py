@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from qcompile.output import file_name
+from qcompile.report.figure import Figure
 from qcompile.report.intervals import Interval, Panel, draw_intervals
 from qcompile.report.tables import plural
 from qcompile.sweep.evaluation.summary import results_csv
@@ -40,13 +41,13 @@ def write_figures(objects: Sequence[Mapping[str, Any]], folder: Path) -> list[Pa
         {
             folder / f"{file_name(policy)}.png": _figure(
                 [values for values in objects if values["policy"] == policy]
-            )
+            ).png
             for policy in policies
         }
     )
 
 
-def _figure(objects: Sequence[Mapping[str, Any]]) -> bytes:
+def _figure(objects: Sequence[Mapping[str, Any]]) -> Figure:
     """The mean rewards of one policy."""
     first = objects[0]
     episodes = plural(len(first["episodes"]), "episode")
@@ -64,6 +65,7 @@ def panels(objects: Sequence[Mapping[str, Any]], title: str = "") -> list[Panel]
             [interval(values) for values in played if values["level"] == level],
             reference_line(objects),
             objects[0]["threshold"],
+            scale=objects[0]["environment"],
         )
         for level in levels
     ]

@@ -10,7 +10,7 @@ from typing import Any
 
 from qcompile.deploy.environments import close_environments, make_environments
 from qcompile.errors import EnvironmentMismatchError
-from qcompile.notebook import reward_words
+from qcompile.notebook import reward_text
 from qcompile.output import check_writable
 from qcompile.sweep.arguments import no_progress
 from qcompile.sweep.complete import OnProgress, Pool, complete
@@ -91,4 +91,4 @@ def _check_environments(cells: Sequence[Cell]) -> None:
 def _description(result: CellResult) -> str:
     words = f"{result.row}, seed {result.seed}"
     last = result.last_average
-    return words if last is None else f"{words}: {reward_words(last)}"
+    return words if last is None else f"{words}: {reward_text(last)}"

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from qcompile.notebook import reward_words
+from qcompile.notebook import reward_text
 from qcompile.rl.order import AVERAGED
 from qcompile.sweep.pages import csv_text
 from qcompile.sweep.study.cell import CellResult, first_at
@@ -108,8 +108,8 @@ def spread(values: NDArray[np.float64]) -> str:
     if np.isnan(values).any():
         return TOO_FEW
     if len(values) == 1:
-        return f"{reward_words(values[0])}, one seed"
-    return reward_words(values.mean(), values.std())
+        return f"{reward_text(values[0])}, one seed"
+    return reward_text(values.mean(), values.std())
 
 
 def results_csv(summaries: Sequence[RowSummary]) -> str:

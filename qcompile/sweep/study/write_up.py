@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from qcompile.errors import StudyError
-from qcompile.report.curves import Curve, draw_curves
+from qcompile.report.curves import Curve, CurvePanel, draw_curves
 from qcompile.sweep.pages import link, write_files
 from qcompile.sweep.study.cell import folder_of
 from qcompile.sweep.study.page import page
@@ -42,8 +42,8 @@ def write_up(request: StudyRequest, stored: Sequence[RowSummary]) -> list[Path]:
         folder / "results.csv": results_csv(stored).encode(),
         folder / "curves.csv": curves_csv(stored).encode(),
     }
-    pictures = draw_figures(study, stored)
-    files |= {folder / f"{name}.png": picture for name, picture in pictures.items()}
+    panels = figure_panels(study, stored)
+    files |= {folder / f"{name}.png": draw_curves([one]).png for name, one in panels.items()}
     repeated = [cell.name for cell in request.cells()]
     at = link(folder, page_path)
     text = page(study, stored, request.command, repeated, at, _versions(stored))
@@ -51,12 +51,12 @@ def write_up(request: StudyRequest, stored: Sequence[RowSummary]) -> list[Path]:
     return write_files(files)
 
 
-def draw_figures(study: Rows, stored: Sequence[RowSummary]) -> dict[str, bytes]:
-    """The learning curves of each figure that has trainings, as PNG files by its name.
+def figure_panels(study: Rows, stored: Sequence[RowSummary]) -> dict[str, CurvePanel]:
+    """The learning curves of each figure that has trainings, by its name.
 
     Curves of the preset of a figure's first row are solid, others dashed.
     """
-    pictures = {}
+    panels = {}
     for name, figure in study.figures.items():
         members = [summary for summary in stored if study.belongs(summary.row, name)]
         if members:
@@ -64,8 +64,8 @@ def draw_figures(study: Rows, stored: Sequence[RowSummary]) -> dict[str, bytes]:
             curves = [_curve(summary, first) for summary in members]
             targets = [s.row.target for s in members if s.row.target is not None]
             target = targets[0] if targets else None
-            pictures[name] = draw_curves(figure.title, curves, target, figure.last_episode)
-    return pictures
+            panels[name] = CurvePanel(figure.title, curves, target, figure.last_episode)
+    return panels
 
 
 def _curve(summary: RowSummary, solid: str) -> Curve:

@@ -96,7 +96,7 @@ def strategies(task: RunTask, forecasted: Run) -> list[Strategy]:
     alone = task.model_copy(update={"copies": 1, "split": False}).deploy(task.device)
     of_circuit = Workload.of_batch(1, 1, shots)
     of_step = Workload.of_batch(1, executable.round_count, shots)
-    ways = [
+    chosen = [
         Strategy(PAPER, of_circuit * (steps * len(policy.program))),
         Strategy(PACKED, of_step * steps + alone.calibration_load),
         Strategy(LOCKSTEP, forecasted.total_load),
@@ -104,5 +104,5 @@ def strategies(task: RunTask, forecasted: Run) -> list[Strategy]:
     if task.level == 2:  # a twin plays nothing else
         qubits, angles = len(np.unique(executable.qubits)), len(LIVE_ANGLES_RAD)
         of_twin = calibration_workload(qubits, CALIBRATION_SHOTS, ["response"], angles)
-        ways.append(Strategy(TWIN, of_twin))
-    return ways
+        chosen.append(Strategy(TWIN, of_twin))
+    return chosen

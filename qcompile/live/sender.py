@@ -9,14 +9,20 @@ from typing import Any
 
 from qcompile.errors import BudgetError, LiveError, QcompileError
 from qcompile.live.answers import UnreadableAnswerError
+from qcompile.live.client_errors import (
+    DetachedErrors,
+    answered_no,
+    explain_error,
+    seconds_setting,
+    transient,
+)
 from qcompile.live.connection import Connection
+from qcompile.live.finder import GENERAL_TAG, Finder
 from qcompile.live.journal import Journal
-from qcompile.live.looking import GENERAL_TAG, Finder
 from qcompile.live.pace import Pace
 from qcompile.live.records import Submission
 from qcompile.live.remote import RemoteJobs
 from qcompile.live.request import Request, tag_of
-from qcompile.live.words import Apart, answered_no, in_words, seconds_setting, transient
 
 SETTLE_S = 10.0
 """A job is not sent again before IBM has had so long to list one that it may have accepted."""
@@ -68,14 +74,14 @@ class Sender:
             if error is not None and not (
                 sends < _MOST_SENDS and self._may_repeat(error, remedies)
             ):
-                raise in_words(error) from error
+                raise explain_error(error) from error
             error = None
             request.check_runs_on(self._connection.name, self._connection.target())
             try:
                 cap_s = self._cap_s(submission.executions)
             except BudgetError as full:
                 if not self.finder.settle_doubts():
-                    raise full.with_hints(*self.finder.words_on_doubts()) from full
+                    raise full.with_hints(*self.finder.doubt_hints()) from full
                 continue
             sends += 1
             try:
@@ -101,7 +107,7 @@ class Sender:
         """Send a job and write down what came of it; its id."""
         sent_before = self._connection.submissions
         try:
-            with Apart():
+            with DetachedErrors():
                 job_id = self._submit(submission, request)
         except Exception as error:
             doubt = self._journal.charges.doubts(submission.number)[-1]

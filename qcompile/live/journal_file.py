@@ -101,7 +101,7 @@ class NeverBegunError(LiveError):
 
 @contextmanager
 def reading(path: Path) -> Iterator[None]:
-    """Whatever cannot be read within the block is explained, with the name of the file.
+    """Whatever cannot be read within the block is with_advice, with the name of the file.
 
     Raises:
         LiveError: it is damaged, or cannot be read or written.

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from qcompile.live.answers import RemoteJob
+from qcompile.live.finder import Finder, settles_at
 from qcompile.live.journal import Journal
-from qcompile.live.looking import Finder, settles_at
 from qcompile.live.records import Charge
 
 
@@ -79,7 +79,7 @@ def test_a_job_that_does_not_say_its_cap_may_be_the_one_of_the_longest(
     assert finder.find(made) == "job-a"
     assert journal.charges.upper_s >= 9 + 15
     monkeypatch.setenv("QCOMPILE_DOUBT_SECONDS", "0")
-    finder.look_over()
+    finder.reconcile()
     assert journal.charges.doubts() == []
     assert journal.charges.upper_s == 15
 

@@ -134,7 +134,7 @@ def chain_of(error: BaseException | None) -> list[BaseException]:
     return chain
 
 
-class Apart:
+class DetachedErrors:
     """A block whose errors come without the one that its caller handles.
 
     Python chains the two. But who sends a job while he handles an older error, of a request that
@@ -155,7 +155,7 @@ class Apart:
             causes += [other for other in more if other not in causes]
 
 
-def in_words(error: BaseException) -> LiveError:
+def explain_error(error: BaseException) -> LiveError:
     """What happened, without what is secret, and what to try."""
     from qiskit_ibm_runtime.accounts.exceptions import AccountNotFoundError
 

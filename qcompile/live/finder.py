@@ -14,12 +14,12 @@ from datetime import UTC, datetime, timedelta
 from qcompile.errors import LiveError
 from qcompile.live.answers import RemoteJob
 from qcompile.live.budget import Budget
+from qcompile.live.client_errors import seconds_setting
 from qcompile.live.commands import resume_command
 from qcompile.live.journal import Journal
 from qcompile.live.records import Charge, Submission
 from qcompile.live.remote import RemoteJobs
 from qcompile.live.request import DIGEST, TAG, is_same, tag_of
-from qcompile.live.words import seconds_setting
 
 GENERAL_TAG = "qcompile"
 """All jobs of all runs have it, beside one of their own."""
@@ -38,7 +38,7 @@ def settles_at(doubt: Charge) -> datetime:
     return doubt.sent_at + timedelta(seconds=seconds)
 
 
-def doubts_in_words(journal: Journal) -> list[str]:
+def describe_doubts(journal: Journal) -> list[str]:
     """A line on the jobs that IBM may have accepted, and from when on that can be told; or none."""
     doubts = journal.charges.doubts()
     if not doubts:
@@ -101,10 +101,10 @@ class Finder:
         self._cancel(job for job in jobs if job is not best)
         if best is None:
             return None
-        self._journal.note_taken(submission, best.id)
+        self._journal.note_adopted(submission, best.id)
         return best.id
 
-    def sweep(self, submission: Submission) -> None:
+    def cancel_duplicates(self, submission: Submission) -> None:
         """Count and cancel any other job of a submission whose own has ended, if one is feared."""
         if not self._journal.charges.doubts(submission.number):
             return
@@ -115,7 +115,7 @@ class Finder:
             return  # the doubt stands
         self._cancel(job for job in jobs if job.id != submission.job_id)
 
-    def look_over(self) -> None:
+    def reconcile(self) -> None:
         """Have the journal know of every job of the run that IBM lists; other doubts are dropped.
 
         But not before IBM must list their jobs, and not where it lists one under its own tag: a
@@ -139,7 +139,7 @@ class Finder:
             if doubt.row in {known.row for known in due}:
                 self._journal.charges.drop(doubt)
         if not self._journal.charges.doubts():
-            self._journal.charges.note_looked_over()
+            self._journal.charges.note_reconciled()
 
     def settle_doubts(self) -> bool:
         """Whether any doubt turned out, after some looks; one that soon must is waited for.
@@ -153,14 +153,14 @@ class Finder:
             soonest_s = max(0.0, soonest.total_seconds())
             self._say("waiting for a job that IBM may have accepted")
             time.sleep(soonest_s if soonest_s <= REFUSED_S else self._settle_s)
-            self.look_over()
+            self.reconcile()
             if len(self._journal.charges.doubts()) < len(doubts):
                 return True
         return False
 
-    def words_on_doubts(self) -> list[str]:
+    def doubt_hints(self) -> list[str]:
         """A line on the jobs in doubt, if there are any."""
-        return doubts_in_words(self._journal)
+        return describe_doubts(self._journal)
 
     def _await_listing(self, number: int) -> None:
         """Wait until IBM has had time to list the job that was sent last."""

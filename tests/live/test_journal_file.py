@@ -17,7 +17,7 @@ import pytest
 
 from qcompile.errors import LiveError
 from qcompile.live.journal import Journal
-from qcompile.live.opening import FILE, NeverBegunError
+from qcompile.live.journal_file import FILE, NeverBegunError
 from qcompile.live.perform import finished
 from qcompile.live.records import Register, to_array, to_bytes
 from qcompile.live.runs import find_journal, journals
@@ -167,7 +167,7 @@ def test_a_row_that_damage_hides_is_missed_before_anything_is_sent() -> None:
     journal.path.write_bytes(contents)
     with Journal(journal.folder) as opened:
         assert len(opened.steps) == 3
-        with pytest.raises(LiveError, match=f"{journal.path} is damaged: "), opened.held():
+        with pytest.raises(LiveError, match=f"{journal.path} is damaged: "), opened.locked():
             pass
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 
 from qcompile.errors import LiveError
+from qcompile.live.client_errors import duration
 from qcompile.live.connection import Connection
-from qcompile.live.words import duration
 
 _QUEUE_AFTER_S, _QUEUE_EVERY_S = 5.0, 30.0
 

@@ -1,0 +1,71 @@
+"""The option --report of several commands."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from qcompile.cli.options import Decorator, echo_note
+
+if TYPE_CHECKING:
+    from qcompile.verbs.reports import Reported
+
+
+class _PagePath(click.Path):
+    """Where a page of HTML is written."""
+
+    def __init__(self) -> None:
+        super().__init__(dir_okay=False, path_type=Path)
+
+    def convert(
+        self,
+        value: str | os.PathLike[str],
+        param: click.Parameter | None,
+        ctx: click.Context | None,
+    ) -> Any:
+        path = Path(os.fsdecode(super().convert(value, param, ctx)))
+        if path.suffix != ".html":
+            self.fail(f"{path} must end with .html.", param, ctx)
+        return path
+
+
+report_option: Decorator = click.option(
+    "--report",
+    type=_PagePath(),
+    help="Write a page with scores, figures, circuits and settings; .html, overwritten.",
+)
+
+
+def check_report(report: Path | None, **others: Path | None) -> None:
+    """Nothing, if the page can be written beside the files of the other options.
+
+    Raises:
+        OptionError: it is one of them.
+        OutputError: it cannot be written.
+    """
+    if report is None:
+        return
+    from qcompile.output import check_writable
+    from qcompile.verbs.files import check_distinct
+
+    for option, path in others.items():
+        check_distinct({"report": report, option: path})
+    check_writable(report)
+
+
+def write_report(result: Reported, report: Path | None) -> None:
+    """Write the page of a result, if one is wanted, with the command line that was typed.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    if report is None:
+        return
+    from qcompile.page.words import command_line
+
+    result.report(report, command=command_line(sys.argv[1:]))
+    echo_note(f"report in {report}")

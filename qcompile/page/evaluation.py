@@ -1,0 +1,174 @@
+"""The report of an evaluation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+from qcompile.notebook import reward_text
+from qcompile.page.circuits import Compiled, circuits_section, placement_section
+from qcompile.page.document import Block, Document, Facts, Heading, Picture, Score, Section, Table
+from qcompile.report.distribution import Sample, draw_distributions
+from qcompile.report.figure import Figure
+from qcompile.report.style import AnyStyle
+from qcompile.report.tables import grid_table, interval_words, plural
+from qcompile.validation import listed
+
+_MOST_SAMPLES = 16
+_PACKAGES = ("numpy", "gymnasium", "torch", "qiskit", "qiskit-aer", "qiskit-ibm-runtime")
+
+
+def evaluation_document(
+    cells: Sequence[Mapping[str, Any]],
+    draw: Callable[[str, AnyStyle], Figure],
+    compiled: Sequence[Compiled] = (),
+    *,
+    warnings: Sequence[str] = (),
+    command: str = "",
+) -> Document:
+    """The report of a grid: `cells` are the results of `qcompile evaluate --json`.
+
+    `draw` draws the mean rewards of a policy; `compiled` is what was played.
+    """
+    policies = [*dict.fromkeys(cell["policy"] for cell in cells)]
+    environments = [*dict.fromkeys(cell["environment"] for cell in cells)]
+    backends = [*dict.fromkeys(c["backend"] for c in cells if not c["reference"])]
+    on = f" on {listed(backends)}" if backends else ""
+    return Document(
+        "evaluate",
+        f"{listed(policies)}{on}" if cells else "An evaluation without results",
+        f"{plural(len(cells), 'cell')} of {listed(environments)}, "
+        f"{plural(len(cells[0]['episodes']), 'episode')} each with the same resets."
+        if cells
+        else "No cell could be played.",
+        _score(cells),
+        [*_headline(cells)],
+        [
+            Section("Results", [*_results(cells, policies, draw)]),
+            Section("Episodes", [*_episodes(cells, policies)]),
+            circuits_section(compiled),
+            placement_section(compiled),
+            Section("Settings", [*_settings(cells)]),
+        ],
+        warnings,
+        _PACKAGES,
+        command=command,
+    )
+
+
+def _name(cell: Mapping[str, Any]) -> str:
+    """What a cell is played with."""
+    if cell["reference"]:
+        return f"{cell['backend']}, exact"
+    shots = "exact" if cell["shots"] == "exact" else f"{cell['shots']} shots"
+    mitigation = cell["mitigation"] if cell["mitigation"] != "none" else "no"
+    return f"{cell['backend']}, {shots}, {mitigation} mitigation, level {cell['level']}"
+
+
+def _score(cells: Sequence[Mapping[str, Any]]) -> Score | None:
+    """The best cell, those without noise left out where there are others."""
+    played = [cell for cell in cells if not cell["reference"]] or [*cells]
+    if not played:
+        return None
+    best = max(played, key=lambda cell: float(cell["mean_reward"]))
+    interval = interval_words(best)
+    words = [f"95 % interval {interval}"] * bool(interval) + [_name(best)]
+    label = "best mean reward" if len(played) > 1 else "mean reward"
+    if len({cell["policy"] for cell in cells}) > 1:
+        label += f", {best['policy']}"
+    return Score(label, reward_text(best["mean_reward"]), interval="; ".join(words))
+
+
+def _headline(cells: Sequence[Mapping[str, Any]]) -> Iterator[tuple[str, str]]:
+    for cell in [cell for cell in cells if cell["reference"]][:3]:
+        interval = interval_words(cell)
+        words = reward_text(cell["mean_reward"]) + (f" ({interval})" if interval else "")
+        yield f"{cell['policy']} without noise", words
+    played = [cell for cell in cells if not cell["reference"]]
+    if played:
+        worst = min(played, key=lambda cell: float(cell["mean_reward"]))
+        yield "lowest mean reward", f"{reward_text(worst['mean_reward'])}: {_name(worst)}"
+        differences = [c["paired_difference"] for c in played if c["paired_difference"] is not None]
+        if differences:
+            low, high = (reward_text(edge(differences), sign="+") for edge in (min, max))
+            yield "difference to ideal", f"{low} to {high}"
+    yield "cells", str(len(cells))
+
+
+def _results(
+    cells: Sequence[Mapping[str, Any]],
+    policies: Sequence[str],
+    draw: Callable[[str, AnyStyle], Figure],
+) -> Iterator[Block]:
+    for policy in policies:
+        own = [cell for cell in cells if cell["policy"] == policy]
+        if len(policies) > 1:
+            yield Heading(policy)
+
+        def of_policy(style: AnyStyle, policy: str = policy) -> Figure:
+            return draw(policy, style)
+
+        yield Picture.of(
+            f"Mean rewards of {policy}", of_policy, "The table below has the same numbers."
+        )
+        columns, rows = grid_table(own)
+        played = [index for index, cell in enumerate(own) if not cell["reference"]]
+        best = max(played, key=lambda index: float(own[index]["mean_reward"]), default=None)
+        yield Table(
+            f"Results of {policy}",
+            columns[1:],
+            [row[1:] for row in rows],
+            "to ideal: the mean of the differences to the same episodes without noise. The best "
+            "row that is not the reference is marked."
+            if best is not None
+            else "",
+            frozenset() if best is None else frozenset({best}),
+        )
+
+
+def _episodes(cells: Sequence[Mapping[str, Any]], policies: Sequence[str]) -> Iterator[Block]:
+    for policy in policies:
+        own = [cell for cell in cells if cell["policy"] == policy and cell["episodes"]]
+        samples = [
+            Sample(
+                _name(cell),
+                [episode["reward"] for episode in cell["episodes"]],
+                cell["ci95"] if interval_words(cell) else None,
+                grey=cell["reference"],
+            )
+            for cell in own[:_MOST_SAMPLES]
+        ]
+
+        def draw(style: AnyStyle, samples: Sequence[Sample] = samples) -> Figure:
+            return draw_distributions("", samples, style)
+
+        more = len(own) - len(samples)
+        words = f" {plural(more, 'more cell')} are in the table." if more else ""
+        yield Picture.of(
+            f"Distribution of the rewards of {policy}",
+            draw,
+            f"A histogram for each cell; grey is the policy without noise.{words}",
+        )
+
+
+def _settings(cells: Sequence[Mapping[str, Any]]) -> Iterator[Block]:
+    if not cells:
+        return
+    names = {
+        "policies": "policy",
+        "environments": "environment",
+        "backends": "backend",
+        "shots": "shots",
+        "mitigations": "mitigation",
+        "calibrations": "calibration",
+        "levels": "level",
+        "seed": "seed",
+    }
+    facts = []
+    for name, key in names.items():
+        values = [*dict.fromkeys(str(c[key]) for c in cells if c.get(key) is not None)]
+        if values:
+            facts.append((name, ", ".join(values)))
+    facts.append(("episodes of a cell", str(len(cells[0]["episodes"]))))
+    facts.append(("actions", "the likeliest" if cells[0]["greedy"] else "sampled"))
+    yield Facts(facts)

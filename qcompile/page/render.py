@@ -1,0 +1,85 @@
+"""A document as HTML: one page that opens offline, on paper and on a phone."""
+
+from __future__ import annotations
+
+import platform
+from datetime import UTC, datetime
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from markupsafe import Markup
+
+from qcompile.errors import OptionError
+from qcompile.output import write_file
+from qcompile.page.document import Document
+from qcompile.page.svg import inline
+from qcompile.page.words import public
+from qcompile.version import versions
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+SUFFIX = ".html"
+_GREYS = range(0, 101, 5)
+
+
+def render(document: Document, now: datetime | None = None) -> str:
+    """The page: everything that it shows is in it. `now` is when it says that it was written."""
+    made = now or datetime.now(UTC)
+    known = versions(*document.packages)
+    named = {"qcompile": known.pop("qcompile"), "Python": platform.python_version()} | known
+    sections = [section for section in document.sections if section.blocks]
+    return (
+        _environment()
+        .get_template("page.html")
+        .render(
+            document=document,
+            sections=sections,
+            made=f"{made.astimezone(UTC):%d %B %Y, %H:%M} UTC".lstrip("0"),
+            versions={name: number for name, number in named.items() if number != "none"},
+            greys=_GREYS,
+        )
+    )
+
+
+def write_report(document: Document, path: Path) -> None:
+    """Write the page to a .html file, which is overwritten.
+
+    Raises:
+        OptionError: the file has another suffix.
+        OutputError: it cannot be written.
+    """
+    check_suffix(path)
+    write_file(path, render(document).encode())
+
+
+def check_suffix(path: Path) -> None:
+    """Nothing, if the name is one of a page.
+
+    Raises:
+        OptionError: it is not.
+    """
+    if path.suffix != SUFFIX:
+        raise OptionError(f"{path} must end with {SUFFIX}.")
+
+
+@cache
+def _environment() -> Environment:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("qcompile.page"),
+        autoescape=True,
+        finalize=_public,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["inline"] = inline
+    return environment
+
+
+def _public(value: Any) -> Any:
+    """What an expression of a template shows; markup was made public when it was made."""
+    return public(value) if isinstance(value, str) and not isinstance(value, Markup) else value
