@@ -1,20 +1,22 @@
-"""Pages that are typed along: their commands answer what the page prints.
+"""Pages that are typed along, in one folder each: their commands answer what the page prints.
 
-The blocks `console` and `py` of a page run one after the other in one folder. A block `text` right
-after one of Python is what that prints.
+Blocks `console` are typed, `cat` among them, and blocks `py` run; a block `text` right after one of
+Python is what that prints. A block whose first line is a comment with a file's name is that file.
 """
 
 from __future__ import annotations
 
+import re
 import shlex
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
-from sessions import WIDTH, blocks, matches, said, typed
+from sessions import WIDTH, Transcript, blocks, matches, typed
 
 PAGES = ("start/getting-started.md", "howto/paper-figure.md")
+FILE = re.compile(r"# ([\w-]+\.\w+)\n")
 
 
 @pytest.fixture
@@ -29,25 +31,28 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_a_page_prints_what_its_commands_answer(
     page: str, folder: Path, qcompile: Callable[..., Any], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    ran, printed, wrong = 0, None, []
+    transcript, printed = Transcript(page, folder), None
     for language, block in blocks(page):
-        if language == "console":
+        if named := FILE.match(block):
+            Path(named[1]).write_text(block)
+        elif language == "console":
             for line, expected in typed(block):
                 name, *words = shlex.split(line)
-                assert name == "qcompile", line
-                answer = qcompile(*words)
-                now = said(answer.out + answer.err, folder)
-                if answer.code or not matches(said(expected, folder), now):
-                    wrong.append(f"$ {line}\n{now}")
-                ran += 1
+                if name == "cat":
+                    now = Path(*words).read_text()
+                else:
+                    assert name == "qcompile", line
+                    answer = qcompile(*words)
+                    assert answer.code == 0, answer.err
+                    now = answer.out + answer.err
+                transcript.compare(line, expected, now)
         elif language == "py":
             exec(compile(block, page, "exec"), {"__name__": "__main__"})
             printed = capsys.readouterr().out
         elif language == "text" and printed is not None:
-            assert matches(said(block, folder), said(printed, folder)), printed
+            assert matches(block, printed), printed
             printed = None
-    assert ran > 1
-    assert not wrong, "\n".join(wrong)
+    transcript.check()
 
 
 def test_another_answer_would_be_noticed() -> None:

@@ -9,7 +9,7 @@ from os import PathLike
 from pathlib import PurePath
 from typing import Any
 
-from qcompile.live.words import without_secrets
+from qcompile.live.client_errors import without_secrets
 
 _FOLDERS = re.compile(
     r"""(?:(?<=^)|(?<=[\s=,:"'(\[]))  # where a path may begin

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import re
 import shlex
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -12,17 +13,12 @@ from typing import Any
 
 import pytest
 from golden_files import without_figures
-from sessions import WIDTH, blocks, said, typed
+from sessions import WIDTH, Transcript, blocks, typed
 from standin import StandIn
 
 PAGE = "start/first-hardware.md"
-QUESTION = re.compile(r"(\[y/N\]: )([yn])\n")
+QUESTION = re.compile(r"\[y/N\]: ([yn])\n")
 CTRL_C = "^C\n"
-
-
-def lines(text: str, here: Path) -> list[str]:
-    """Its lines, sorted: what goes to which stream is not on the page; counts are drawn."""
-    return sorted(filter(None, without_figures(said(text, here)).splitlines()))
 
 
 def stop_at_the_third_job(service: StandIn, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -44,25 +40,26 @@ def test_the_page_prints_what_a_service_like_ibms_makes_it_say(
     empty_folder: Path, qcompile: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", str(WIDTH))
+    monkeypatch.setattr("qcompile.cli.live_options.somebody_is_there", lambda: True)
+    transcript = Transcript(PAGE, empty_folder, without_figures)
     commands = [
         each for language, block in blocks(PAGE) if language == "console" for each in typed(block)
     ]
-    wrong = []
     with StandIn({"ibm_fez": "FakeFez"}) as service:
         for name, value in service.environment().items():
             monkeypatch.setenv(name, value)
         for line, printed in commands:
             asked = QUESTION.search(printed)
-            monkeypatch.setattr("sys.stdin", io.StringIO(f"{asked[2]}\n" if asked else ""))
+            monkeypatch.setattr("sys.stdin", io.StringIO(f"{asked[1]}\n" if asked else ""))
+            monkeypatch.setattr("sys.stderr", sys.stdout)  # in the order of a terminal
             if CTRL_C in printed:
                 stop_at_the_third_job(service, monkeypatch)
             answer = qcompile(*shlex.split(line)[1:])
-            expected = QUESTION.sub(r"\1", printed.replace(CTRL_C, ""))
-            now = lines(answer.out + answer.err, empty_folder)
-            refused = CTRL_C in printed or bool(asked and asked[2] == "n")
-            if answer.code != refused or now != lines(expected, empty_folder):
-                wrong.append(f"$ {line}\n{answer.out}{answer.err}exit {answer.code}")
-        ledger = service.ledger()
-    assert not wrong, "\n".join(wrong)
-    charged = sum(job.charged_seconds for job in ledger.jobs)
+            now = answer.out.replace("[y/N]: ", f"[y/N]: {asked[1]}\n" if asked else "")
+            if CTRL_C in printed:
+                now = now.replace("Error: Interrupted.", f"{CTRL_C}Error: Interrupted.")
+            transcript.compare(line, printed, now)
+            assert answer.code == (CTRL_C in printed or bool(asked and asked[1] == "n"))
+        charged = sum(job.charged_seconds for job in service.ledger().jobs)
+    transcript.check()
     assert 20 < charged < 40  # "about 30 of them"
