@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import PurePosixPath
 from textwrap import fill
 
 from qcompile.notebook import reward_digits
@@ -62,7 +63,11 @@ def page(
     left_out = set() if any(s.row.claim.words != "-" for s in summaries) else {*_OF_CLAIMS}
     if all(s.row.target is None for s in summaries):
         left_out |= {*_OF_TARGETS}
-    linked = f"[{folder}]({folder}/results.csv)" if folder != "." else "[this folder](results.csv)"
+    linked = (
+        f"[{PurePosixPath(folder).name}]({folder}/results.csv)"
+        if folder != "."
+        else "[this folder](results.csv)"
+    )
     seeds = from_to([len(s.results) for s in summaries], "seed")
     evaluation = from_to([len(r.evaluation) for s in summaries for r in s.results], "fresh episode")
     parts = [

@@ -478,7 +478,7 @@ def test_the_committed_page_is_what_they_give(
 ) -> None:
     shutil.copytree(DOCS / "study" / "cells", tmp_path / "docs/study/cells")
     monkeypatch.chdir(tmp_path)
-    request = StudyRequest(name="paper", out="docs/study", page="docs/reproduction.md")
+    request = StudyRequest(name="paper", out="docs/study", page="docs/background/reproduction.md")
     assert f"$(BIN)/{request.command}\n" in (DOCS.parent / "Makefile").read_text()
     stored = summaries(request.study.rows, request.folder)
     for path in write_up(request, stored):
