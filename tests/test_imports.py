@@ -47,8 +47,14 @@ DOORS = {
         "qcompile.interop.qiskit.program_of",
         "qcompile.interop.pennylane.program_of",
         "qcompile.interop.openqasm.program_of",
+        "qcompile.report.drawing.Form",
+        "qcompile.report.drawing.draw_program",
     },
-    "passes/executable.py": {"qcompile.interop.qiskit.circuits_of"},
+    "passes/executable.py": {
+        "qcompile.interop.qiskit.circuits_of",
+        "qcompile.report.drawing.Form",
+        "qcompile.report.drawing.draw_executable",
+    },
     "calibration/calibration.py": {
         "qcompile.report.calibration.draw_calibration",
         "qcompile.report.calibration_values.calibration_html",
@@ -59,8 +65,8 @@ DOORS = {
         "qcompile.report.style.AnyStyle",
     },
 }
-"""The only imports that point upwards: Program.from_*, Executable.to_qiskit and Calibration.plot
-load, when they are called, the function of a higher room that does their work."""
+"""The only imports that point upwards: Program.from_*, Executable.to_qiskit, `draw` of both and
+Calibration.plot load, when they are called, the function of a higher room that does their work."""
 
 VERBS = ["run", "evaluate", "train", "calibrate", "validate", "plan", "study"]
 NAMES = [name for name in qcompile.__all__ if name not in (*VERBS, "Live")]

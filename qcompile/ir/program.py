@@ -6,12 +6,15 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from qcompile.errors import CircuitError
 from qcompile.ir.angle import check_symbol
 from qcompile.ir.circuit import Circuit, LateAngle
 from qcompile.notebook import count, html_table
+
+if TYPE_CHECKING:
+    from qcompile.report.drawing import Form
 
 
 @dataclass(frozen=True, repr=False)
@@ -115,6 +118,16 @@ class Program:
         from qcompile.interop.openqasm import program_of
 
         return program_of(text_or_path, inputs)
+
+    def draw(self, form: Form = "text", circuit: int | None = None) -> str:
+        """The circuits as "text", "svg" or "latex" (quantikz): one of each shape, or one alone.
+
+        Raises:
+            FigureError: there is no such form or circuit.
+        """
+        from qcompile.report.drawing import draw_program
+
+        return draw_program(self, form, circuit)
 
     @property
     def symbols(self) -> tuple[str, ...]:

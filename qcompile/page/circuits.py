@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass
 
 from qcompile.device import Device
-from qcompile.ir import Circuit, Program
+from qcompile.ir import Program
 from qcompile.noise import REFERENCE_SHOTS, expected_error, unusable
 from qcompile.page.document import Block, Code, Heading, Prose, Qubits, Section, Tile
 from qcompile.passes import LEVELS, Executable, compile
 from qcompile.policy import AnyPolicy, Network, Policy
+from qcompile.report.drawing.diagram import shape
 from qcompile.report.placement import PERFECT
 from qcompile.report.tables import plural
 from qcompile.report.wires import wire
@@ -46,26 +47,10 @@ def shapes(program: Program) -> list[list[int]]:
 
     Circuits have one shape where they differ by the numbers and symbols of their angles alone.
     """
-    found: dict[tuple[object, ...], list[int]] = {}
+    found: dict[Hashable, list[int]] = {}
     for index, circuit in enumerate(program.circuits):
-        found.setdefault(_shape(circuit, set(program.parameters)), []).append(index)
+        found.setdefault(shape(program, circuit), []).append(index)
     return [*found.values()]
-
-
-def _shape(circuit: Circuit, parameters: set[str]) -> tuple[object, ...]:
-    """Its gates, and in each angle how many inputs and parameters occur, and which ones again."""
-    names: dict[str, str] = {}
-    shape: list[object] = []
-    for gate in circuit.gates:
-        angle = gate.angle
-        if angle is None:
-            shape.append(gate.name)
-            continue
-        for symbol in angle.symbols:
-            kind = "theta" if symbol in parameters else "x"
-            names.setdefault(symbol, f"{kind}{len(names)}")
-        shape.append((gate.name, angle.is_constant, tuple(names[s] for s in angle.symbols)))
-    return tuple(shape)
 
 
 def circuits_section(compiled: Sequence[Compiled]) -> Section:

@@ -111,13 +111,13 @@ def _results(
         yield Picture.of(
             f"Mean rewards of {policy}", of_policy, "The table below has the same numbers."
         )
-        columns, rows = grid_table(own)
+        table = grid_table(own)
         played = [index for index, cell in enumerate(own) if not cell["reference"]]
         best = max(played, key=lambda index: float(own[index]["mean_reward"]), default=None)
         yield Table(
             f"Results of {policy}",
-            columns[1:],
-            [row[1:] for row in rows],
+            table.header[1:],
+            [row[1:] for row in table.words],
             "to ideal: the mean of the differences to the same episodes without noise. The best "
             "row that is not the reference is marked."
             if best is not None

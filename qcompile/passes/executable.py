@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from qcompile.ir.table import AngleTable, are_large
 from qcompile.native import slots
 from qcompile.passes.place import copies_that_fit
 from qcompile.simulate import LateAngles
+
+if TYPE_CHECKING:
+    from qcompile.report.drawing import Form
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -167,6 +170,16 @@ class Executable:
         from qcompile.interop.qiskit import circuits_of
 
         return circuits_of(self, x, theta, measure=measure)
+
+    def draw(self, form: Form = "text", circuit: int | None = None) -> str:
+        """The circuits before and after compilation, as `Program.draw` draws them.
+
+        Raises:
+            FigureError: there is no such form or circuit.
+        """
+        from qcompile.report.drawing import draw_executable
+
+        return draw_executable(self, form, circuit)
 
     def gate_counts(self) -> list[Counter[str]]:
         """Native gates of each circuit by name."""

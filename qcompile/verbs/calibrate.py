@@ -23,6 +23,7 @@ from qcompile.policy import Policy
 from qcompile.report import progress as bars
 from qcompile.report.calibration_values import calibration_values
 from qcompile.report.live import result_values
+from qcompile.report.style import AnyStyle
 from qcompile.sweep.arguments import Name, Words, ignore
 from qcompile.verbs.arguments import checked
 from qcompile.verbs.calibration_request import CalibrationRequest
@@ -79,17 +80,18 @@ def calibrate_into(
     *,
     force: bool = False,
     plot: Name | None = None,
+    style: AnyStyle = None,
 ) -> CalibrationResult:
-    """Measure as `calibrate` does, into a file and a picture.
+    """Measure as `calibrate` does, into a file and a figure.
 
     The file is by default BACKEND-calibration.json; one that is there is overwritten with `force`
-    alone. `plot` is a .png file, which is overwritten.
+    alone. `plot` is a .png, .svg or .pdf file, which is overwritten, drawn in `style`.
 
     Raises:
         OutputError: a file is there already, or cannot be written.
         QcompileError: as `calibrate`; not everything could be fitted: the counts are in the file.
     """
-    return _measure(request, CalibrationOutputs(path_of(out), force, path_of(plot)))
+    return _measure(request, CalibrationOutputs(path_of(out), force, path_of(plot), style))
 
 
 def check_calibration(
@@ -100,6 +102,7 @@ def check_calibration(
     out: Name | None = None,
     force: bool = False,
     plot: Name | None = None,
+    style: AnyStyle = None,
 ) -> DriftCheck:
     """Measure afresh, and compare with an older calibration: its qubits and parts by default.
 
@@ -114,7 +117,7 @@ def check_calibration(
         raise OptionError("A check compares counts: shots exact has none.")
     if force and out is None:
         raise OptionError("force overwrites a file: a check writes none unless out names one.")
-    outputs = CalibrationOutputs(path_of(out), force, path_of(plot))
+    outputs = CalibrationOutputs(path_of(out), force, path_of(plot), style)
     file = None if isinstance(old, Calibration) else Path(old)
     outputs.check_words(check=file)
     request.check_words()
@@ -145,6 +148,7 @@ def refit(
     out: Name | None = None,
     force: bool = False,
     plot: Name | None = None,
+    style: AnyStyle = None,
 ) -> CalibrationResult:
     """Fit the counts of a calibration's file anew, of all its qubits or of these alone.
 
@@ -155,7 +159,7 @@ def refit(
         OutputError: a file is there already, or cannot be written.
     """
     file = Path(counted)
-    outputs = CalibrationOutputs(path_of(out), force, path_of(plot))
+    outputs = CalibrationOutputs(path_of(out), force, path_of(plot), style)
     outputs.check_words(**{"from": file})
     counts = load_counts(file)
     outputs = outputs.into(counts.backend)
@@ -255,7 +259,7 @@ def _finish(
     file: Path | None,
     outputs: CalibrationOutputs | None,
 ) -> CalibrationResult:
-    """The result, once its picture is drawn; with outputs everything must be fitted."""
+    """The result, once its figure is drawn; with outputs everything must be fitted."""
     if outputs is not None:
         if calibration.unfitted:
             where = "Nothing was kept" if file is None else f"The counts are in {file}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from qcompile.calibration import Calibration
 from qcompile.device import Device
-from qcompile.errors import CalibrationError
+from qcompile.errors import CalibrationError, OptionError
 from qcompile.limits import CLOCK_HOURS
 from qcompile.mitigation.measure import PARTS, Part
 from qcompile.mitigation.misfit import misfit_warnings
@@ -20,35 +20,40 @@ from qcompile.page.calibration import calibration_document
 from qcompile.page.document import Document
 from qcompile.report.calibration_values import calibration_table
 from qcompile.report.figure import Figure, check_figure_path
-from qcompile.report.style import AnyStyle
+from qcompile.report.style import AnyStyle, Style
+from qcompile.report.table import Table
 from qcompile.verbs.files import check_distinct, check_new
 from qcompile.verbs.reports import Reported
 
 
 @dataclass(frozen=True)
 class CalibrationOutputs:
-    """The files of a calibration: `out`, which is overwritten with `force` alone, and a picture."""
+    """The files of a calibration: `out`, which is overwritten with `force` alone, and a figure."""
 
     out: Path | None = None
     force: bool = False
     plot: Path | None = None
+    style: AnyStyle = None
 
     def check_words(self, **inputs: Path | None) -> None:
         """Nothing, if the names fit each other and those of the files that are read.
 
         Raises:
-            FigureError: no figure has such a name.
+            FigureError: no figure has such a name, or the style cannot be read.
             OptionError: the figure's file is one of the others.
         """
         if self.plot is not None:
             check_figure_path(self.plot)
+            Style.of(self.style)
+        elif self.style is not None:
+            raise OptionError("style is the style of plot: name a file to draw to.")
         check_distinct({**inputs, "plot": self.plot})
         check_distinct({"out": self.out, "plot": self.plot})
 
     def into(self, backend: str) -> CalibrationOutputs:
         """The same, with the usual name of the file of that device where none is named."""
         out = self.out or Path(f"{backend}-calibration.json")
-        return CalibrationOutputs(out, self.force, self.plot)
+        return replace(self, out=out)
 
     def check_files(self) -> None:
         """Nothing, if both files can be written.
@@ -65,7 +70,7 @@ class CalibrationOutputs:
             check_writable(self.plot)
 
     def draw(self, calibration: Calibration, file: Path | None) -> None:
-        """Write the picture, if one is wanted, of the calibration that is in `file`.
+        """Draw the figure, if one is wanted, of the calibration that is in `file`.
 
         Raises:
             CalibrationError: Ctrl-C.
@@ -74,7 +79,7 @@ class CalibrationOutputs:
         if self.plot is None:
             return
         try:
-            calibration.plot().save(self.plot)
+            calibration.plot(self.style).save(self.plot)
         except KeyboardInterrupt:
             where = "" if file is None else f" The calibration is in {file}."
             raise CalibrationError(f"Interrupted: {self.plot} was not drawn.{where}") from None
@@ -95,8 +100,8 @@ class CalibrationResult(Reported):
         """
         return self.calibration.plot(style)
 
-    @property
-    def table(self) -> tuple[list[str], list[list[str]]]:
+    def table(self) -> Table:
+        """A row for each qubit."""
         return calibration_table(self.to_dict())
 
     def document(self, command: str) -> Document:

@@ -33,7 +33,8 @@ from qcompile.report.figure import Figure
 from qcompile.report.film import SUFFIXES, Film
 from qcompile.report.rewards import draw_rewards
 from qcompile.report.style import AnyStyle
-from qcompile.report.tables import interval_words
+from qcompile.report.table import Cell, Column, Table
+from qcompile.report.tables import INTERVAL, interval_cell
 from qcompile.sweep.arguments import Name, Planned, Shots, Words, ignore, several, shots_of
 from qcompile.verbs.arguments import calibration_settings, checked
 from qcompile.verbs.live import Live, check_live, spend
@@ -93,19 +94,21 @@ class RunResult(Reported):
         """
         return draw_rewards(self.to_dict(), style)
 
-    @property
-    def table(self) -> tuple[list[str], list[list[str]]]:
+    def table(self) -> Table:
+        """A row with the settings, the mean reward and its interval."""
         values = self.to_dict()
-        mean = "-" if self.mean_reward is None else reward_text(self.mean_reward)
+        mean = self.mean_reward
+        words = "-" if mean is None else reward_text(mean)
         mitigation = "predistort" if values["predistort"] else values["mitigation"]
         hold = values["hold"]
         row = [values["policy"], values["backend"], values["kind"], str(values["shots"])]
-        row += [mitigation, *[str(hold)] * (hold > 1), str(len(self.episodes)), mean]
-        columns = ["policy", "backend", "kind", "shots", "mitigation", *["hold"] * (hold > 1)]
-        return (
-            [*columns, "episodes", "mean reward", "95 % interval"],
-            [[*row, interval_words(values) or "-"]],
-        )
+        row += [mitigation, *[str(hold)] * (hold > 1), str(len(self.episodes))]
+        names = ["policy", "backend", "kind", "shots", "mitigation", *["hold"] * (hold > 1)]
+        numbers = ("shots", "hold", "episodes")
+        columns = [Column(name, right=name in numbers) for name in (*names, "episodes")]
+        score = Column("mean reward", parts=("mean reward",))
+        cells = [*row, Cell(words, (mean,)), interval_cell(values)]
+        return Table([*columns, score, INTERVAL], [cells])
 
     def document(self, command: str) -> Document:
         values = self.to_dict()
