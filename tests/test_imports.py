@@ -72,18 +72,8 @@ VERBS = ["run", "evaluate", "train", "calibrate", "validate", "plan", "study"]
 NAMES = [name for name in qcompile.__all__ if name not in (*VERBS, "Live")]
 
 HEAVY = (
-    *(
-        "torch",
-        "cvxpy",
-        "gymnasium",
-        "matplotlib",
-        "qiskit",
-        "openqasm3",
-        "imageio",
-        "pennylane",
-        "jinja2",
-    ),
-    *("qiskit_ibm_runtime", "ibm_cloud_sdk_core", "tenacity", "requests"),
+    *("torch", "cvxpy", "gymnasium", "matplotlib", "qiskit", "openqasm3", "imageio_ffmpeg", "PIL"),
+    *("pennylane", "jinja2", "qiskit_ibm_runtime", "ibm_cloud_sdk_core", "tenacity", "requests"),
 )
 
 

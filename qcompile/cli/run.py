@@ -102,7 +102,8 @@ if TYPE_CHECKING:
 @click.option(
     "--video",
     type=click.Path(dir_okay=False, path_type=Path),
-    help="Film the first episode; .mp4 or .gif, overwritten.",
+    help="Film the first episode, with the `<Z>` of every circuit and the probabilities of the "
+    "actions; .mp4, .gif or .webm, overwritten.",
 )
 @output_options("the reward of each episode")
 @report_option

@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qcompile.arrays import FloatArray, IntArray
-from qcompile.deploy.environments import Environment, frames_per_second
+from qcompile.deploy.environments import Environment
 from qcompile.deploy.rows import Rows
 from qcompile.deploy.stepping import Stepper, check_finite
 
 Act = Callable[[FloatArray, Rows], IntArray]
-Frame = NDArray[np.uint8]
 
 
 @dataclass(frozen=True)
@@ -32,14 +31,6 @@ class Episode:
         return cls(stepper.seed, stepper.reward, stepper.length)
 
 
-def frames_of(
-    environment: Environment, on_frame: Callable[[Frame, float], None]
-) -> Callable[[], None]:
-    """What a stepper calls after each step so that `on_frame` gets a frame of the environment."""
-    fps = frames_per_second(environment)
-    return lambda: on_frame(environment.render(), fps)  # type: ignore[arg-type]
-
-
 def lockstep(
     act: Act,
     environments: list[Environment],
@@ -51,23 +42,18 @@ def lockstep(
     on_begin: Callable[[Sequence[Stepper]], None] = lambda steppers: None,
     on_rewards: Callable[[list[float]], None] = lambda rewards: None,
     on_episode: Callable[[Episode], None] = lambda episode: None,
-    on_frame: Callable[[Frame, float], None] | None = None,
 ) -> None:
     """Play one episode in every environment: `episodes` by number, by default 0, 1, ...
 
     Episode i resets with `first_seed` + i. `act` maps the observations (B, features) of the living
     episodes, and which decision of which episode each row is, to actions (B,). `on_begin` gets all
     steppers; `on_rewards` what the episodes earned by a decision, which is held for `hold` steps of
-    the environment; `on_frame` the frames of the first one, (height, width, 3), and how many of
-    them make a second. After `max_steps` of its steps an episode ends, whatever the environment
-    says.
+    the environment. After `max_steps` of its steps an episode ends, whatever the environment says.
 
     Raises:
         EnvironmentStepError: an environment fails, or gives what no policy can use.
     """
     living = [Stepper(environment, hold, max_steps) for environment in environments]
-    if on_frame is not None:
-        living[0].on_step = frames_of(environments[0], on_frame)
     numbers = np.arange(len(living)) if episodes is None else np.array(episodes)
     first = [
         stepper.reset(first_seed + i) for i, stepper in zip(numbers.tolist(), living, strict=True)

@@ -62,7 +62,8 @@ def _name(cell: Mapping[str, Any]) -> str:
         return f"{cell['backend']}, exact"
     shots = "exact" if cell["shots"] == "exact" else f"{cell['shots']} shots"
     mitigation = cell["mitigation"] if cell["mitigation"] != "none" else "no"
-    return f"{cell['backend']}, {shots}, {mitigation} mitigation, level {cell['level']}"
+    level = f", level {cell['level']}" if cell["level"] != 2 else ""
+    return f"{cell['backend']}, {shots}, {mitigation} mitigation{level}"
 
 
 def _score(cells: Sequence[Mapping[str, Any]]) -> Score | None:
@@ -87,7 +88,7 @@ def _headline(cells: Sequence[Mapping[str, Any]]) -> Iterator[tuple[str, str]]:
     played = [cell for cell in cells if not cell["reference"]]
     if played:
         worst = min(played, key=lambda cell: float(cell["mean_reward"]))
-        yield "lowest mean reward", f"{reward_text(worst['mean_reward'])}: {_name(worst)}"
+        yield "lowest mean reward", reward_text(worst["mean_reward"])
         differences = [c["paired_difference"] for c in played if c["paired_difference"] is not None]
         if differences:
             low, high = (reward_text(edge(differences), sign="+") for edge in (min, max))

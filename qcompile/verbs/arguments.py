@@ -59,8 +59,9 @@ _WORDS = {
 def checked(function: Callable[P, R]) -> Callable[P, R]:
     """`function` with its plain arguments checked and converted before each call.
 
-    numpy's numbers become Python's; arrays and generators become lists. A result that has a report
-    keeps its call. Other types are left to the function, whose module has `from __future__ import annotations`.
+    numpy's numbers become Python's, and arrays and generators lists. Other types are left to the
+    function, whose module has `from __future__ import annotations`. A result that has a report
+    keeps its call.
 
     Raises:
         OptionError: an argument is of another type or out of range, when the function is called.

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from qcompile.calibration import Calibration
 from qcompile.deploy.depth import Speculate
+from qcompile.deploy.filming import Frame
 from qcompile.deploy.lockstep import Episode
 from qcompile.deploy.network import refuse_options
 from qcompile.deploy.play import play, player
@@ -23,15 +24,16 @@ from qcompile.mitigation.misfit import misfit_warnings
 from qcompile.notebook import reward_text
 from qcompile.page.circuits import Compiled
 from qcompile.page.document import Document
-from qcompile.page.film import film_block
 from qcompile.page.run import run_document
 from qcompile.planning.strategies import forecast, run_task
 from qcompile.policy import AnyPolicy, Network, Policy, load_circuits, load_policy
 from qcompile.policy.arguments import with_arguments
 from qcompile.report import progress as bars
+from qcompile.report.clip import Clip
 from qcompile.report.figure import Figure
-from qcompile.report.film import SUFFIXES, Film
+from qcompile.report.film import Film, check_suffix
 from qcompile.report.rewards import draw_rewards
+from qcompile.report.scene import Scene
 from qcompile.report.style import AnyStyle
 from qcompile.report.table import Cell, Column, Table
 from qcompile.report.tables import INTERVAL, interval_cell
@@ -43,20 +45,24 @@ from qcompile.verbs.reports import Reported
 
 _SHOTS, _SPECULATE, _SPLIT = Planned(8192), Planned(1), Planned(False)
 _CALIBRATION_SHOTS = Planned(CALIBRATION_SHOTS)
+_SHOWN_EVERY = 20
 
 
 class RunResult(Reported):
-    """What a run found. Of an interrupted one the shortest episodes alone are there."""
+    """What a run found. Of an interrupted one the shortest episodes alone are there.
+
+    `film` is that of the first episode, where one was taken.
+    """
 
     def __init__(
         self,
         values: Mapping[str, Any],
         episodes: int,
         compiled: Compiled | None = None,
-        video: Path | None = None,
+        film: Clip | None = None,
     ):
         super().__init__(values)
-        self._asked, self._compiled, self._video = episodes, compiled, video
+        self._asked, self._compiled, self.film = episodes, compiled, film
 
     @property
     def episodes(self) -> list[dict[str, Any]]:
@@ -112,12 +118,9 @@ class RunResult(Reported):
 
     def document(self, command: str) -> Document:
         values = self.to_dict()
-        film = None
-        if self._video is not None:
-            film = film_block(self._video, "The first episode", "")
         warnings = [*filter(None, [self.remark]), *misfit_warnings(values["calibration_misfits"])]
         return run_document(
-            values, self.plot, self._compiled, film, warnings=warnings, command=command
+            values, self.plot, self._compiled, self.film, warnings=warnings, command=command
         )
 
     @property
@@ -179,8 +182,8 @@ def run(
     on `ideal` alone, exactly, and takes none of the settings of circuits. The same seed gives the
     same result; episode i resets its environment with seed + i. `imports` are modules, names or
     files, that register environments; `env` are arguments of the environment, over those of the
-    policy.
-    `video` films the first episode, .mp4 or .gif.
+    policy. `video` films the first episode, with the `<Z>` and the probabilities that its actions
+    came from: .mp4, .gif or .webm.
 
     With `live` it is played on IBM's machine of that name, which costs money: see `Live`. Without
     shots its settings then are the plan's, the cheapest within the limit that keep 97 % of the
@@ -223,7 +226,8 @@ def run(
         refuse_options(loaded, ["sampler"])
     opened = load_backend(backend, sampler=sampler)
     bar = bars.progress_bar(f"{loaded.name} on {opened.device.name}", episodes, enabled=progress)
-    with nullcontext() if video is None else Film(Path(video)) as film, bar as show:
+    film = None if video is None else Film(Path(video))
+    with bar as show, film or nullcontext():
         playing = _player(loaded, opened, settings, show)
         rewards: list[float] = []
 
@@ -231,21 +235,34 @@ def run(
             rewards.append(episode.reward)
             show(len(rewards), f"mean reward {reward_text(sum(rewards) / len(rewards))}")
 
-        on_frame = None if film is None else film.add
         result = play(
             playing,
             episodes,
             complete=True,
             on_episode=count,
-            on_frame=on_frame,
+            on_frame=None if film is None else _filming(film, playing, show),
             on_note=on_note,
         )
+        if film is not None:
+            show(len(rewards), "writing the film")
     if film is not None:
         words = f"film of the first episode in {video}"
-        on_note(words if film.frames else "no step was played: there is no film")
-    there = None if film is None or not film.frames else Path(str(video))
+        on_note(words if film.clip else "no step was played: there is no film")
     compiled = Compiled(loaded, opened.device, playing.settings.level, playing.settings.copies or 1)
-    return RunResult(result.summary(), episodes, compiled, there)
+    clip = None if film is None else film.clip
+    return RunResult(result.summary(), episodes, compiled, clip)
+
+
+def _filming(film: Film, player: Player, show: bars.Show) -> Callable[[Frame], None]:
+    """What puts each frame of a run into the film; `show` is told now and then."""
+    scene = Scene(player)
+
+    def shoot(frame: Frame) -> None:
+        film.add(scene.draw(frame), frame.rate)
+        if film.frames % _SHOWN_EVERY == 0:
+            show(0, f"filmed {film.frames} steps")
+
+    return shoot
 
 
 def _settings(
@@ -253,13 +270,17 @@ def _settings(
 ) -> RunSettings:
     """The settings, if they fit what else is asked for."""
     settings = RunSettings.of(**values)
-    if video is not None and Path(video).suffix not in SUFFIXES:
-        raise OptionError(f"{video} must end with .mp4 or .gif.")
+    if video is not None:
+        check_suffix(Path(video))
     settings.check_shared(episodes)
     check_live(live)
     if live is not None:
-        wrong = {"video": video is not None, "shots exact": settings.shots is None}
-        wrong["sampler"] = sampler is not None
+        if video is not None:
+            raise OptionError(
+                "video and live exclude each other: a live run is not filmed.",
+                "Film the same settings without live, on the noise model or the machine's twin.",
+            )
+        wrong = {"shots exact": settings.shots is None, "sampler": sampler is not None}
         for name in (name for name, given in wrong.items() if given):
             raise OptionError(f"{name} and live exclude each other.")
     return settings
