@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from golden_cases.live import SOMEBODY
 from golden_files import without_figures
 from sessions import WIDTH, Transcript, blocks, typed
 from standin import StandIn
@@ -40,7 +41,7 @@ def test_the_page_prints_what_a_service_like_ibms_makes_it_say(
     empty_folder: Path, qcompile: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", str(WIDTH))
-    monkeypatch.setattr("qcompile.cli.live_options.somebody_is_there", lambda: True)
+    SOMEBODY(monkeypatch)
     transcript = Transcript(PAGE, empty_folder, without_figures)
     commands = [
         each for language, block in blocks(PAGE) if language == "console" for each in typed(block)
