@@ -35,17 +35,9 @@ _LEGEND = {
 }
 _OF_CLAIMS = ("claim", "verdict")
 _OF_TARGETS = ("mean of seeds at target", "seeds at target")
-_COLUMNS = (
-    "model",
-    "preset",
-    "parameters",
-    "claim",
-    *_OF_TARGETS,
-    "best average",
-    "last average",
-    "fresh episodes",
-    "verdict",
-)
+_LABEL = ("model", "preset")
+_SCORES = ("best average", "last average", "fresh episodes")
+_COLUMNS = (*_LABEL, "parameters", "claim", *_OF_TARGETS, *_SCORES, "verdict")
 
 
 def page(
@@ -92,7 +84,7 @@ def page(
             if name not in left_out
         ),
     ]
-    shown = [column for column in _COLUMNS if column not in left_out]
+    heads = _heads([column for column in _COLUMNS if column not in left_out])
     for name, figure in study.figures.items():
         members = [s for s in summaries if study.belongs(s.row, name)]
         if not members:
@@ -102,7 +94,10 @@ def page(
             f"## {title}\n",
             f"Environment: {_environments(members)}.{_targets(members)}\n",
             f"![Learning curves, {title}]({folder}/{name}.png)\n",
-            markdown_table(shown, [[_cells(s)[column] for column in shown] for s in members]),
+            *(
+                markdown_table(head, [[_cells(s)[column] for column in head] for s in members])
+                for head in heads
+            ),
         ]
     changed = [s.row for s in summaries if s.row.changes]
     if changed:
@@ -116,6 +111,13 @@ def page(
         f"[curves.csv]({folder}/curves.csv).\n"
     )
     return "\n".join(part for part in parts if part)
+
+
+def _heads(columns: Sequence[str]) -> list[list[str]]:
+    """The heads of a figure's tables: with targets two, as one would be wider than a screen."""
+    if not {*_OF_TARGETS} & {*columns}:
+        return [[*columns]]
+    return [[column for column in columns if column not in _SCORES], [*_LABEL, *_SCORES]]
 
 
 def _environments(members: Sequence[RowSummary]) -> str:
