@@ -38,7 +38,7 @@ ORDER = (
     {"cli"},
     {"__main__"},
 )
-"""docs/architecture.md: a room imports from itself and from the lines above its own."""
+"""docs/background/architecture.md: a room imports from itself and from the lines above its own."""
 
 LEVEL = {room: level for level, rooms in enumerate(ORDER) for room in rooms}
 

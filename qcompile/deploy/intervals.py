@@ -19,8 +19,9 @@ def bootstrap_ci95(rewards: FloatArray, seed: int, resamples: int = 10_000) -> l
     which follows a skewed law. The variance of a resample counts as 1/n of the sample's at least,
     1/20 above 20 rewards: where one reward is unlike the others a resample without it has hardly
     any. With 1/20 the interval then ends about where Poisson's law for that one has it. Equal
-    rewards give an interval without width: see `unseen_share`. docs/evaluate.md measures how often
-    it holds the mean. Source: Efron and Tibshirani, An Introduction to the Bootstrap, chapter 12.
+    rewards give an interval without width: see `unseen_share`. docs/howto/evaluate.md measures
+    how often it holds the mean. Source: Efron and Tibshirani, An Introduction to the Bootstrap,
+    chapter 12.
     """
     count = len(rewards)
     if count < 2:

@@ -17,7 +17,7 @@ _GATE_TEXT = re.compile(r"\s*([A-Za-z]\w*)\s*(?:\(([^()]*(?:\([^()]*\)[^()]*)*)\
 
 @dataclass(frozen=True, repr=False)
 class Circuit:
-    """Gates on one qubit that starts in |0> and is measured in Z at the end."""
+    """Gates on one qubit that starts in `|0>` and is measured in Z at the end."""
 
     gates: tuple[Gate, ...] = ()
 

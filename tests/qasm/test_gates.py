@@ -96,7 +96,7 @@ def test_a_pragma_that_is_a_gate_is_not_skipped():
 
 
 def test_the_documentation_lists_every_gate():
-    page = (Path(__file__).parents[2] / "docs/qasm.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs/reference/qasm.md").read_text(encoding="utf-8")
     section = page.partition("## Gates")[2]
     rows = re.findall(r"^\| `([^`(]+)(?:\(([^)]*)\))?` \| (.+) \|$", section, re.MULTILINE)
     expected = [(gate.name, ", ".join(gate.parameters), gate.meaning) for gate in OTHER_GATES]

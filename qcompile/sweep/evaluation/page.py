@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from qcompile.deploy.intervals import unseen_share
@@ -44,8 +44,8 @@ How to read the tables:
 
 - **mean ± std**: reward over the episodes, actions sampled; the paper's are over about five.
 - **95 % interval**: of the mean, Student's t or the studentised bootstrap, whichever reaches
-  farther (docs/evaluate.md says how often it holds the mean). Equal rewards have no width: so many
-  of them leave {unseen:.1%} of other episodes possible.
+  farther (docs/howto/evaluate.md says how often it holds the mean). Equal rewards have no width:
+  so many of them leave {unseen:.1%} of other episodes possible.
 - **to ideal**: the mean of the differences to the same policy on `ideal` with exact expectations,
   over episodes with the same resets, with its 95 % interval; for the paper, the difference of its
   two means.
@@ -114,7 +114,7 @@ def page(
     `written` are the folder and the page as the command that is running was told.
     """
     inside = "" if folder == "." else f"{folder}/"
-    where = f"[{folder if inside else 'this folder'}]({inside}results.csv)"
+    where = f"[{PurePosixPath(folder).name if inside else 'this folder'}]({inside}results.csv)"
     first = cells[0]
     figure = f"{inside}devices.png"
     parts = [
