@@ -23,7 +23,7 @@ from qcompile.live.runs import find_journal
 RUNS = Path("runs")
 IN_FOLDER = "was last resumed in another folder: there may be another copy of it.\n"
 ON_MACHINE = "was last resumed on another machine: there may be another copy of it.\n"
-NOBODY = "Error: Nobody said yes. Nothing was sent.\n  In a script say --yes"
+NOBODY = "Error: The question was not answered. Nothing was sent.\n  In a script, add --yes"
 
 
 @pytest.fixture
