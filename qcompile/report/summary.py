@@ -13,7 +13,7 @@ from rich.text import Text
 from qcompile.mitigation import CALIBRATION_SHOTS
 from qcompile.mitigation.misfit import misfit_warnings
 from qcompile.notebook import reward_text
-from qcompile.policy.decision import held_words
+from qcompile.policy.decision import hold_text
 from qcompile.report.tables import cost_in_words, interval_words, plural, wide_console
 
 _KINDS = {
@@ -92,7 +92,7 @@ def _run_lines(summary: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
     yield "actions", f"{'greedy' if summary['greedy'] else 'sampled'}, seed {summary['seed']}"
     hold, steps = summary.get("hold", 1), f"{summary['env_steps']} steps"
     if hold > 1:
-        yield "each decision", f"{_step_words(summary)}; {held_words(hold)}"
+        yield "each decision", f"{_step_words(summary)}; {hold_text(hold)}"
         decisions = plural(summary["decisions"], "decision")
         steps = f"{decisions}, {plural(summary['env_steps'], 'environment step')}"
     else:

@@ -23,6 +23,7 @@ from qcompile.policy import Policy
 from qcompile.report import progress as bars
 from qcompile.report.calibration_values import calibration_values
 from qcompile.report.live import result_values
+from qcompile.report.style import AnyStyle
 from qcompile.sweep.arguments import Name, Words, ignore
 from qcompile.verbs.arguments import checked
 from qcompile.verbs.calibration_request import CalibrationRequest
@@ -80,17 +81,18 @@ def calibrate_into(
     *,
     force: bool = False,
     plot: Name | None = None,
+    style: AnyStyle = None,
 ) -> CalibrationResult:
     """Measure as `calibrate` does, and write a file and a figure.
 
     The file is by default BACKEND-calibration.json; an existing one is overwritten only with
-    `force`. `plot` is a .png file, which is overwritten.
+    `force`. `plot` is a .png, .svg or .pdf file drawn in `style`; it is overwritten.
 
     Raises:
         OutputError: a file already exists, or cannot be written.
         QcompileError: as for `calibrate`; also if a fit fails, with the counts in the file.
     """
-    return _measure(request, CalibrationOutputs(path_of(out), force, path_of(plot)))
+    return _measure(request, CalibrationOutputs(path_of(out), force, path_of(plot), style))
 
 
 def check_calibration(
@@ -101,6 +103,7 @@ def check_calibration(
     out: Name | None = None,
     force: bool = False,
     plot: Name | None = None,
+    style: AnyStyle = None,
 ) -> DriftCheck:
     """Measure again, and compare with an older calibration: its qubits and parts by default.
 
@@ -115,7 +118,7 @@ def check_calibration(
         raise OptionError("A check compares counts, so shots cannot be exact.")
     if force and out is None:
         raise OptionError("force needs out: without it a check writes no file.")
-    outputs = CalibrationOutputs(path_of(out), force, path_of(plot))
+    outputs = CalibrationOutputs(path_of(out), force, path_of(plot), style)
     file = None if isinstance(old, Calibration) else Path(old)
     outputs.check_words(check=file)
     request.check_words()
@@ -146,6 +149,7 @@ def refit(
     out: Name | None = None,
     force: bool = False,
     plot: Name | None = None,
+    style: AnyStyle = None,
 ) -> CalibrationResult:
     """Fit the counts in a calibration file again, for all its qubits or only for `qubits`.
 
@@ -156,7 +160,7 @@ def refit(
         OutputError: a file already exists, or cannot be written.
     """
     file = Path(counted)
-    outputs = CalibrationOutputs(path_of(out), force, path_of(plot))
+    outputs = CalibrationOutputs(path_of(out), force, path_of(plot), style)
     outputs.check_words(**{"from": file})
     counts = load_counts(file)
     outputs = outputs.into(counts.backend)

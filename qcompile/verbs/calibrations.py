@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from qcompile.calibration import Calibration
 from qcompile.device import Device
-from qcompile.errors import CalibrationError
+from qcompile.errors import CalibrationError, OptionError
 from qcompile.limits import CLOCK_HOURS
 from qcompile.mitigation.measure import PARTS, Part
 from qcompile.mitigation.misfit import misfit_warnings
@@ -20,7 +20,8 @@ from qcompile.page.calibration import calibration_document
 from qcompile.page.document import Document
 from qcompile.report.calibration_values import calibration_table
 from qcompile.report.figure import Figure, check_figure_path
-from qcompile.report.style import AnyStyle
+from qcompile.report.style import AnyStyle, Style
+from qcompile.report.table import Table
 from qcompile.verbs.files import check_distinct, check_new
 from qcompile.verbs.reports import Reported
 
@@ -32,23 +33,27 @@ class CalibrationOutputs:
     out: Path | None = None
     force: bool = False
     plot: Path | None = None
+    style: AnyStyle = None
 
     def check_words(self, **inputs: Path | None) -> None:
         """Check the file names against each other and against the input files.
 
         Raises:
-            FigureError: the suffix of the figure is unknown.
+            FigureError: the suffix of the figure is unknown, or the style cannot be read.
             OptionError: two names are the same file.
         """
         if self.plot is not None:
             check_figure_path(self.plot)
+            Style.of(self.style)
+        elif self.style is not None:
+            raise OptionError("style is the style of plot: name a file to draw to.")
         check_distinct({**inputs, "plot": self.plot})
         check_distinct({"out": self.out, "plot": self.plot})
 
     def into(self, backend: str) -> CalibrationOutputs:
         """The same outputs; `out` defaults to the usual file name for the backend."""
         out = self.out or Path(f"{backend}-calibration.json")
-        return CalibrationOutputs(out, self.force, self.plot)
+        return replace(self, out=out)
 
     def check_files(self) -> None:
         """Check that both files can be written.
@@ -74,7 +79,7 @@ class CalibrationOutputs:
         if self.plot is None:
             return
         try:
-            calibration.plot().save(self.plot)
+            calibration.plot(self.style).save(self.plot)
         except KeyboardInterrupt:
             where = "" if file is None else f" The calibration is in {file}."
             raise CalibrationError(f"Interrupted: {self.plot} was not drawn.{where}") from None
@@ -95,8 +100,8 @@ class CalibrationResult(Reported):
         """
         return self.calibration.plot(style)
 
-    @property
-    def table(self) -> tuple[list[str], list[list[str]]]:
+    def table(self) -> Table:
+        """A row for each qubit."""
         return calibration_table(self.to_dict())
 
     def document(self, command: str) -> Document:

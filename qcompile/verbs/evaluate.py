@@ -21,6 +21,7 @@ from qcompile.report import progress as bars
 from qcompile.report.figure import Figure
 from qcompile.report.intervals import draw_intervals
 from qcompile.report.style import AnyStyle
+from qcompile.report.table import Table
 from qcompile.report.tables import grid_table, plural
 from qcompile.sweep.arguments import Name, Shots, Words, ignore, several
 from qcompile.sweep.complete import CellFailure
@@ -109,8 +110,8 @@ class EvaluationResult(Reported):
         cells = plural(len(self.failures), "cell")
         return f"{cells} could not be played: check_complete() says why"
 
-    @property
-    def table(self) -> tuple[list[str], list[list[str]]]:
+    def table(self) -> Table:
+        """A row for each cell."""
         return grid_table(self.cells)
 
 

@@ -29,6 +29,7 @@ from qcompile.report.figure import Figure
 from qcompile.report.frontier import draw_frontier
 from qcompile.report.seconds import draw_seconds
 from qcompile.report.style import AnyStyle
+from qcompile.report.table import Cell, Column, Table
 from qcompile.sweep.arguments import Name, Words, ignore, several, shots_of
 from qcompile.verbs.arguments import calibration_settings, checked
 from qcompile.verbs.reports import Reported
@@ -79,7 +80,7 @@ class Plan(Reported):
     def document(self, command: str) -> Document:
         return plan_document(
             self.to_dict(),
-            self.table,
+            self.table(),
             self.plot,
             self._compiled,
             remark=self.remark,
@@ -101,22 +102,25 @@ class Plan(Reported):
         if values.get("frontier") and self.recommended is None:
             raise BudgetError(*advice(values).split("\n"))
 
-    @property
-    def table(self) -> tuple[list[str], list[list[str]]]:
+    def table(self) -> Table:
+        """A row for each way, or for each point of the frontier."""
         if "frontier" in self.to_dict():
             return frontier_table(self.to_dict())
-        rows = [
-            [
-                row["name"],
-                f"{row['jobs']:,}",
-                f"{row['executions']:,}",
-                f"{row['qpu_seconds']:,.1f}",
-                f"{row['price_usd']:,.0f}",
-                f"{100 * row['share_of_free_plan']:,.0f} %",
+        forms = {
+            "jobs": ("jobs", "{:,}"),
+            "executions": ("executions", "{:,}"),
+            "QPU seconds": ("qpu_seconds", "{:,.1f}"),
+            "USD": ("price_usd", "{:,.0f}"),
+            "of free plan": ("share_of_free_plan", "{:,.0%}"),
+        }
+        rows = []
+        for way in self.strategies:
+            cells = [
+                Cell(form.format(way[key]).replace("%", " %"), (way[key],))
+                for key, form in forms.values()
             ]
-            for row in self.strategies
-        ]
-        return ["way", "jobs", "executions", "QPU seconds", "USD", "of free plan"], rows
+            rows.append([way["name"], *cells])
+        return Table([Column("way", right=False), *map(Column, forms)], rows)
 
 
 @checked

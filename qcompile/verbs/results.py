@@ -8,8 +8,8 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from qcompile.notebook import html_table, text_table
 from qcompile.output import write_file
+from qcompile.report.table import Table
 from qcompile.sweep.arguments import Name
 
 
@@ -32,9 +32,8 @@ class Result:
         text = json.dumps(self.to_dict(), indent=1, allow_nan=False)
         write_file(Path(path), (text + "\n").encode())
 
-    @property
-    def table(self) -> tuple[list[str], list[list[str]]]:
-        """Columns and rows of what `repr` and notebooks show."""
+    def table(self) -> Table:
+        """What `repr` and notebooks show: a table that is saved as .md, .csv or .tex."""
         raise NotImplementedError
 
     @property
@@ -43,8 +42,8 @@ class Result:
         return ""
 
     def __repr__(self) -> str:
-        return "\n".join(filter(None, [text_table(*self.table), self.remark]))
+        return "\n".join(filter(None, [str(self.table()), self.remark]))
 
     def _repr_html_(self) -> str:
         remark = f"<p>{escape(self.remark)}</p>" if self.remark else ""
-        return html_table(*self.table) + remark
+        return self.table()._repr_html_() + remark

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from qcompile.calibration import Calibration
 from qcompile.deploy.depth import Speculate
+from qcompile.deploy.filming import Frame
 from qcompile.deploy.lockstep import Episode
 from qcompile.deploy.network import refuse_options
 from qcompile.deploy.play import play, player
@@ -23,17 +24,19 @@ from qcompile.mitigation.misfit import misfit_warnings
 from qcompile.notebook import reward_text
 from qcompile.page.circuits import Compiled
 from qcompile.page.document import Document
-from qcompile.page.film import film_block
 from qcompile.page.run import run_document
 from qcompile.planning.strategies import forecast, run_task
 from qcompile.policy import AnyPolicy, Network, Policy, load_circuits, load_policy
 from qcompile.policy.arguments import with_arguments
 from qcompile.report import progress as bars
+from qcompile.report.clip import Clip
 from qcompile.report.figure import Figure
-from qcompile.report.film import SUFFIXES, Film
+from qcompile.report.film import Film, check_suffix
 from qcompile.report.rewards import draw_rewards
+from qcompile.report.scene import Scene
 from qcompile.report.style import AnyStyle
-from qcompile.report.tables import interval_words
+from qcompile.report.table import Cell, Column, Table
+from qcompile.report.tables import INTERVAL, interval_cell
 from qcompile.sweep.arguments import Name, Planned, Shots, Words, ignore, several, shots_of
 from qcompile.verbs.arguments import calibration_settings, checked
 from qcompile.verbs.live import Live, check_live, spend
@@ -42,20 +45,24 @@ from qcompile.verbs.reports import Reported
 
 _SHOTS, _SPECULATE, _SPLIT = Planned(8192), Planned(1), Planned(False)
 _CALIBRATION_SHOTS = Planned(CALIBRATION_SHOTS)
+_SHOWN_EVERY = 20
 
 
 class RunResult(Reported):
-    """The result of a run. After an interruption it has only the shortest episodes."""
+    """The result of a run. After an interruption it has only the shortest episodes.
+
+    `film` shows the first episode, if it was filmed.
+    """
 
     def __init__(
         self,
         values: Mapping[str, Any],
         episodes: int,
         compiled: Compiled | None = None,
-        video: Path | None = None,
+        film: Clip | None = None,
     ):
         super().__init__(values)
-        self._asked, self._compiled, self._video = episodes, compiled, video
+        self._asked, self._compiled, self.film = episodes, compiled, film
 
     @property
     def episodes(self) -> list[dict[str, Any]]:
@@ -93,28 +100,27 @@ class RunResult(Reported):
         """
         return draw_rewards(self.to_dict(), style)
 
-    @property
-    def table(self) -> tuple[list[str], list[list[str]]]:
+    def table(self) -> Table:
+        """A row with the settings, the mean reward and its interval."""
         values = self.to_dict()
-        mean = "-" if self.mean_reward is None else reward_text(self.mean_reward)
+        mean = self.mean_reward
+        words = "-" if mean is None else reward_text(mean)
         mitigation = "predistort" if values["predistort"] else values["mitigation"]
         hold = values["hold"]
         row = [values["policy"], values["backend"], values["kind"], str(values["shots"])]
-        row += [mitigation, *[str(hold)] * (hold > 1), str(len(self.episodes)), mean]
-        columns = ["policy", "backend", "kind", "shots", "mitigation", *["hold"] * (hold > 1)]
-        return (
-            [*columns, "episodes", "mean reward", "95 % interval"],
-            [[*row, interval_words(values) or "-"]],
-        )
+        row += [mitigation, *[str(hold)] * (hold > 1), str(len(self.episodes))]
+        names = ["policy", "backend", "kind", "shots", "mitigation", *["hold"] * (hold > 1)]
+        numbers = ("shots", "hold", "episodes")
+        columns = [Column(name, right=name in numbers) for name in (*names, "episodes")]
+        score = Column("mean reward", parts=("mean reward",))
+        cells = [*row, Cell(words, (mean,)), interval_cell(values)]
+        return Table([*columns, score, INTERVAL], [cells])
 
     def document(self, command: str) -> Document:
         values = self.to_dict()
-        film = None
-        if self._video is not None:
-            film = film_block(self._video, "The first episode", "")
         warnings = [*filter(None, [self.remark]), *misfit_warnings(values["calibration_misfits"])]
         return run_document(
-            values, self.plot, self._compiled, film, warnings=warnings, command=command
+            values, self.plot, self._compiled, self.film, warnings=warnings, command=command
         )
 
     @property
@@ -176,7 +182,8 @@ def run(
     predicted actions, or "auto". A network plays only on `ideal`, exactly, and takes no settings of
     circuits. The same seed gives the same result; episode i resets its environment with seed + i.
     `imports` are modules or files that register environments; `env` sets arguments of the
-    environment and overrides those of the policy. `video` films the first episode, .mp4 or .gif.
+    environment and overrides those of the policy. `video` films the first episode, with the
+    `<Z>` and the probabilities behind its actions: .mp4, .gif or .webm.
 
     With `live` the circuits run on the IBM machine of that name, which costs money: see `Live`. If
     `shots` is not set, a plan chooses the cheapest settings within the limit that keep 97 % of the
@@ -218,7 +225,8 @@ def run(
         refuse_options(loaded, ["sampler"])
     opened = load_backend(backend, sampler=sampler)
     bar = bars.progress_bar(f"{loaded.name} on {opened.device.name}", episodes, enabled=progress)
-    with nullcontext() if video is None else Film(Path(video)) as film, bar as show:
+    film = None if video is None else Film(Path(video))
+    with bar as show, film or nullcontext():
         playing = _player(loaded, opened, settings, show)
         rewards: list[float] = []
 
@@ -226,21 +234,34 @@ def run(
             rewards.append(episode.reward)
             show(len(rewards), f"mean reward {reward_text(sum(rewards) / len(rewards))}")
 
-        on_frame = None if film is None else film.add
         result = play(
             playing,
             episodes,
             complete=True,
             on_episode=count,
-            on_frame=on_frame,
+            on_frame=None if film is None else _filming(film, playing, show),
             on_note=on_note,
         )
+        if film is not None:
+            show(len(rewards), "writing the film")
     if film is not None:
         words = f"film of the first episode in {video}"
-        on_note(words if film.frames else "no film: no step was played")
-    film_path = None if film is None or not film.frames else Path(str(video))
+        on_note(words if film.clip else "no film: no step was played")
     compiled = Compiled(loaded, opened.device, playing.settings.level, playing.settings.copies or 1)
-    return RunResult(result.summary(), episodes, compiled, film_path)
+    clip = None if film is None else film.clip
+    return RunResult(result.summary(), episodes, compiled, clip)
+
+
+def _filming(film: Film, player: Player, show: bars.Show) -> Callable[[Frame], None]:
+    """A callback that adds each frame to the film, and shows progress now and then."""
+    scene = Scene(player)
+
+    def shoot(frame: Frame) -> None:
+        film.add(scene.draw(frame), frame.rate)
+        if film.frames % _SHOWN_EVERY == 0:
+            show(0, f"filmed {film.frames} steps")
+
+    return shoot
 
 
 def _settings(
@@ -248,13 +269,17 @@ def _settings(
 ) -> RunSettings:
     """The settings, checked against the other arguments."""
     settings = RunSettings.of(**values)
-    if video is not None and Path(video).suffix not in SUFFIXES:
-        raise OptionError(f"{video} must end with .mp4 or .gif.")
+    if video is not None:
+        check_suffix(Path(video))
     settings.check_shared(episodes)
     check_live(live)
     if live is not None:
-        wrong = {"video": video is not None, "shots exact": settings.shots is None}
-        wrong["sampler"] = sampler is not None
+        if video is not None:
+            raise OptionError(
+                "video and live exclude each other: a live run is not filmed.",
+                "Film the same settings without live, on the noise model or the machine's twin.",
+            )
+        wrong = {"shots exact": settings.shots is None, "sampler": sampler is not None}
         for name in (name for name, given in wrong.items() if given):
             raise OptionError(f"{name} cannot be combined with live.")
     return settings

@@ -12,6 +12,7 @@ from qcompile.report import progress as bars
 from qcompile.report.curves import draw_curves
 from qcompile.report.figure import Figure
 from qcompile.report.style import AnyStyle
+from qcompile.report.table import Cell, Column, Table
 from qcompile.sweep.arguments import Name, Words, ignore
 from qcompile.sweep.complete import Pool
 from qcompile.sweep.engine import Engine
@@ -61,10 +62,15 @@ class StudyResult(Reported):
             command=command,
         )
 
-    @property
-    def table(self) -> tuple[list[str], list[list[str]]]:
-        columns = ["row", "seeds", "parameters", "target", "mean at target"]
-        rows = []
+    def table(self) -> Table:
+        """A row for each row of the study: its scores, mean ± standard deviation over seeds."""
+        names = ["row", "seeds", "parameters", "target", "mean at target"]
+        columns = [Column(name, right=name != "row") for name in names]
+        columns += [
+            Column(name, parts=(f"{name}, mean", f"{name}, standard deviation"))
+            for name in ("last average", "fresh episodes")
+        ]
+        rows: list[list[Cell | str]] = []
         for summary in self._study.summaries:
             target, first = summary.row.target, summary.mean_first
             at_target = "-" if target is None else "never" if first is None else str(first)
@@ -75,11 +81,13 @@ class StudyResult(Reported):
                     str(summary.parameters),
                     "-" if target is None else f"{target:.4g}",
                     at_target,
-                    spread(summary.final),
-                    spread(summary.evaluation),
+                    *(
+                        Cell(spread(scores), (float(scores.mean()), float(scores.std())))
+                        for scores in (summary.final, summary.evaluation)
+                    ),
                 ]
             )
-        return [*columns, "last average", "fresh episodes"], rows
+        return Table(columns, rows)
 
 
 @checked

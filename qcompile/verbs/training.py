@@ -13,6 +13,7 @@ from qcompile.notebook import reward_text
 from qcompile.report.curves import Curve, CurvePanel, draw_curves
 from qcompile.report.figure import Figure
 from qcompile.report.style import AnyStyle
+from qcompile.report.table import Table
 from qcompile.verbs.results import Result
 
 if TYPE_CHECKING:
@@ -119,15 +120,16 @@ class Training(Result):
         numbers = np.arange(1, len(rewards) + 1)
         return Curve(label, label, False, numbers, mean, mean - spread, mean + spread)
 
-    @property
-    def table(self) -> tuple[list[str], list[list[str]]]:
+    def table(self) -> Table:
+        """A row with its length and its averages."""
         values = self.to_dict()
         averages = [values["last_20_mean_reward"], values["best_20_mean_reward"]]
         columns = ["environment", "model", "seed", "episodes", "steps", "parameters"]
         row = [str(values[column]) for column in columns]
         row += ["-" if average is None else reward_text(average) for average in averages]
         row.append(self.ended)
-        return [*columns, "last 20", "best 20", "training"], [row]
+        names = [*columns, "last 20", "best 20", "training"]
+        return Table.of_words(names, [row], left=["environment", "model", "training"])
 
     @property
     def ended(self) -> str:

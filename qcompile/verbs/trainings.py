@@ -15,6 +15,7 @@ from qcompile.notebook import reward_text
 from qcompile.report.curves import CurvePanel, draw_curves
 from qcompile.report.figure import Figure
 from qcompile.report.style import AnyStyle
+from qcompile.report.table import Table
 from qcompile.report.tables import plural
 from qcompile.verbs.results import Result
 from qcompile.verbs.training import Training
@@ -98,8 +99,8 @@ class Trainings(Training):
         lines = [replace(curve, low=curve.mean, high=curve.mean) for curve in curves]
         return draw_curves([CurvePanel(title, lines)], style)
 
-    @property
-    def table(self) -> tuple[list[str], list[list[str]]]:
+    def table(self) -> Table:
+        """A row for each seed."""
         rows = [
             [
                 str(one["seed"]),
@@ -113,7 +114,8 @@ class Trainings(Training):
             for one in self.to_dict()["trainings"]
         ]
         columns = ["seed", "episodes", "steps", "last 20"]
-        return [*columns, f"{self.to_dict()['evaluation']} fresh episodes"], rows
+        names = [*columns, f"{self.to_dict()['evaluation']} fresh episodes"]
+        return Table.of_words(names, rows)
 
     @property
     def remark(self) -> str:

@@ -21,6 +21,7 @@ from qcompile.mitigation.misfit import misfit_warnings
 from qcompile.policy import Policy, load_circuits
 from qcompile.policy.arguments import with_arguments
 from qcompile.policy.files import policy_values
+from qcompile.report.table import Table
 from qcompile.sweep.arguments import Name, Words, ignore, several
 from qcompile.verbs.arguments import checked
 from qcompile.verbs.live import Live, check_live, spend
@@ -45,15 +46,16 @@ class Validation(Result):
         """The qubits that contradict their curves."""
         return list(self.to_dict()["failed"])
 
-    @property
-    def table(self) -> tuple[list[str], list[list[str]]]:
+    def table(self) -> Table:
+        """A row for each qubit."""
         values = self.to_dict()
         columns = ["qubits", "chi_square", "degrees", "p_value"]
         rows = [
             [*(f"{value:.4g}" for value in row), "fails" if row[0] in self.failed else "holds"]
             for row in zip(*(values[column] for column in columns), strict=True)
         ]
-        return ["qubit", "chi-square", "expected", "p-value", "twin"], rows
+        names = ["qubit", "chi-square", "expected", "p-value", "twin"]
+        return Table.of_words(names, rows, left=["twin"])
 
     def check_passed(self) -> None:
         """Check that the twin passed.

@@ -8,6 +8,7 @@ from typing import Any
 from qcompile.notebook import reward_text
 from qcompile.planning.point import Point
 from qcompile.planning.search import SearchResult
+from qcompile.report.table import Cell, Column, Table
 from qcompile.report.tables import plural
 
 Command = Callable[[Point], str | None]
@@ -29,35 +30,45 @@ def within_values(result: SearchResult, command: Command) -> dict[str, Any]:
     }
 
 
-def frontier_table(values: Mapping[str, Any]) -> tuple[list[str], list[list[str]]]:
-    """Columns and rows of the best settings; a star marks the recommended ones."""
+def frontier_table(values: Mapping[str, Any]) -> Table:
+    """The best settings, with a star at the recommended ones."""
     points, chosen = values["frontier"], values["recommended"] or {}
     several = len({(point["policy"], point["hold"]) for point in points}) > 1
     is_cut = any(point["max_steps"] for point in points)
-    columns = ["policy"] * several + ["shots", "copies", "ahead"] + ["max steps"] * is_cut
-    columns += ["jobs", "QPU seconds", "80 % interval", "at 4 sub-jobs", "mean reward", "kept"]
-    rows = []
+    names = ["shots", "copies", "ahead"] + ["max steps"] * is_cut + ["jobs", "QPU seconds"]
+    ends = ("80 % interval, low", "80 % interval, high")
+    columns = [
+        *[Column("policy", right=False)] * several,
+        *map(Column, names),
+        Column("80 % interval", parts=ends),
+        *map(Column, ("at 4 sub-jobs", "mean reward", "kept")),
+    ]
+    rows: list[list[Cell | str]] = []
     for point in points:
         star = " *" if point.items() <= chosen.items() else ""
         low, high = point["qpu_seconds_80"]
         rows.append(
             [point["policy"]] * several
             + [
-                f"{point['shots']}{star}",
+                Cell(f"{point['shots']}{star}", (point["shots"],)),
                 f"{point['copies']}, split" if point["split"] else str(point["copies"]),
                 str(point["speculate"]),
             ]
             + [str(point["max_steps"] or "-")] * is_cut
             + [
                 str(point["jobs"]),
-                f"{point['qpu_seconds']:,.1f}",
-                f"{low:,.0f} to {high:,.0f}",
-                f"{point['qpu_seconds_at_4_sub_jobs']:,.0f}",
-                reward_text(point["mean_reward"]),
-                f"{100 * point['share']:.1f} %",
+                _cell(point, "qpu_seconds", ",.1f"),
+                Cell(f"{low:,.0f} to {high:,.0f}", (low, high)),
+                _cell(point, "qpu_seconds_at_4_sub_jobs", ",.0f"),
+                Cell(reward_text(point["mean_reward"]), (point["mean_reward"],)),
+                Cell(f"{100 * point['share']:.1f} %", (point["share"],)),
             ]
         )
-    return columns, rows
+    return Table(columns, rows)
+
+
+def _cell(point: Mapping[str, Any], key: str, form: str) -> Cell:
+    return Cell(format(point[key], form), (point[key],))
 
 
 def advice(values: Mapping[str, Any]) -> str:

@@ -29,7 +29,9 @@ def test_a_calibration_is_shown_and_written(qcompile: Call, left: Call) -> None:
     assert (answer.code, answer.err) == (0, "")
     # 2 + 2 ceil(log2(5)) patterns and 8 angles, 8192 shots each
     assert answer.out.startswith("fake_lima: 8192 shots of each circuit, 131,072 executions")
-    assert answer.out.endswith("calibration written to fake_lima-calibration.json\nfigure written to a.png\n")
+    assert answer.out.endswith(
+        "calibration written to fake_lima-calibration.json\nfigure written to a.png\n"
+    )
     assert left() == ["a.png", "fake_lima-calibration.json"]
     assert Path("a.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
     rows = [line.split() for line in answer.out.splitlines() if "±" in line]
@@ -113,7 +115,7 @@ def test_a_bad_fit_is_told_in_words(qcompile: Call, monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(measure, "_ones", drifting)
     answer = qcompile(*LIMA)
     assert (answer.code, answer.err) == (0, "")
-    assert "The response of qubit 3 is not a curve of its own angle alone, or" in answer.out
+    assert "The response of qubit 3 does not depend on its own angle alone, or" in answer.out
     assert answer.out.count("p-value") == 1
 
 
@@ -193,7 +195,7 @@ def test_what_has_no_counts_is_not_fitted(qcompile: Call) -> None:
     Path("a.json").write_text(load_device("fake_lima").to_json())
     answer = qcompile("calibrate", "--from", "a.json")
     assert (answer.code, answer.out) == (1, "")
-    assert answer.err.startswith("Error: a.json holds no counts to fit.\n")
+    assert answer.err.startswith("Error: a.json has no counts to fit.\n")
     answer = qcompile("calibrate")
     assert (answer.code, answer.out) == (2, "")
     assert "--backend names what to measure" in answer.err

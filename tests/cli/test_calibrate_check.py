@@ -75,7 +75,9 @@ def test_a_qubit_that_moved_is_found(qcompile: Call) -> None:
     answer = qcompile(*words, "--out", "new.json")
     assert answer.code == 1
     assert answer.json()["check"]["drifted"] == [3]
-    assert answer.err.startswith("Error: old.json no longer holds.\n  Drifted qubits and their chi-square, ")
+    assert answer.err.startswith(
+        "Error: old.json no longer holds.\n  Drifted qubits and their chi-square, "
+    )
     assert load_calibration(Path("new.json")).qubits == (0, 1, 2, 3, 4)
 
 

@@ -60,7 +60,10 @@ def test_set_reads_lists_of_lists_and_none(settings: Call) -> None:
         (("--set", "model=fcn"), "'model' cannot be changed as a setting"),
         (("--set", "layout=serial"), "'layout' cannot be changed as a setting"),
         (("--set", "clip=1", "--set", "clip=2"), "'clip' is set twice."),
-        (("--set", "reuse=3", "--reuse", "2"), "reuse is given twice, as an option and as a setting."),
+        (
+            ("--set", "reuse=3", "--reuse", "2"),
+            "reuse is given twice, as an option and as a setting.",
+        ),
         (("--set", "hidden=[1"), "hidden=[1 is not a JSON list: "),
         (("--evaluate-episodes", "3"), "evaluate-episodes needs evaluate-every."),
         (("--model", "mvqc"), "p.json must end with .pt: model 'mvqc' is an entangling circuit"),
@@ -88,7 +91,7 @@ def test_wrong_usage_is_refused(
         (("--model", "mvqc", "--backend", "ibm_lima"), ("Model 'mvqc' has no 'backend'",)),
         (("--model", "surrogate", "--shots", "9"), ("Model 'surrogate' has no 'shots'",)),
         (("--backend", "ibm_lim"), ("Unknown backend 'ibm_lim'", "Did you mean ibm_lima")),
-        (("--set", "environments=2"), ("2 environments without a horizon.", "set horizon")),
+        (("--set", "environments=2"), ("2 environments need a horizon.", "set horizon")),
     ],
 )
 def test_settings_that_do_not_fit_are_refused(

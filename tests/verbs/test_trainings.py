@@ -167,7 +167,10 @@ def test_a_seed_that_fails_leaves_the_others(monkeypatch: pytest.MonkeyPatch) ->
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"resume": "state"}, "resume cannot be combined with seeds: a checkpoint belongs to one training."),
+        (
+            {"resume": "state"},
+            "resume cannot be combined with seeds: a checkpoint belongs to one training.",
+        ),
         ({"callback": print}, "callback cannot be combined with seeds, which are trained in"),
         ({"model": "mvqc", "preset": "paper"}, "Model 'mvqc' makes no policy, so seeds have no"),
         ({"seeds": None, "workers": 2}, "workers needs seeds, the number of trainings."),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from qcompile.deploy.intervals import unseen_share
@@ -111,7 +111,7 @@ def page(
     `written` are the folder and the page as given to the running command.
     """
     inside = "" if folder == "." else f"{folder}/"
-    where = f"[{folder if inside else 'this folder'}]({inside}results.csv)"
+    where = f"[{PurePosixPath(folder).name if inside else 'this folder'}]({inside}results.csv)"
     first = cells[0]
     figure = f"{inside}devices.png"
     parts = [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import PurePosixPath
 from textwrap import fill
 
 from qcompile.notebook import reward_digits
@@ -31,17 +32,9 @@ _LEGEND = {
 }
 _OF_CLAIMS = ("claim", "verdict")
 _OF_TARGETS = ("mean of seeds at target", "seeds at target")
-_COLUMNS = (
-    "model",
-    "preset",
-    "parameters",
-    "claim",
-    *_OF_TARGETS,
-    "best average",
-    "last average",
-    "fresh episodes",
-    "verdict",
-)
+_LABEL = ("model", "preset")
+_SCORES = ("best average", "last average", "fresh episodes")
+_COLUMNS = (*_LABEL, "parameters", "claim", *_OF_TARGETS, *_SCORES, "verdict")
 
 
 def page(
@@ -59,7 +52,11 @@ def page(
     left_out = set() if any(s.row.claim.words != "-" for s in summaries) else {*_OF_CLAIMS}
     if all(s.row.target is None for s in summaries):
         left_out |= {*_OF_TARGETS}
-    linked = f"[{folder}]({folder}/results.csv)" if folder != "." else "[this folder](results.csv)"
+    linked = (
+        f"[{PurePosixPath(folder).name}]({folder}/results.csv)"
+        if folder != "."
+        else "[this folder](results.csv)"
+    )
     seeds = from_to([len(s.results) for s in summaries], "seed")
     evaluation = from_to([len(r.evaluation) for s in summaries for r in s.results], "fresh episode")
     parts = [
@@ -85,7 +82,7 @@ def page(
             if name not in left_out
         ),
     ]
-    shown = [column for column in _COLUMNS if column not in left_out]
+    heads = _heads([column for column in _COLUMNS if column not in left_out])
     for name, figure in study.figures.items():
         members = [s for s in summaries if study.belongs(s.row, name)]
         if not members:
@@ -95,7 +92,10 @@ def page(
             f"## {title}\n",
             f"Environment: {_environments(members)}.{_targets(members)}\n",
             f"![Learning curves, {title}]({folder}/{name}.png)\n",
-            markdown_table(shown, [[_cells(s)[column] for column in shown] for s in members]),
+            *(
+                markdown_table(head, [[_cells(s)[column] for column in head] for s in members])
+                for head in heads
+            ),
         ]
     changed = [s.row for s in summaries if s.row.changes]
     if changed:
@@ -109,6 +109,13 @@ def page(
         f"[curves.csv]({folder}/curves.csv).\n"
     )
     return "\n".join(part for part in parts if part)
+
+
+def _heads(columns: Sequence[str]) -> list[list[str]]:
+    """The heads of a figure's tables: with targets two, as one would be wider than a screen."""
+    if not {*_OF_TARGETS} & {*columns}:
+        return [[*columns]]
+    return [[column for column in columns if column not in _SCORES], [*_LABEL, *_SCORES]]
 
 
 def _environments(members: Sequence[RowSummary]) -> str:
