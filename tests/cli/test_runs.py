@@ -104,8 +104,8 @@ def test_jobs_in_doubt_are_told_with_when_they_can_be_settled(
     assert last.sent_at is not None
     due = last.sent_at + timedelta(hours=1)
     assert (
-        "2.2 QPU seconds charged, 17.2 at most (2 jobs not charged yet, 2 jobs in doubt); the limit "
-        "is 9\n"
+        "2.2 QPU seconds charged, 17.2 at most (2 jobs not charged yet, 2 jobs in doubt); the "
+        "limit is 9\n"
         "IBM may have accepted 2 more jobs, at most 6 s; "
         f"`qcompile resume {made.id}` after {due:%H:%M} UTC finds out.\n"
     ) in qcompile("runs", "show", "last").out

@@ -34,8 +34,8 @@ def test_the_placement_of_a_small_policy(qcompile: Call, policy: Call) -> None:
         "1    14.3 %          4       0   0.0279",
         "3    14.3 %          4       1   0.0279",
         "importance: variance of the circuit's weights over the actions, as a share of all",
-        "error of <Z>: root mean square at 1024 shots, with readout mitigation; 0.0255 on a perfect "
-        "qubit",
+        "error of <Z>: root mean square at 1024 shots, with readout mitigation; 0.0255 on a "
+        "perfect qubit",
         "unused qubits (at least 0.8 of <Z> must be left): 0 keeps 0.66 of <Z>, 1 keeps",
         "0.73 of <Z>, 2 keeps 0.07 of <Z>, 5 keeps 0.48 of <Z>, 6 keeps 0.30 of <Z>",
         "the device is too small for all circuits at once: they are run in 2 rounds",

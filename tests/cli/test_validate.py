@@ -48,7 +48,7 @@ def test_the_contract_of_json(qcompile: Call) -> None:
 def test_the_table(qcompile: Call) -> None:
     answer = qcompile(*WORDS)
     assert answer.code == 0
-    assert "Twin of lima.json compared with fresh counts, 500 shots" in answer.out
+    assert "Twin of lima.json against fresh counts, 500 shots" in answer.out
     assert answer.out.count("holds") == 4
     assert "pass; the largest difference in <Z> is 0." in answer.out
     assert "charged" not in answer.out
