@@ -47,7 +47,7 @@ def test_without_a_frame_there_is_no_film(
     assert answer.code == 1
     first, second, *_ = answer.err.splitlines()
     assert first == "no step was played: there is no film"
-    assert second == "Error: Interrupted: 0 of 20 episodes were finished."
+    assert second == "Error: Interrupted: 0 of 20 episodes finished."
     assert left() == ["tiny.json"]
 
 
@@ -91,7 +91,7 @@ def test_ctrl_c_within_the_first_frame_leaves_no_film(
     assert answer.code == 1
     assert answer.err.splitlines()[:2] == [
         "no step was played: there is no film",
-        "Error: Interrupted: 0 of 20 episodes were finished.",
+        "Error: Interrupted: 0 of 20 episodes finished.",
     ]
     assert left() == ["tiny.json"]
 

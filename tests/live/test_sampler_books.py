@@ -45,7 +45,7 @@ def test_runs_tell_what_a_sampler_has_and_what_it_costs(runs: Runs) -> None:
         assert shown.out == (
             f"{row['run']}, sampler on fake_lima: finished\n"
             "Jobs done: 1; everything is kept.\n"
-            f"{charged_s:.1f} QPU seconds charged; 50 allowed\n"
+            f"{charged_s:.1f} QPU seconds charged; the limit is 50\n"
             "Run its program again to continue. `qcompile resume mine` fetches what was sent.\n"
         )
     exported = runs.call("runs", "export", "mine").json()
