@@ -176,7 +176,7 @@ def plan(
         what = "keep is" if len(named) == 1 else f"{len(named)} policies are"
         raise OptionError(f"{what} for a plan within a number of QPU seconds: give within.")
     import_modules(several(imports))
-    policies = [with_arguments(load_circuits(name), env, kept=True) for name in named]
+    policies = [with_arguments(load_circuits(name), env, for_file=True) for name in named]
     opened = _opened(backend, account, instance, live=live)
     given = {
         "shots": shots,

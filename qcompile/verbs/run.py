@@ -210,7 +210,7 @@ def run(
         greedy=greedy,
     )
     import_modules(several(imports))
-    loaded = with_arguments(load_policy(policy), env, kept=live is not None)
+    loaded = with_arguments(load_policy(policy), env, for_file=live is not None)
     settings = RunSettings.of(settings, **calibration_settings(calibration, on_note))
     if live is not None:
         said = given(planned)

@@ -274,7 +274,7 @@ def test_observations_of_a_pipe_are_refused(tmp_path: Path, suffix: str) -> None
 
 def test_observations_that_are_not_there(tmp_path: Path) -> None:
     with pytest.raises(
-        PolicyError, match=r"does not contain observations\.\n  No such file or directory\n"
+        PolicyError, match=r"holds no observations\.\n  No such file or directory\n"
     ):
         read_observations(tmp_path / "a.csv", make())
 

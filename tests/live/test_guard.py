@@ -49,7 +49,10 @@ def test_a_declined_confirmation_sends_nothing(
     declined = runs.call(*words, "--episodes", 1, "--max-steps", 1, "--mitigation", "none")
     assert declined.code == 1
     assert "Spend them? [y/N]" in declined.err
-    assert "Error: Nobody said yes. Nothing was sent.\n  In a script say --yes." in declined.err
+    assert (
+        "Error: The question was not answered. Nothing was sent.\n  In a script, add --yes."
+        in declined.err
+    )
     assert nothing_sent(runs)
     assert runs.call("runs", "--json").json() == []
 

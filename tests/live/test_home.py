@@ -23,7 +23,7 @@ from qcompile.live.runs import find_journal
 RUNS = Path("runs")
 IN_FOLDER = "was last resumed in another folder: another copy of it may exist.\n"
 ON_MACHINE = "was last resumed on another machine: another copy of it may exist.\n"
-NOBODY = "Error: Nobody said yes. Nothing was sent.\n  In a script say --yes"
+NOBODY = "Error: The question was not answered. Nothing was sent.\n  In a script, add --yes"
 
 
 @pytest.fixture
