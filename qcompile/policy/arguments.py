@@ -28,8 +28,8 @@ def with_arguments(policy: P, env: Mapping[str, Any] | None, *, for_file: bool =
     """The policy with `env` merged over its environment's arguments.
 
     Raises:
-        OptionError: an argument is reserved or not a plain value, or with `for_file` not allowed in a
-            policy file.
+        OptionError: an argument is reserved, not a plain value, or with `for_file` not allowed
+            there.
     """
     if not env:
         return policy

@@ -204,8 +204,8 @@ def observables(*sets: list[int]) -> dict[str, Any]:
 
 
 WRONG: list[tuple[dict[str, Any], str]] = [
-    (gates(["cx", 0, 0]), "circuits.0.gates.0: Gate 'cx' must end with two different qubits"),
-    (gates(["h", 0], ["cz", 1]), "circuits.0.gates.1: Gate 'cz' must end with two different qubits"),
+    (gates(["cx", 0, 0]), "gates.0: Gate 'cx' must end with two different qubits"),
+    (gates(["h", 0], ["cz", 1]), "gates.1: Gate 'cz' must end with two different qubits"),
     (gates(["h"]), "circuits.0.gates.0: Gate 'h' must end with a qubit"),
     (gates(["ecr", 0, 2]), "Gate 'ecr' acts on 2.\n    The block has qubits 0 to 1"),
     (gates(["ry", 0, "x0"]), "Gate 'ry' acts on 'x0'.\n    The block has qubits 0 to 1; a gate"),
