@@ -1,4 +1,4 @@
-"""Train and play environments of all kinds with the generic preset: docs/environments.md.
+"""Train and play environments of all kinds with the generic preset: docs/howto/environments.md.
 
     python benchmarks/environments.py [--seeds 1] [NAME ...]
 

@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 
 from qcompile.arrays import FloatArray, IntArray
 from qcompile.deploy.environments import Environment, environment_name
-from qcompile.deploy.lockstep import Act, Episode, Frame, frames_of
+from qcompile.deploy.lockstep import Act, Episode
 from qcompile.deploy.rows import Rows
 from qcompile.deploy.stepping import Stepper, check_finite
 from qcompile.errors import EnvironmentStepError, OptionError
@@ -71,7 +71,6 @@ def ahead(
     on_begin: Callable[[Sequence[Stepper]], None] = lambda steppers: None,
     on_rewards: Callable[[list[float]], None] = lambda rewards: None,
     on_episode: Callable[[Episode], None] = lambda episode: None,
-    on_frame: Callable[[Frame, float], None] | None = None,
 ) -> None:
     """Play one episode in every environment, with the same law as `lockstep`.
 
@@ -90,8 +89,6 @@ def ahead(
             numbers, environments, foresight.scouts or environments, strict=True
         )
     ]
-    if on_frame is not None:
-        living[0].played.on_step = frames_of(environments[0], on_frame)
     for pair in living:
         pair.begin(first_seed + pair.number)
     on_begin([pair.played for pair in living])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
@@ -89,16 +90,24 @@ class Deployment:
         """
         return self._measure(self.policy.encode(observations), NO_THETA, rows, self._draws)
 
-    def act(self, observations: FloatArray, rows: Rows | None = None) -> IntArray:
+    def act(
+        self,
+        observations: FloatArray,
+        rows: Rows | None = None,
+        note: Callable[[FloatArray], None] | None = None,
+    ) -> IntArray:
         """An action for each of the observations (B, features).
 
         `rows` gives the episode and decision of each row; without it row i is episode i, and every
         call is the next decision.
+        `note` gets the `<Z>` (B, circuits) that the policy decides by.
         """
         if rows is None:
             rows = Rows.of(len(observations), self._decisions)
             self._decisions += 1
         z = self.expectation(observations, rows)
+        if note is not None:
+            note(z)
         if self.settings.greedy:
             return self.policy.greedy(z)
         return self.policy.decide(z, self._draws.actions(rows.episode, rows.decision))

@@ -7,11 +7,12 @@ import os
 import warnings
 from collections.abc import Iterable, Mapping
 from functools import partial
-from typing import Any
+from typing import Any, TypeGuard
 
 import gymnasium
 import numpy as np
 from gymnasium.spaces import Box, Discrete
+from numpy.typing import NDArray
 
 from qcompile.catalogue import close_names
 from qcompile.deploy.flattening import StateNumber, vector_observations
@@ -124,14 +125,24 @@ def _check_frames(name: str, settings: Mapping[str, Any]) -> None:
     except Exception as error:  # environments run arbitrary code
         why = _first_line(error)
     else:
-        shape, dtype = np.shape(frame), getattr(frame, "dtype", None)  # type: ignore[arg-type]
-        is_picture = len(shape) == 3 and shape[2] == 3 and min(shape) > 1 and dtype == np.uint8
-        if is_picture and 0 < rate < np.inf:
+        if is_picture(frame) and 0 < rate < np.inf:
             return
+        shape, dtype = np.shape(frame), getattr(frame, "dtype", None)  # type: ignore[arg-type]
         kind = f"of type {dtype}" if dtype is not None else f"a {type(frame).__name__}"
         rendered = "None" if frame is None else f"{kind} and shape {shape}"
         why = [f"A frame is {rendered}, {rate:g} a second."]
     raise _not_filmed(name, why)
+
+
+def is_picture(frame: object) -> TypeGuard[NDArray[np.uint8]]:
+    """Whether it is an array (height, width, 3) of bytes, as environments render them."""
+    return (
+        isinstance(frame, np.ndarray)
+        and frame.dtype == np.uint8
+        and frame.ndim == 3
+        and frame.shape[2] == 3
+        and min(frame.shape) > 1
+    )
 
 
 def _not_filmed(name: str, why: list[str]) -> EnvironmentMismatchError:

@@ -19,8 +19,8 @@ def bootstrap_ci95(rewards: FloatArray, seed: int, resamples: int = 10_000) -> l
     distribution. The variance of a resample is at least 1/n of the sample's, 1/20 above 20 rewards:
     if one reward is an outlier, a resample without it has hardly any variance. With 1/20 the
     interval then ends about where a Poisson law for the outlier puts it. Equal rewards give an
-    interval of zero width: see `unseen_share`. docs/evaluate.md measures its coverage. Source:
-    Efron and Tibshirani, An Introduction to the Bootstrap, chapter 12.
+    interval of zero width: see `unseen_share`. docs/howto/evaluate.md measures its coverage.
+    Source: Efron and Tibshirani, An Introduction to the Bootstrap, chapter 12.
     """
     count = len(rewards)
     if count < 2:

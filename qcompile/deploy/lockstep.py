@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qcompile.arrays import FloatArray, IntArray
-from qcompile.deploy.environments import Environment, frames_per_second
+from qcompile.deploy.environments import Environment
 from qcompile.deploy.rows import Rows
 from qcompile.deploy.stepping import Stepper, check_finite
 
 Act = Callable[[FloatArray, Rows], IntArray]
-Frame = NDArray[np.uint8]
 
 
 @dataclass(frozen=True)
@@ -32,14 +31,6 @@ class Episode:
         return cls(stepper.seed, stepper.reward, stepper.length)
 
 
-def frames_of(
-    environment: Environment, on_frame: Callable[[Frame, float], None]
-) -> Callable[[], None]:
-    """A callback for a stepper that passes a frame to `on_frame` after each step."""
-    fps = frames_per_second(environment)
-    return lambda: on_frame(environment.render(), fps)  # type: ignore[arg-type]
-
-
 def lockstep(
     act: Act,
     environments: list[Environment],
@@ -51,22 +42,18 @@ def lockstep(
     on_begin: Callable[[Sequence[Stepper]], None] = lambda steppers: None,
     on_rewards: Callable[[list[float]], None] = lambda rewards: None,
     on_episode: Callable[[Episode], None] = lambda episode: None,
-    on_frame: Callable[[Frame, float], None] | None = None,
 ) -> None:
     """Play one episode in every environment, with the numbers `episodes`, by default 0, 1, ...
 
     Episode i resets with `first_seed` + i. `act` maps the observations (B, features) of the running
     episodes, and the episode and decision of each row, to actions (B,). `on_begin` gets all
-    steppers; `on_rewards` the rewards of a decision, which is held for `hold` environment steps;
-    `on_frame` the frames of the first episode, (height, width, 3), and their rate per second. An
+    steppers; `on_rewards` the rewards of a decision, which is held for `hold` environment steps. An
     episode is stopped after `max_steps` environment steps.
 
     Raises:
         EnvironmentStepError: an environment fails or returns unusable values.
     """
     living = [Stepper(environment, hold, max_steps) for environment in environments]
-    if on_frame is not None:
-        living[0].on_step = frames_of(environments[0], on_frame)
     numbers = np.arange(len(living)) if episodes is None else np.array(episodes)
     first = [
         stepper.reset(first_seed + i) for i, stepper in zip(numbers.tolist(), living, strict=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from qcompile.arrays import FloatArray, IntArray
@@ -65,11 +65,18 @@ class NetworkPlayer:
     def __repr__(self) -> str:
         return f"NetworkPlayer({self.policy.name})"
 
-    def act(self, observations: FloatArray, rows: Rows | None = None) -> IntArray:
+    def act(
+        self,
+        observations: FloatArray,
+        rows: Rows | None = None,
+        note: Callable[[FloatArray], None] | None = None,
+    ) -> IntArray:
         """An action for each of the observations (B, features), as `Player.act`."""
         if rows is None:
             rows = Rows.of(len(observations), self._decisions)
             self._decisions += 1
+        if note is not None:
+            note(observations)
         if self.settings.greedy:
             return self.policy.greedy(observations)
         return self.policy.decide(observations, self._draws.actions(rows.episode, rows.decision))

@@ -21,7 +21,8 @@ from qcompile.deploy.environments import (
     policy_environments,
     reward_threshold,
 )
-from qcompile.deploy.lockstep import Act, Episode, Frame, lockstep
+from qcompile.deploy.filming import Camera, Frame
+from qcompile.deploy.lockstep import Act, Episode, lockstep
 from qcompile.deploy.network import NetworkPlayer, refuse_options
 from qcompile.deploy.player import Player
 from qcompile.deploy.result import Run
@@ -87,18 +88,17 @@ def play(
     complete: bool = False,
     recorder: Recorder | None = None,
     on_episode: Callable[[Episode], None] = lambda episode: None,
-    on_frame: Callable[[Frame, float], None] | None = None,
+    on_frame: Callable[[Frame], None] | None = None,
     on_note: Callable[[str], None] = lambda words: None,
 ) -> Run:
     """Play a number of episodes in lockstep, or the episodes with these numbers, in order.
 
     Episode i resets with the player's seed + i and draws from its own streams. All running episodes
     step together; for circuits a step is one batch and one job. Ctrl-C ends the run and keeps
-    finished episodes; `recorder` sees every step. `on_frame` gets the frames of the first episode,
-    (height, width, 3), and their rate per second. With `complete`, episodes that `max_steps` cut
-    are then completed on the noise model, at no cost. If the player's settings speculate, a job
-    measures more than one decision of each episode (`deploy/ahead.py`); `on_note` is called if that
-    ends early.
+    finished episodes; `recorder` sees every step, and `on_frame` gets the frames of the first
+    episode. With `complete`, episodes that `max_steps` cut are then completed on the noise model,
+    at no cost. If the player's settings speculate, a job measures more than one decision of each
+    episode (`deploy/ahead.py`); `on_note` is called if that ends early.
 
     Raises:
         CountsError: the number of episodes lies outside [1, MAX_EPISODES].
@@ -115,12 +115,14 @@ def play(
     if isinstance(episodes, int):
         numbers = range(episodes)
     environments = policy_environments(player.policy, len(numbers), film=on_frame is not None)
-    recorder, foresight = recorder or _Unrecorded(), None
+    recorder, foresight, camera = recorder or _Unrecorded(), None, None
     try:
+        if on_frame is not None:
+            camera = Camera(player, environments[0], numbers[0], on_frame)
         if player.settings.speculate != 1:
             foresight = _foresight(player, environments, recorder, on_note)
         return _play(
-            player, numbers, environments, foresight, recorder, on_episode, on_frame, complete
+            player, numbers, environments, foresight, recorder, on_episode, camera, complete
         )
     finally:
         close_environments(environments)
@@ -162,14 +164,20 @@ def _play(
     foresight: Foresight | None,
     recorder: Recorder,
     on_episode: Callable[[Episode], None],
-    on_frame: Callable[[Frame, float], None] | None,
+    camera: Camera | None,
     complete: bool,
 ) -> Run:
     result = Run(player, reward_threshold(environments[0]))
     steppers: list[Stepper] = []
+    taken = player.act if camera is None else camera.act
+
+    def begin(begun: Sequence[Stepper]) -> None:
+        steppers.extend(begun)
+        if camera is not None:
+            camera.follow(begun[0])
 
     def act(observations: FloatArray, rows: Rows) -> IntArray:
-        actions = player.act(observations, rows)
+        actions = taken(observations, rows)
         result.count_step(rows)  # in measured order: a recorder may have changed it
         return actions
 
@@ -187,10 +195,9 @@ def _play(
             hold=player.policy.hold,
             episodes=episodes,
             max_steps=player.settings.max_steps,
-            on_begin=steppers.extend,
+            on_begin=begin,
             on_rewards=recorder.rewards,
             on_episode=note,
-            on_frame=on_frame,
         )
     except KeyboardInterrupt:
         result.interrupted = True

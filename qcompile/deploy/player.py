@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
 from qcompile.arrays import FloatArray, IntArray
@@ -51,11 +51,17 @@ class Player(Protocol):
         """Shots of the calibration before the first episode, if one was measured."""
         ...
 
-    def act(self, observations: FloatArray, rows: Rows | None = None) -> IntArray:
+    def act(
+        self,
+        observations: FloatArray,
+        rows: Rows | None = None,
+        note: Callable[[FloatArray], None] | None = None,
+    ) -> IntArray:
         """An action for each of the observations (B, features).
 
         `rows` says which decision of which episode each is; without them row i is episode i, and
-        every call the next decision.
+        every call the next decision. `note` gets the values (B, ...) that the policy decides by:
+        `<Z>` of circuits as measured and mitigated, or what a network observes.
         """
         ...
 

@@ -31,12 +31,12 @@ class Stepper:
     declared number of features, in `dtype`: float32 if that holds every number of the declared
     type, else float64. An action is held for `hold` steps, but not beyond the end of an episode or
     `max_steps` steps. `seed` is the seed of the last reset, `length` the number of environment
-    steps since and `reward` their total; `is_over` says whether the environment ended the episode.
-    `on_step` is called after each step.
+    steps since, `action` the last one taken and `reward` the total; `is_over` says whether the
+    environment ended the episode. `on_step` is called after each step.
     """
 
     __slots__ = (
-        *("_action", "_first_action", "_held", "_left", "_shape", "_step"),
+        *("_first_action", "_held", "_left", "_shape", "_step", "action"),
         *("dtype", "environment", "is_over", "length", "max_steps", "observation", "on_step"),
         *("reward", "seed"),
     )
@@ -57,7 +57,7 @@ class Stepper:
         holds_all = np.can_cast(observed.dtype, np.float32)
         self.dtype: np.dtype[Any] = np.dtype(np.float32 if holds_all else np.float64)
         self.seed, self.length, self.reward, self.is_over = 0, 0, 0.0, False
-        self._action, self._left = 0, 0
+        self.action, self._left = 0, 0
 
     def reset(self, seed: int) -> NDArray[Any]:
         """Begin an episode; return its first observation (features,).
@@ -97,7 +97,7 @@ class Stepper:
         """
         self.max_steps, self.on_step = most_steps, None
         if self._left:
-            self._hold(self._action, self._left)
+            self._hold(self.action, self._left)
 
     @property
     def has_ended(self) -> bool:
@@ -110,7 +110,7 @@ class Stepper:
         return self.length == self.max_steps and not self.is_over
 
     def _hold(self, action: int, steps: int) -> tuple[NDArray[Any], float, bool, bool]:
-        earned = 0.0
+        self.action, earned = action, 0.0
         for self._left in range(steps - 1, -1, -1):
             self.length += 1
             try:
@@ -142,7 +142,7 @@ class Stepper:
                 self.on_step()
             if terminated or truncated or self.length == self.max_steps:
                 break
-        self._action, self.observation = action, observation
+        self.observation = observation
         self.is_over = terminated or truncated
         return observation, earned, terminated, truncated
 

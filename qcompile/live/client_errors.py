@@ -21,7 +21,7 @@ _REFUSED = frozenset(range(400, 500)) - {408, TOO_MANY_REQUESTS}
 _SAVE = (
     'Save one: python -c "from qiskit_ibm_runtime import QiskitRuntimeService as S; '
     "S.save_account(token='...', instance='...')\"",
-    "or set QISKIT_IBM_TOKEN and QISKIT_IBM_INSTANCE. docs/hardware.md has the steps.",
+    "or set QISKIT_IBM_TOKEN and QISKIT_IBM_INSTANCE. docs/howto/hardware.md has the steps.",
 )
 _TOKEN = re.compile(r"\beyJ[\w-]{5,}\.[\w-]+(?:\.[\w-]*)?|\b(?:Bearer|apikey) [\w.~+/=-]{16,}")
 """An access token, or the authorization header of a request."""

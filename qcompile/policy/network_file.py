@@ -1,4 +1,4 @@
-"""The schema of network files, format qcompile-network-1; docs/policies.md explains it."""
+"""The schema of network files, format qcompile-network-1. See docs/reference/policies.md."""
 
 from __future__ import annotations
 

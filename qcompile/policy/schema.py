@@ -1,7 +1,8 @@
 """The schema of policy files, formats qcompile-policy-1 and qcompile-policy-2.
 
-docs/policies.md explains both. Format 2 allows more than this version can run: unsupported parts
-are read and checked like the rest, and then refused by name (qcompile/policy/refusals.py).
+docs/reference/policies.md explains both. Format 2 allows more than this version can run:
+unsupported parts are read and checked like the rest, and then refused by name
+(qcompile/policy/refusals.py).
 """
 
 from __future__ import annotations

@@ -76,8 +76,8 @@ BAD_PROGRAMS = {
         PROGRAM.replace("x q[1];", "x q[1];\ncx q[0], q[1];"),
         """\
 Error: in.qasm:7: cx q[0], q[1] entangles two qubits.
-  qcompile compiles circuits without entangling gates; this one has 1.
-  Compile it with Qiskit's transpile, or remove the gate.
+  qcompile compiles circuits without entangling gates; this program has 1.
+  Remove the gate, or compile the program with Qiskit's transpile.
 """,
     ),
     "measures nothing": (

@@ -51,7 +51,7 @@ def folder_in_use() -> None:
 REFUSED: dict[str, tuple[tuple[str, ...], str]] = {
     "folder in use": (
         (),
-        "Error: The output folder job is in use.\n  Remove it, or choose another with --out.\n",
+        "Error: job already exists.\n  Remove it, or choose another with --out.\n",
     ),
     "under a file": (
         ("--out", "tiny.json/job"),
@@ -146,7 +146,7 @@ def test_a_job_that_is_there_already_is_kept(qcompile: Call, policy: Call) -> No
     answer = qcompile("export", name, "--shots", 7)
     assert answer.code == 1
     assert answer.err == (
-        "Error: The output folder tiny-job is in use.\n  Remove it, or choose another with --out.\n"
+        "Error: tiny-job already exists.\n  Remove it, or choose another with --out.\n"
     )
     assert Path("tiny-job/job.json").read_bytes() == before
 

@@ -48,7 +48,7 @@ Error: bad.pt cannot be read as a .pt file: it is a bare pickle, and was not loa
         truncated,
         """\
 Error: bad.pt cannot be read as a .pt file.
-  It is not a whole file of torch.save.
+  It is not a complete file of torch.save.
   Copy it again, or train the policy again.
 """,
     ),

@@ -11,7 +11,7 @@ import pytest
 
 Call = Callable[..., Any]
 
-PAGE = Path(__file__).parents[2] / "docs" / "surrogate.md"
+PAGE = Path(__file__).parents[2] / "docs" / "background" / "surrogate.md"
 
 
 def test_the_table_of_a_small_policy(qcompile: Call, policy: Call, left: Call) -> None:

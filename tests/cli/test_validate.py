@@ -98,7 +98,7 @@ def test_a_misfit_of_the_calibration_is_told(qcompile: Call) -> None:
     answer = qcompile(*WORDS)
     assert answer.code == 1
     for text in (answer.out, answer.err):
-        assert "is not a curve of its own angle alone" in " ".join(text.split())
+        assert "does not depend on its own angle alone" in " ".join(text.split())
 
 
 def test_a_twin_that_does_not_hold_is_printed_and_ends_with_1(qcompile: Call) -> None:

@@ -15,6 +15,7 @@ from gymnasium.wrappers import NormalizeObservation, NormalizeReward, TimeLimit
 from qcompile.deploy.ahead import Foresight, ahead, check_repeatable
 from qcompile.deploy.lockstep import Episode, lockstep
 from qcompile.deploy.rows import Rows
+from qcompile.deploy.stepping import Stepper
 from qcompile.errors import EnvironmentStepError, OptionError
 
 
@@ -190,10 +191,12 @@ def test_frames_are_those_of_the_episode_that_counts() -> None:
             return np.full((2, 2, 3), self.number, dtype=np.uint8)
 
     frames: list[int] = []
-    script = Script(["0100"], ["0011"])
-    script.play(
-        [Filmed(4)], [Filmed(4)], on_frame=lambda frame, rate: frames.append(int(frame[0, 0, 0]))
-    )
+    script, filmed = Script(["0100"], ["0011"]), Filmed(4)
+
+    def film(steppers: Sequence[Stepper]) -> None:
+        steppers[0].on_step = lambda: frames.append(int(filmed.render()[0, 0, 0]))
+
+    script.play([filmed], [Filmed(4)], on_begin=film)
     assert frames == [0b10, 0b100, 0b1001, 0b10011]
 
 

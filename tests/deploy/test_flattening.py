@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import gymnasium
@@ -12,6 +12,7 @@ from gymnasium import spaces
 
 from qcompile.deploy.environments import features_and_actions, make_environments
 from qcompile.deploy.lockstep import Episode, lockstep
+from qcompile.deploy.stepping import Stepper
 from qcompile.errors import EnvironmentMismatchError, EnvironmentStepError
 from qcompile.limits import MAX_FEATURES
 
@@ -176,6 +177,10 @@ def test_a_flattened_environment_is_filmed() -> None:
     frames: list[Any] = []
     lake = make_environments("FrozenLake-v1", 1, film=True)
     act: Callable[..., Any] = lambda observations, rows: np.ones(1, int)  # noqa: E731
-    lockstep(act, lake, 0, max_steps=2, on_frame=lambda frame, rate: frames.append(frame))
+
+    def film(steppers: Sequence[Stepper]) -> None:
+        steppers[0].on_step = lambda: frames.append(lake[0].render())
+
+    lockstep(act, lake, 0, max_steps=2, on_begin=film)
     assert frames
     assert {frame.shape for frame in frames} == {(256, 256, 3)}

@@ -12,6 +12,7 @@ import pytest
 from gymnasium.spaces import Box, Discrete
 from gymnasium.wrappers import TimeLimit
 
+from qcompile.deploy.filming import Frame
 from qcompile.deploy.network import NetworkPlayer
 from qcompile.deploy.play import Recorder, play
 from qcompile.deploy.rows import Rows
@@ -168,21 +169,18 @@ def test_every_frame_of_a_hold_is_shown(stubborn: Make, deploy: Make, depth: int
     Measured ahead as well: what a scout sees is not filmed.
     """
     policy = replace(stubborn("Ladder-v0", 1, 2), hold=3)
-    frames: list[tuple[int, float]] = []
-
-    def film(frame: np.ndarray, fps: float) -> None:
-        frames.append((int(frame[0, 0, 0]), fps))
-
-    play(deploy(policy, shots=10, seed=5, speculate=depth), 2, on_frame=film)
-    assert frames == [(step, 25.0) for step in (1, 2, 3, 4, 5)]
+    frames: list[Frame] = []
+    play(deploy(policy, shots=10, seed=5, speculate=depth), 2, on_frame=frames.append)
+    assert [int(frame.picture[0, 0, 0]) for frame in frames] == [1, 2, 3, 4, 5]
+    assert [frame.decision.number for frame in frames] == [0, 0, 0, 1, 1]
+    assert {frame.rate for frame in frames} == {25.0}
 
 
 def test_a_cut_film_ends_with_the_cut(stubborn: Make, deploy: Make) -> None:
     policy = replace(stubborn("Ladder-v0", 1, 2), hold=3)
-    frames: list[int] = []
-    playing = deploy(policy, seed=6, max_steps=4)
-    run = play(playing, 1, complete=True, on_frame=lambda frame, fps: frames.append(frame[0, 0, 0]))
-    assert frames == [1, 2, 3, 4]
+    frames: list[Frame] = []
+    run = play(deploy(policy, seed=6, max_steps=4), 1, complete=True, on_frame=frames.append)
+    assert [int(frame.picture[0, 0, 0]) for frame in frames] == [1, 2, 3, 4]
     assert run.completed is not None
 
 

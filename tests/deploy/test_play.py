@@ -12,6 +12,7 @@ import gymnasium
 import numpy as np
 import pytest
 
+from qcompile.deploy.filming import Frame
 from qcompile.deploy.play import MAX_EPISODES, Episode, play
 from qcompile.device import load_device
 from qcompile.errors import CalibrationError, CountsError, EnvironmentMismatchError
@@ -189,17 +190,12 @@ def test_settings_of_a_deployment_are_checked(cartpole: Make, deploy: Make) -> N
 def test_the_first_episode_is_filmed(stubborn: Make, deploy: Make) -> None:
     """A frame for every step of the first episode, which ends soon."""
     pytest.importorskip("pygame")
-    frames: list[np.ndarray] = []
-    rates: set[float] = set()
-
-    def take(frame: np.ndarray, frames_per_second: float) -> None:
-        frames.append(frame)
-        rates.add(frames_per_second)
-
-    result = play(deploy(stubborn("CartPole-v1", 4, 2)), 2, on_frame=take)
-    assert len(frames) == result.episodes[0].length
-    assert all(frame.shape[2] == 3 and frame.dtype == np.uint8 for frame in frames)
-    assert rates == {50.0}  # CartPole's render_fps
+    frames: list[Frame] = []
+    result = play(deploy(stubborn("CartPole-v1", 4, 2)), 2, on_frame=frames.append)
+    assert [frame.step for frame in frames] == list(range(1, result.episodes[0].length + 1))
+    assert {frame.picture.shape for frame in frames} == {(400, 600, 3)}
+    assert {frame.rate for frame in frames} == {50.0}  # CartPole's render_fps
+    assert frames[-1].reward == result.episodes[0].reward
 
 
 def test_exact_shots_are_calibrated_exactly(cartpole: Make, deploy: Make) -> None:

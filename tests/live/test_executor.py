@@ -131,7 +131,7 @@ def test_what_cannot_be_run_is_refused_before_it_is_sent(
         executor.run(executable, X[:, :1], theta, 10)
     with pytest.raises(DeviceError):
         executor.run(compile(executable.source, load_device("fake_toronto")), X, theta, 10)
-    with pytest.raises(CountsError, match="fake_lima runs through a sampler, which only has shots"):
+    with pytest.raises(CountsError, match="fake_lima runs through a sampler, which needs shots"):
         executor.expectation(executable, X, theta)
     assert not service.ledger().jobs
     assert executor.kind == "hardware"

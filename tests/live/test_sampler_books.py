@@ -106,7 +106,7 @@ def test_resume_finds_a_job_that_the_program_does_not_know_of(runs: Runs) -> Non
 def test_the_example_of_the_documentation_works(
     service: StandIn, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    page = (Path(__file__).parents[2] / "docs" / "hardware.md").read_text()
+    page = (Path(__file__).parents[2] / "docs" / "howto" / "guarded-sampler.md").read_text()
     [block] = [part for part in re.findall(r"```python\n(.*?)```", page, re.S) if "Guarded" in part]
     exec(block.replace("ibm_fez", "fake_lima"), {})
     counts, costs = capsys.readouterr().out.split("} {")

@@ -105,7 +105,7 @@ def test_false_alarms_are_as_rare_as_stated() -> None:
 def test_a_twin_without_curves_has_nothing_to_compare() -> None:
     device = load_device("fake_lima")
     calibration = calibrate(OfflineExecutor(device, 0), np.arange(5), 100, parts=["readout"])
-    with pytest.raises(CalibrationError, match="holds no response curves"):
+    with pytest.raises(CalibrationError, match="has no response curves"):
         check_twin(
             calibration, load_policy("cartpole"), np.zeros((1, 4)), OfflineExecutor(device), 9
         )

@@ -53,7 +53,7 @@ def test_a_damaged_pt_file_is_refused(tmp_path: Path, awkward: Make) -> None:
     for size in (0, 1, 4, 100, len(whole) // 2, len(whole) - 1):
         path.write_bytes(whole[:size])
         with pytest.raises(
-            PolicyError, match=r"be read as a \.pt file\.\n  It is not a whole file"
+            PolicyError, match=r"be read as a \.pt file\.\n  It is not a complete file"
         ):
             load_policy(path)
 

@@ -292,7 +292,7 @@ def test_a_file_of_another_format_is_told_which(
 
 def test_the_documented_example_is_read(tmp_path: Path) -> None:
     """Input 1 of (0, 0, 0.02, 0.4) is 1.57 times clip(0.3 / 0.5), input 0 arctan(10 * 0.4)."""
-    page = Path(__file__).parents[2] / "docs" / "policies.md"
+    page = Path(__file__).parents[2] / "docs" / "reference" / "policies.md"
     (example,) = (part for part in page.read_text().split("```") if "gain" in part and "{" in part)
     path = tmp_path / "p.json"
     path.write_text(example.removeprefix("json"))

@@ -265,7 +265,7 @@ def test_a_file_that_could_not_be_read_back_is_not_written(tmp_path: Path) -> No
 
 def test_the_network_of_the_docs_is_read(tmp_path: Path) -> None:
     """Where the pole leans by 0.1: -2 and 2 times tanh(0.1) + tanh(0.05 + 0.1)."""
-    page = (Path(__file__).parents[2] / "docs" / "policies.md").read_text()
+    page = (Path(__file__).parents[2] / "docs" / "reference" / "policies.md").read_text()
     (block,) = [part for part in page.split("```json\n")[1:] if '"qcompile-network-1"' in part]
     (tmp_path / "balance.json").write_text(block.partition("```")[0])
     network = load_policy(tmp_path / "balance.json")
