@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 import tomllib
 from pathlib import Path
+from typing import Any
 
 CHECKOUT = Path(__file__).parents[1]
 sys.path.insert(0, str(CHECKOUT))
@@ -38,7 +40,6 @@ default_role = "literal"  # docstrings mark code with single backticks, as Markd
 
 autodoc_member_order = "bysource"
 autodoc_class_signature = "mixed"
-autodoc_preserve_defaults = True
 autodoc_typehints_format = "short"
 python_maximum_signature_line_length = 80
 python_use_unqualified_type_names = True
@@ -51,3 +52,28 @@ html_css_files = ["pages.css"]
 html_theme_options: dict[str, object] = {}
 if address := repository():
     html_theme_options["source_edit_link"] = f"{address.rstrip('/')}/edit/main/docs/{{filename}}"
+
+
+# What a reader of a signature does not need: modules, shapes of arrays, defaults without a literal.
+_PLAIN = (
+    (re.compile(r"~?\b(?:[a-z_]\w*\.)+(?=[A-Za-z])"), ""),
+    (re.compile(r"ndarray\[tuple\[Any, \.\.\.\], dtype\[(\w+)\]\]"), "ndarray[\\1]"),
+    (re.compile(r" \| Planned\b"), ""),
+    (re.compile(r" \(live: planned\)"), ""),
+    (re.compile(r"<factory>"), "{}"),
+    (re.compile(r"<function \w+(?: at \w+)?>"), "..."),
+)
+
+
+def plain_signature(
+    app: object, what: str, name: str, obj: object, options: object, signature: str, result: str
+) -> tuple[str, str]:
+    """The signature as a user would write it."""
+    for pattern, words in _PLAIN:
+        signature = pattern.sub(words, signature) if signature else signature
+        result = pattern.sub(words, result) if result else result
+    return signature, result
+
+
+def setup(app: Any) -> None:
+    app.connect("autodoc-process-signature", plain_signature)
