@@ -9,6 +9,8 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+from sphinx.addnodes import desc_annotation
+
 CHECKOUT = Path(__file__).parents[1]
 sys.path.insert(0, str(CHECKOUT))
 
@@ -75,5 +77,13 @@ def plain_signature(
     return signature, result
 
 
+def without_checks(app: object, domain: str, kind: str, content: Any) -> None:
+    """Drop the type of an attribute where pydantic's checks hide it; the class signature has it."""
+    for annotation in [*content.parent.findall(desc_annotation)]:
+        if "FieldInfo" in annotation.astext():
+            annotation.parent.remove(annotation)
+
+
 def setup(app: Any) -> None:
     app.connect("autodoc-process-signature", plain_signature)
+    app.connect("object-description-transform", without_checks)

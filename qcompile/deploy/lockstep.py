@@ -1,4 +1,4 @@
-"""Play episodes side by side: every decision serves all that still live."""
+"""Plays episodes in lockstep: each decision covers all running episodes."""
 
 from __future__ import annotations
 
@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qcompile.arrays import FloatArray, IntArray
-from qcompile.deploy.environments import Environment, frames_per_second
+from qcompile.deploy.environments import Environment
 from qcompile.deploy.rows import Rows
 from qcompile.deploy.stepping import Stepper, check_finite
 
 Act = Callable[[FloatArray, Rows], IntArray]
-Frame = NDArray[np.uint8]
 
 
 @dataclass(frozen=True)
@@ -28,16 +27,8 @@ class Episode:
 
     @classmethod
     def of(cls, stepper: Stepper) -> Episode:
-        """The episode that a stepper has ended."""
+        """The finished episode of a stepper."""
         return cls(stepper.seed, stepper.reward, stepper.length)
-
-
-def frames_of(
-    environment: Environment, on_frame: Callable[[Frame, float], None]
-) -> Callable[[], None]:
-    """What a stepper calls after each step so that `on_frame` gets a frame of the environment."""
-    fps = frames_per_second(environment)
-    return lambda: on_frame(environment.render(), fps)  # type: ignore[arg-type]
 
 
 def lockstep(
@@ -51,23 +42,18 @@ def lockstep(
     on_begin: Callable[[Sequence[Stepper]], None] = lambda steppers: None,
     on_rewards: Callable[[list[float]], None] = lambda rewards: None,
     on_episode: Callable[[Episode], None] = lambda episode: None,
-    on_frame: Callable[[Frame, float], None] | None = None,
 ) -> None:
-    """Play one episode in every environment: `episodes` by number, by default 0, 1, ...
+    """Play one episode in every environment, with the numbers `episodes`, by default 0, 1, ...
 
-    Episode i resets with `first_seed` + i. `act` maps the observations (B, features) of the living
-    episodes, and which decision of which episode each row is, to actions (B,). `on_begin` gets all
-    steppers; `on_rewards` what the episodes earned by a decision, which is held for `hold` steps of
-    the environment; `on_frame` the frames of the first one, (height, width, 3), and how many of
-    them make a second. After `max_steps` of its steps an episode ends, whatever the environment
-    says.
+    Episode i resets with `first_seed` + i. `act` maps the observations (B, features) of the running
+    episodes, and the episode and decision of each row, to actions (B,). `on_begin` gets all
+    steppers; `on_rewards` the rewards of a decision, which is held for `hold` environment steps. An
+    episode is stopped after `max_steps` environment steps.
 
     Raises:
-        EnvironmentStepError: an environment fails, or gives what no policy can use.
+        EnvironmentStepError: an environment fails or returns unusable values.
     """
     living = [Stepper(environment, hold, max_steps) for environment in environments]
-    if on_frame is not None:
-        living[0].on_step = frames_of(environments[0], on_frame)
     numbers = np.arange(len(living)) if episodes is None else np.array(episodes)
     first = [
         stepper.reset(first_seed + i) for i, stepper in zip(numbers.tolist(), living, strict=True)
@@ -86,12 +72,12 @@ def proceed(
     on_rewards: Callable[[list[float]], None] = lambda rewards: None,
     on_episode: Callable[[Episode], None] = lambda episode: None,
 ) -> None:
-    """Play the living episodes of these `numbers` on from `decision`, to their ends, as `lockstep`.
+    """Play the running episodes with these `numbers` from `decision` to their ends, as `lockstep`.
 
-    `observations` (B, features) are those they decide by next.
+    `observations` (B, features) are the inputs of their next decisions.
 
     Raises:
-        EnvironmentStepError: an environment fails, or gives what no policy can use.
+        EnvironmentStepError: an environment fails or returns unusable values.
     """
     observations = observations.astype(np.float64)
     while living:

@@ -1,4 +1,4 @@
-"""Play episodes with a policy on a backend, all in lockstep."""
+"""Plays episodes of a policy on a backend, in lockstep."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ from qcompile.deploy.environments import (
     policy_environments,
     reward_threshold,
 )
-from qcompile.deploy.lockstep import Act, Episode, Frame, lockstep
+from qcompile.deploy.filming import Camera, Frame
+from qcompile.deploy.lockstep import Act, Episode, lockstep
 from qcompile.deploy.network import NetworkPlayer, refuse_options
 from qcompile.deploy.player import Player
 from qcompile.deploy.result import Run
@@ -37,11 +38,11 @@ from qcompile.policy import AnyPolicy, Policy
 def player(
     policy: AnyPolicy, backend: Any, settings: RunSettings | None = None, **changes: Any
 ) -> Player:
-    """What plays a policy: circuits on a backend, or a network, which plays on `ideal` alone.
+    """A player for a policy: circuits on a backend, or a network, which plays only on `ideal`.
 
     Raises:
-        OptionError: a backend, or a setting, that only circuits have.
-        QcompileError: as `Deployment`.
+        OptionError: a network is given a backend or setting for circuits.
+        QcompileError: as for `Deployment`.
     """
     if isinstance(policy, Policy):
         return Deployment(policy, backend, settings, **changes)
@@ -54,19 +55,19 @@ class Recorder(Protocol):
     """Records the steps of a run."""
 
     def act(self, act: Act, observations: FloatArray, rows: Rows) -> IntArray:
-        """The actions (B,) for observations (B, features), which `act` may be asked for."""
+        """The actions (B,) for observations (B, features), recorded or from `act`."""
         ...
 
     def rewards(self, rewards: list[float]) -> None:
-        """What the episodes of the last step earned by its actions: those that counted."""
+        """Record the rewards of the last step's actions that counted."""
         ...
 
     def depth(self, depth: int) -> int:
-        """How many decisions of each episode the next step measures; `depth` is what pays."""
+        """The number of decisions of each episode in the next step; `depth` is the suggestion."""
         return depth
 
     def predict(self, predict: Act, observations: FloatArray, rows: Rows) -> IntArray:
-        """The actions (B,) along which the next step is measured, which `predict` may be asked."""
+        """The predicted actions (B,) for the next step, recorded or from `predict`."""
         return predict(observations, rows)
 
 
@@ -77,7 +78,7 @@ class _Unrecorded(Recorder):
         return act(observations, rows)
 
     def rewards(self, rewards: list[float]) -> None:
-        """They are those of the episodes."""
+        """Ignored: the episodes have them."""
 
 
 def play(
@@ -87,40 +88,41 @@ def play(
     complete: bool = False,
     recorder: Recorder | None = None,
     on_episode: Callable[[Episode], None] = lambda episode: None,
-    on_frame: Callable[[Frame, float], None] | None = None,
+    on_frame: Callable[[Frame], None] | None = None,
     on_note: Callable[[str], None] = lambda words: None,
 ) -> Run:
-    """Play so many episodes in lockstep, or those of these numbers, each once, in ascending order.
+    """Play a number of episodes in lockstep, or the episodes with these numbers, in order.
 
-    Episode i resets with the player's seed + i and draws from streams of its own. All living
-    episodes step together: of circuits one batch, one job. Ctrl-C ends the run and keeps what is
-    finished; `recorder` sees every step. `on_frame` gets the frames of the first episode, (height,
-    width, 3), and how many of them make a second. With `complete` the episodes that `max_steps` cut
-    are afterwards played on to their ends on the noise model, for nothing. Where the player's
-    settings speculate, a job measures more than one decision of each (`deploy/ahead.py`); `on_note`
-    is told where that ends.
+    Episode i resets with the player's seed + i and draws from its own streams. All running episodes
+    step together; for circuits a step is one batch and one job. Ctrl-C ends the run and keeps
+    finished episodes; `recorder` sees every step, and `on_frame` gets the frames of the first
+    episode. With `complete`, episodes that `max_steps` cut are then completed on the noise model,
+    at no cost. If the player's settings speculate, a job measures more than one decision of each
+    episode (`deploy/ahead.py`); `on_note` is called if that ends early.
 
     Raises:
         CountsError: the number of episodes lies outside [1, MAX_EPISODES].
         EnvironmentMismatchError: the environment is unknown or does not fit the policy.
-        EnvironmentStepError: it fails in an episode, or gives what no policy can use.
+        EnvironmentStepError: it fails in an episode or returns unusable values.
         OptionError: the settings speculate, and the environment keeps running statistics.
     """
     numbers = range(1) if isinstance(episodes, int) else sorted(set(episodes))
     count = episodes if isinstance(episodes, int) else len(numbers)
     if not 1 <= count <= MAX_EPISODES or numbers[0] < 0:
         raise CountsError(
-            f"{count} episodes cannot be played.", f"Their number lies in [1, {MAX_EPISODES}]."
+            f"The number of episodes cannot be {count}.", f"It must lie in [1, {MAX_EPISODES}]."
         )
     if isinstance(episodes, int):
         numbers = range(episodes)
     environments = policy_environments(player.policy, len(numbers), film=on_frame is not None)
-    recorder, foresight = recorder or _Unrecorded(), None
+    recorder, foresight, camera = recorder or _Unrecorded(), None, None
     try:
+        if on_frame is not None:
+            camera = Camera(player, environments[0], numbers[0], on_frame)
         if player.settings.speculate != 1:
             foresight = _foresight(player, environments, recorder, on_note)
         return _play(
-            player, numbers, environments, foresight, recorder, on_episode, on_frame, complete
+            player, numbers, environments, foresight, recorder, on_episode, camera, complete
         )
     finally:
         close_environments(environments)
@@ -133,7 +135,7 @@ def _foresight(
     recorder: Recorder,
     on_note: Callable[[str], None],
 ) -> Foresight:
-    """What the player's episodes in these environments are run ahead with.
+    """The foresight for the player's episodes in these environments.
 
     Raises:
         OptionError: the environment keeps running statistics.
@@ -144,7 +146,7 @@ def _foresight(
     except EnvironmentMismatchError:
         scouts = []
         name = environment_name(environments[0])
-        on_note(f"{name} cannot be made twice: its steps are not measured ahead")
+        on_note(f"{name} cannot be created twice: its steps are not measured ahead")
     depth = Depth(player.settings.speculate)
 
     def next_depth(living: IntArray) -> int:
@@ -162,15 +164,21 @@ def _play(
     foresight: Foresight | None,
     recorder: Recorder,
     on_episode: Callable[[Episode], None],
-    on_frame: Callable[[Frame, float], None] | None,
+    camera: Camera | None,
     complete: bool,
 ) -> Run:
     result = Run(player, reward_threshold(environments[0]))
     steppers: list[Stepper] = []
+    taken = player.act if camera is None else camera.act
+
+    def begin(begun: Sequence[Stepper]) -> None:
+        steppers.extend(begun)
+        if camera is not None:
+            camera.follow(begun[0])
 
     def act(observations: FloatArray, rows: Rows) -> IntArray:
-        actions = player.act(observations, rows)
-        result.count_step(rows)  # as they were measured: a recorder may have changed their order
+        actions = taken(observations, rows)
+        result.count_step(rows)  # in measured order: a recorder may have changed it
         return actions
 
     def note(episode: Episode) -> None:
@@ -187,14 +195,13 @@ def _play(
             hold=player.policy.hold,
             episodes=episodes,
             max_steps=player.settings.max_steps,
-            on_begin=steppers.extend,
+            on_begin=begin,
             on_rewards=recorder.rewards,
             on_episode=note,
-            on_frame=on_frame,
         )
     except KeyboardInterrupt:
         result.interrupted = True
-    if foresight is None:  # all that was measured counts, and what Ctrl-C kept from being taken
+    if foresight is None:  # every measured row counts, even if Ctrl-C came before its step
         result.decisions = result.measured_rows
     else:
         hold = player.policy.hold

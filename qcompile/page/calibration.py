@@ -26,6 +26,9 @@ from qcompile.report.tables import plural
 
 _PACKAGES = ("numpy", "scipy", "cvxpy", "qiskit", "qiskit-aer", "qiskit-ibm-runtime")
 
+_WARM = 0.1
+"""A readout error of that much has the full colour."""
+
 
 def calibration_document(
     calibration: Calibration,
@@ -106,19 +109,18 @@ def _figure(calibration: Calibration, draw: Callable[[AnyStyle], Figure]) -> Pic
 
 
 def _qubits(calibration: Calibration, values: Mapping[str, Any]) -> Iterator[Block]:
-    columns, rows = calibration_table(dict(values))
+    table = calibration_table(dict(values))
     bad = {misfit["qubit"] for misfit in values["calibration_misfits"]}
     marked = frozenset(i for i, qubit in enumerate(calibration.qubits) if qubit in bad)
     note = "Rows of a bad fit are marked." if marked else ""
     errors = _readout_errors(values)
     if errors:
-        worst = max(errors) or 1.0
         tiles = [
-            Tile(qubit, f"{100 * error:.2f} %", error / worst, "bad fit" * (qubit in bad))
+            Tile(qubit, f"{100 * error:.2f} %", min(error / _WARM, 1.0), "bad fit" * (qubit in bad))
             for qubit, error in sorted(zip(calibration.qubits, errors, strict=True))
         ]
         yield Qubits("Readout error of each qubit", tiles, "The mean of p10 and p01.")
-    yield Table("Fits of each qubit", columns, rows, note, marked)
+    yield Table("Fits of each qubit", table.header, table.words, note, marked)
 
 
 def _check(values: Mapping[str, Any]) -> Iterator[Block]:

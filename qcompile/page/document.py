@@ -1,7 +1,6 @@
 """What a report says, before it is laid out: a headline, and sections of blocks.
 
-Every text is plain; `render` escapes it. Markup is made by `qcompile.page.svg` and
-`qcompile.page.film` alone.
+Every text is plain; `render` escapes it, and makes figures and films parts of the page.
 """
 
 from __future__ import annotations
@@ -11,8 +10,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar
-
-from markupsafe import Markup
 
 from qcompile.report.figure import Figure
 from qcompile.report.style import AnyStyle
@@ -63,14 +60,16 @@ class Table:
 class Picture:
     """A figure; `label` is its name, `text` says what it shows in words.
 
-    `wide` and `narrow` are the texts of its `<svg>` for a screen and for a phone.
+    `svg` is the text of its `<svg>`, `narrow` that of another for a phone, if there is one. A
+    screen reader reads `spoken`, by default `text`.
     """
 
     kind: ClassVar[str] = "picture"
     label: str
-    wide: str
-    narrow: str
+    svg: str
+    narrow: str = ""
     text: str = ""
+    spoken: str = ""
 
     @classmethod
     def of(cls, label: str, draw: Callable[[AnyStyle], Figure], text: str = "") -> Picture:
@@ -114,14 +113,14 @@ class Qubits:
 
 @dataclass(frozen=True)
 class Film:
-    """A film within the page; `source` and `poster` are data URIs, `media` its media type."""
+    """A film of the type `media`, "video/mp4" or the like; `poster` is a still as a PNG file."""
 
     kind: ClassVar[str] = "film"
     label: str
     media: str
-    source: Markup
-    poster: Markup
-    text: str = ""
+    data: bytes
+    poster: bytes
+    text: str
 
 
 @dataclass(frozen=True)

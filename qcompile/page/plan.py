@@ -11,14 +11,13 @@ from qcompile.page.circuits import Compiled, circuits_section, placement_section
 from qcompile.page.document import Block, Code, Document, Facts, Picture, Score, Section, Table
 from qcompile.report.figure import Figure
 from qcompile.report.style import AnyStyle
+from qcompile.report.table import Table as Rows
 from qcompile.report.tables import plural
-
-Columns = tuple[list[str], list[list[str]]]
 
 
 def plan_document(
     values: Mapping[str, Any],
-    table: Columns,
+    table: Rows,
     draw: Callable[[AnyStyle], Figure],
     compiled: Compiled | None = None,
     *,
@@ -36,7 +35,7 @@ def plan_document(
     limit = f" within {values['within']:g} QPU seconds" if is_within else ""
     return Document(
         "plan",
-        f"{values['policy']} on {values['backend']}: what {episodes} cost{'s' * (values['episodes'] == 1)}",
+        f"{values['policy']} on {values['backend']}: the cost of {episodes}",
         f"{episodes}{limit}, forecast on a model of the machine before anything is sent.",
         _within_score(values) if is_within else _score(values),
         [*(_within_headline(values) if is_within else _headline(values))],
@@ -106,9 +105,9 @@ def _recommended(values: Mapping[str, Any], remark: str) -> Iterator[Block]:
 
 
 def _figure(
-    values: Mapping[str, Any], table: Columns, draw: Callable[[AnyStyle], Figure]
+    values: Mapping[str, Any], table: Rows, draw: Callable[[AnyStyle], Figure]
 ) -> Iterator[Block]:
-    columns, rows = table
+    columns, rows = table.header, table.words
     if "frontier" not in values:
         label = "QPU seconds of each way"
         ways = values["strategies"]
@@ -130,10 +129,11 @@ def _figure(
     )
     marked = frozenset(i for i, row in enumerate(rows) if any(cell.endswith(" *") for cell in row))
     note = (
-        "ahead: decisions of an episode in a job, at most. At 4 sub-jobs: should IBM count a job as "
-        f"four, which is not known. Rewards are of {values['judged_episodes']} whole episodes on a "
-        "model of the machine, more for what is recommended; kept is their share between random "
-        f"actions, {reward_text(values['random_reward'])}, and no noise, "
+        "ahead: decisions of an episode in a job, at most. at 4 sub-jobs: the seconds if IBM "
+        "counts a job as four, which is not known. mean reward: of "
+        f"{values['judged_episodes']} whole episodes on a model of the machine, more for what is "
+        "recommended. kept: its share between random actions, "
+        f"{reward_text(values['random_reward'])}, and no noise, "
         f"{reward_text(values['ideal_reward'])}."
     )
     yield Table("Settings of the frontier", columns, rows, note, marked)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+from base64 import b64encode
 from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
@@ -76,8 +77,13 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["inline"] = inline
+    environment.filters |= {"inline": inline, "uri": _uri}
     return environment
+
+
+def _uri(data: bytes, media: str) -> Markup:
+    """A file within the page."""
+    return Markup(f"data:{media};base64,{b64encode(data).decode()}")
 
 
 def _public(value: Any) -> Any:

@@ -17,6 +17,7 @@ from qcompile.page.document import (
     Section,
     Table,
 )
+from qcompile.report.clip import Clip
 from qcompile.report.distribution import Sample, draw_distributions
 from qcompile.report.figure import Figure
 from qcompile.report.style import AnyStyle
@@ -32,14 +33,14 @@ def run_document(
     summary: Mapping[str, Any],
     draw: Callable[[AnyStyle], Figure],
     compiled: Compiled | None = None,
-    film: Film | None = None,
+    clip: Clip | None = None,
     *,
     warnings: Sequence[str] = (),
     command: str = "",
 ) -> Document:
     """The report of a run: `summary` is the document of `qcompile run --json`.
 
-    `draw` draws its rewards; `compiled` is what was played.
+    `draw` draws its rewards; `compiled` is what was played, `clip` the film of its first episode.
     """
     episodes = summary["episodes"]
     played = [] if compiled is None else [compiled]
@@ -55,7 +56,7 @@ def run_document(
         _score(summary),
         [*_headline(summary)],
         [
-            Section("Film", [] if film is None else [film]),
+            Section("Film", [] if clip is None else [_film(clip, summary)]),
             Section("Episodes", [*_episodes(summary, draw)]),
             circuits_section(played),
             placement_section(played),
@@ -66,6 +67,14 @@ def run_document(
         _PACKAGES,
         command=command,
     )
+
+
+def _film(clip: Clip, summary: Mapping[str, Any]) -> Film:
+    words = f"{summary['policy']} on {summary['backend']}: the environment"
+    if summary["circuits_per_step"]:
+        words += ", the <Z> of its circuits as measured and without noise"
+    words += ", the probabilities of the actions, and the reward so far"
+    return Film("The first episode", clip.media_type, clip.data, clip.poster, f"{words}.")
 
 
 def _score(summary: Mapping[str, Any]) -> Score | None:

@@ -23,6 +23,7 @@ _PRIVATE = ("--account", "--instance", "--address")
 _UNSEEN = ("account", "instance", "address", "live", "progress", "on_note", "callback")
 """Arguments in Python that are not shown."""
 _HIDDEN = "..."
+_LETTERS = 80
 
 
 def without_folders(text: str) -> str:
@@ -36,7 +37,10 @@ def public(text: str) -> str:
 
 
 def command_line(words: Sequence[str]) -> str:
-    """The command `qcompile` with these words, as it is typed, without what is private."""
+    """The command `qcompile` with these words, as it is typed, without what is private.
+
+    A long one has a line for each option.
+    """
     shown, hides = ["qcompile"], False
     for word in words:
         option, is_joined, _ = word.partition("=")
@@ -47,7 +51,8 @@ def command_line(words: Sequence[str]) -> str:
         else:
             shown.append(public(word))
         hides = not hides and word in _PRIVATE
-    return shlex.join(shown)
+    line = shlex.join(shown)
+    return line if len(line) <= _LETTERS else re.sub(r" (?=--\w)", " \\\n  ", line)
 
 
 def call(verb: str, arguments: Mapping[str, Any]) -> str:
@@ -55,7 +60,7 @@ def call(verb: str, arguments: Mapping[str, Any]) -> str:
     said = {name: value for name, value in arguments.items() if name not in _UNSEEN}
     words = [f"{name}={_value(value)}" for name, value in said.items()]
     line = f"qcompile.{verb}({', '.join(words)})"
-    if len(line) <= 80:
+    if len(line) <= _LETTERS:
         return line
     return f"qcompile.{verb}(\n" + "".join(f"    {word},\n" for word in words) + ")"
 

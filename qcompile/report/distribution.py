@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from qcompile.arrays import FloatArray
 from qcompile.report.figure import Figure, literal
 from qcompile.report.legend import labelled, legend_below
 from qcompile.report.style import AnyStyle, Style
@@ -58,22 +59,18 @@ def draw_distributions(
                 axes.vlines(
                     sample.rewards, base - 0.09, base, color=colour, linewidth=0.8, label="episode"
                 )
-            mean, middle = float(np.mean(sample.rewards)), base - 0.17
+            mean, middle = float(np.mean(sample.rewards)), base - 0.16
             axes.plot([mean], [middle], "D", color=line, markersize=3.5, label="mean", linestyle="")
             if sample.ci95 is not None:
-                axes.hlines(
-                    middle,
-                    *sample.ci95,
-                    color=line,
-                    linewidth=1.2,
-                    label="95 % interval of the mean",
-                )
+                low, high = sample.ci95
+                words = "95 % interval of the mean"
+                axes.hlines(middle, low, high, color=line, linewidth=1.2, label=words)
             if len(samples) > 1:
                 axes.annotate(
-                    literal(sample.label), (0, base + 0.6), xycoords=("axes fraction", "data"),
+                    literal(sample.label), (0, base + 0.67), xycoords=("axes fraction", "data"),
                     va="center", fontsize="small",
                 )  # fmt: skip
-        axes.set_ylim(-len(samples) + 0.72, 0.72)
+        axes.set_ylim(-len(samples) + 0.76, 0.8)
         axes.set_yticks([])
         axes.spines["left"].set_visible(False)
         axes.set_xlabel("reward of an episode")
@@ -83,13 +80,11 @@ def draw_distributions(
     return Figure(drawing, look)
 
 
-def _edges(
-    rewards: np.ndarray[tuple[int, ...], np.dtype[np.float64]],
-) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+def _edges(rewards: FloatArray) -> FloatArray:
     """The edges of bins that hold all of the rewards."""
     low, high = float(rewards.min()), float(rewards.max())
     if low == high:
-        low, high = low - 0.5, high + 0.5
+        return low + np.array([-0.5, -0.1, 0.1, 0.5])
     least, most = _BINS
     automatic = len(np.histogram_bin_edges(rewards, "auto")) - 1
     return np.linspace(low, high, min(max(automatic, least), most) + 1)

@@ -1,44 +1,104 @@
-"""Films of episodes."""
+"""Films of episodes: pictures in, a file out."""
 
 from __future__ import annotations
 
+import subprocess
+from contextlib import suppress
+from fractions import Fraction
+from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import TracebackType
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from qcompile.errors import EnvironmentStepError, MissingExtraError
+from qcompile.errors import MissingExtraError, OptionError, OutputError
 from qcompile.output import check_writable, write_file
+from qcompile.report.clip import Clip
+from qcompile.report.lettering import Picture
+from qcompile.terminal import first_line
 
-SUFFIXES = (".mp4", ".gif")
-_GIF_EVERY, _GIF_SHRINK = 2, 2
-"""A GIF keeps every second frame at half the size, for a page; thin lines become paler, not cut."""
+
+class _Format(NamedTuple):
+    """How films of a suffix are encoded: by which encoder of ffmpeg, with which of its options."""
+
+    media_type: str
+    encoder: str
+    options: tuple[str, ...]
+    most_rate: float = np.inf
+    """Frames in a second that its players show."""
+
+
+_BT709 = (
+    *("-vf", "scale=out_color_matrix=bt709", "-pix_fmt", "yuv420p"),
+    *("-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709"),
+)
+"""Pixels that every player shows, and the colours they stand for."""
+_FORMATS = {
+    ".mp4": _Format(
+        "video/mp4",
+        "libx264",
+        (*_BT709, "-preset", "veryfast", "-crf", "20", "-movflags", "+faststart"),
+    ),
+    # The palette of a GIF is known when all frames are: until then they are kept without loss.
+    ".gif": _Format("image/gif", "libx264rgb", ("-preset", "ultrafast", "-qp", "0"), 30),
+    ".webm": _Format(
+        "video/webm",
+        "libvpx-vp9",
+        (
+            *_BT709,
+            *("-deadline", "realtime", "-cpu-used", "6", "-row-mt", "1"),
+            *("-crf", "28", "-b:v", "0"),
+        ),
+    ),
+}
+_LAST_FRAME_CS = 150
+"""Hundredths of a second that a GIF shows its last frame before it begins again."""
+
+
+def check_suffix(path: Path) -> None:
+    """Nothing, if films can have this suffix.
+
+    Raises:
+        OptionError: they cannot.
+    """
+    if path.suffix not in _FORMATS:
+        *most, last = _FORMATS
+        raise OptionError(f"{path} must end with {', '.join(most)} or {last}.")
 
 
 class Film:
-    """A film that is encoded while it is taken, and appears at `path` whole or not at all.
+    """A film that is encoded while it is taken; at its end it is at `path`, whole, and a `clip`.
+
+    Without a path it is an MP4 and a `clip` alone. A block that raises leaves neither.
 
     Raises:
-        OutputError: there can be no file at `path`; found before anything is filmed.
+        OptionError: its suffix is not that of a film.
+        OutputError: there can be no file at `path`, or ffmpeg cannot encode it; found before
+            anything is filmed.
         MissingExtraError: the packages that encode are not installed.
     """
 
-    def __init__(self, path: Path):
-        check_writable(path)
-        try:
-            import imageio_ffmpeg  # noqa: F401
-            from imageio import v2
-        except ImportError as error:
-            raise MissingExtraError("A film", "video") from error
-        self._imageio, self._path = v2, path
+    def __init__(self, path: Path | None = None):
+        self._path, suffix = path, ".mp4"
+        if path is not None:
+            check_suffix(path)
+            check_writable(path)
+            suffix = path.suffix
+        self._format = _FORMATS[suffix]
+        self._ffmpeg = _ffmpeg_with(self._format.encoder, suffix)
         self._folder = TemporaryDirectory(prefix="qcompile-film-")
-        self._draft = Path(self._folder.name) / f"film{path.suffix}"
-        self._writer: Any = None
-        self._shape: tuple[int, ...] | None = None
+        folder = Path(self._folder.name)
+        self._said = folder / "said"
+        self._draft = folder / ("draft.mkv" if suffix == ".gif" else f"draft{suffix}")
+        self._process: subprocess.Popen[bytes] | None = None
+        self._every, self._rate = 1, 1.0
+        self._last: Picture | None = None
+        """The last picture, where it is not in the film yet."""
+        self._stills: list[tuple[int, Picture]] = []
         self.frames = 0
+        self.clip: Clip | None = None
 
     def __enter__(self) -> Film:
         return self
@@ -47,50 +107,145 @@ class Film:
         self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
     ) -> None:
         try:
-            if self._writer is not None:
-                self._writer.close()
-                if not self._draft.exists():  # Ctrl-C came within the first frame
-                    self.frames = 0
-                elif kind is None:
-                    write_file(self._path, self._draft.read_bytes())
+            if kind is None and self.frames:
+                self._finish()
         finally:
+            self._end()
             self._folder.cleanup()
 
-    def add(self, frame: NDArray[np.uint8], frames_per_second: float) -> None:
-        """Take one RGB frame (height, width, 3).
+    def _end(self) -> None:
+        """Leave no process behind."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+            if self._process.stdin is not None:
+                with suppress(OSError):  # what was not written yet finds no reader
+                    self._process.stdin.close()
+
+    def add(self, picture: Picture, rate: float) -> None:
+        """Take the next frame, (height, width, 3), both even; `rate` of them make a second.
+
+        All have the size and the rate of the first.
 
         Raises:
-            EnvironmentStepError: its size is not that of the first one, which .mp4 does not allow.
+            OutputError: it cannot be encoded.
         """
-        gif = self._path.suffix == ".gif"
-        self._shape = self._shape or frame.shape
-        if not gif and frame.shape != self._shape:
-            raise EnvironmentStepError(
-                f"The frames of the film change their size: {self._shape[:2]}, then "
-                f"{frame.shape[:2]}.",
-                "Film it as a .gif, or run without --video.",
+        if self._process is None:
+            self._begin(picture, rate)
+        self._last = picture
+        if self.frames % self._every == 0:
+            self._write()
+        self.frames += 1  # Ctrl-C within a frame: it is not there
+        if self.frames & (self.frames - 1) == 0:
+            self._stills = [*self._stills[-1:], (self.frames, picture)]
+
+    def _begin(self, picture: Picture, rate: float) -> None:
+        height, width = picture.shape[:2]
+        self._every = -int(-rate // self._format.most_rate) if rate > self._format.most_rate else 1
+        self._rate = rate
+        shown = str(Fraction(rate / self._every).limit_denominator(100_000))
+        words = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", shown]
+        words += ["-i", "-", "-an", "-c:v", self._format.encoder, *self._format.options]
+        with self._said.open("wb") as said:
+            self._process = subprocess.Popen(
+                [*self._ffmpeg, *words, str(self._draft)],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.DEVNULL,
+                stderr=said,
+                start_new_session=True,  # Ctrl-C is ours: what was filmed until then is kept
             )
-        if self._writer is None:
-            options: dict[str, Any] = (
-                {"duration": 1000 * _GIF_EVERY / frames_per_second, "loop": 0}
-                if gif
-                else {"fps": frames_per_second, "macro_block_size": 1}
+
+    def _write(self) -> None:
+        assert self._process is not None
+        assert self._process.stdin is not None
+        assert self._last is not None
+        picture, self._last = self._last, None
+        try:
+            self._process.stdin.write(np.ascontiguousarray(picture).data)
+        except OSError as error:
+            raise self._failed() from error
+
+    def _failed(self) -> OutputError:
+        said = self._said.read_bytes().decode(errors="replace")
+        return OutputError("The film cannot be encoded.", first_line(said) or "ffmpeg failed.")
+
+    def _finish(self) -> None:
+        """End the draft, make a GIF of it if it is to be one, and put it in its place."""
+        assert self._process is not None
+        assert self._process.stdin is not None
+        if self._last is not None:
+            self._write()
+        try:
+            self._process.stdin.close()
+        except OSError as error:
+            raise self._failed() from error
+        if self._process.wait() or not self._draft.exists():
+            raise self._failed()
+        if self._format is _FORMATS[".gif"]:
+            self._draft = self._gif(self._draft)
+        data = self._draft.read_bytes()
+        if self._path is not None:
+            write_file(self._path, data)
+        self.clip = Clip.of(data, self._format.media_type, self._still(), self.frames, self._rate)
+
+    def _gif(self, draft: Path) -> Path:
+        """The draft as a GIF with one palette, made for all of its frames."""
+        palette, gif = draft.with_name("palette.png"), draft.with_name("draft.gif")
+        use = "paletteuse=dither=none:diff_mode=rectangle"
+        last = ("-loop", "0", "-final_delay", str(_LAST_FRAME_CS))
+        self._run("-i", draft, "-vf", "palettegen", palette)
+        self._run("-i", draft, "-i", palette, "-lavfi", use, *last, gif)
+        return gif
+
+    def _run(self, *words: str | Path) -> None:
+        with self._said.open("wb") as said:
+            self._process = subprocess.Popen(
+                [*self._ffmpeg, *map(str, words)],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=said,
+                start_new_session=True,
             )
-            self._writer = self._imageio.get_writer(self._draft, **options)
-        if not gif:
-            height, width = (size - size % 2 for size in frame.shape[:2])  # H.264 takes even sizes
-            self._writer.append_data(frame[:height, :width])
-        elif self.frames % _GIF_EVERY == 0:
-            self._writer.append_data(_shrunk(frame))
-        self.frames += 1
+        if self._process.wait():
+            raise self._failed()
+
+    def _still(self) -> Picture:
+        """A picture from the middle: of those whose number is a power of two, one that is there."""
+        return next(
+            (still for number, still in reversed(self._stills) if 3 * number <= 2 * self.frames),
+            self._stills[0][1],
+        )
 
 
-def _shrunk(frame: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """A frame whose pixels are the means of squares; at odd edges the last row or column again."""
-    height, width = (size + -size % _GIF_SHRINK for size in frame.shape[:2])
-    padded = np.pad(
-        frame, ((0, height - len(frame)), (0, width - frame.shape[1]), (0, 0)), mode="edge"
-    )
-    squares = padded.reshape(height // _GIF_SHRINK, _GIF_SHRINK, width // _GIF_SHRINK, -1, 3)
-    means: NDArray[np.float64] = squares.mean(axis=(1, 3))
-    return np.rint(means).astype(np.uint8)
+def _ffmpeg_with(encoder: str, suffix: str) -> list[str]:
+    """The command of an ffmpeg that has this encoder.
+
+    Raises:
+        MissingExtraError: there is no ffmpeg.
+        OutputError: it has no such encoder.
+    """
+    try:
+        import imageio_ffmpeg
+        import PIL  # noqa: F401
+
+        program = imageio_ffmpeg.get_ffmpeg_exe()
+    except (ImportError, RuntimeError) as error:
+        raise MissingExtraError("A film", "video") from error
+    if encoder not in _encoders(program):
+        raise OutputError(
+            f"A film that ends with {suffix} cannot be encoded: {program} has no {encoder}.",
+            "Choose another suffix, or unset IMAGEIO_FFMPEG_EXE.",
+        )
+    return [program, "-v", "error", "-nostdin", "-y"]
+
+
+@lru_cache
+def _encoders(program: str) -> frozenset[str]:
+    """The names of the encoders of an ffmpeg; none where it does not run."""
+    words = [program, "-hide_banner", "-encoders"]
+    try:
+        listed = subprocess.run(words, capture_output=True, check=True, stdin=subprocess.DEVNULL)
+    except (OSError, subprocess.SubprocessError):
+        return frozenset()
+    lines = (line.split() for line in listed.stdout.decode(errors="replace").splitlines())
+    return frozenset(words[1] for words in lines if len(words) > 1)

@@ -12,6 +12,7 @@ import pytest
 from gymnasium.spaces import Box, Discrete
 from gymnasium.wrappers import TimeLimit
 
+from qcompile.deploy.filming import Frame
 from qcompile.deploy.network import NetworkPlayer
 from qcompile.deploy.play import Recorder, play
 from qcompile.deploy.rows import Rows
@@ -22,9 +23,9 @@ Make = Callable[..., Any]
 
 
 class Ladder(gymnasium.Env[Any, Any]):
-    """Step k, from 0, pays 10^k: a sum of rewards says of which steps. Ends after so many.
+    """Step k, from 0, pays 10^k, so that a sum shows its steps. Ends after `ends` steps.
 
-    With `seeded` it ends after as many as the seed says. It observes the steps taken.
+    With `seeded` the seed is the number of steps. It observes the steps taken.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 25}  # noqa: RUF012
@@ -115,7 +116,7 @@ def test_a_step_of_a_hold_is_seen_by_itself() -> None:
 
 
 class Kept(Recorder):
-    """What a recorder is told of."""
+    """Records the calls of a recorder."""
 
     def __init__(self) -> None:
         self.rows: list[tuple[list[int], list[int]]] = []
@@ -153,7 +154,7 @@ def test_decisions_and_environment_steps_by_hand(stubborn: Make, deploy: Make) -
 def test_cut_episodes_are_those_that_the_environment_had_not_ended(
     stubborn: Make, deploy: Make, most: int
 ) -> None:
-    """Episodes of 1, 2, 3 and 4 steps: that of just `max_steps` ends by itself."""
+    """Episodes of 1, 2, 3 and 4 steps: the one of exactly `max_steps` ends on its own."""
     policy = replace(stubborn("Ladder-v0", 1, 2), hold=3)
     result = play(deploy(policy, seed=1, max_steps=most), 4)
     assert result.cut_episodes == 4 - most
@@ -168,21 +169,18 @@ def test_every_frame_of_a_hold_is_shown(stubborn: Make, deploy: Make, depth: int
     Measured ahead as well: what a scout sees is not filmed.
     """
     policy = replace(stubborn("Ladder-v0", 1, 2), hold=3)
-    frames: list[tuple[int, float]] = []
-
-    def film(frame: np.ndarray, fps: float) -> None:
-        frames.append((int(frame[0, 0, 0]), fps))
-
-    play(deploy(policy, shots=10, seed=5, speculate=depth), 2, on_frame=film)
-    assert frames == [(step, 25.0) for step in (1, 2, 3, 4, 5)]
+    frames: list[Frame] = []
+    play(deploy(policy, shots=10, seed=5, speculate=depth), 2, on_frame=frames.append)
+    assert [int(frame.picture[0, 0, 0]) for frame in frames] == [1, 2, 3, 4, 5]
+    assert [frame.decision.number for frame in frames] == [0, 0, 0, 1, 1]
+    assert {frame.rate for frame in frames} == {25.0}
 
 
 def test_a_cut_film_ends_with_the_cut(stubborn: Make, deploy: Make) -> None:
     policy = replace(stubborn("Ladder-v0", 1, 2), hold=3)
-    frames: list[int] = []
-    playing = deploy(policy, seed=6, max_steps=4)
-    run = play(playing, 1, complete=True, on_frame=lambda frame, fps: frames.append(frame[0, 0, 0]))
-    assert frames == [1, 2, 3, 4]
+    frames: list[Frame] = []
+    run = play(deploy(policy, seed=6, max_steps=4), 1, complete=True, on_frame=frames.append)
+    assert [int(frame.picture[0, 0, 0]) for frame in frames] == [1, 2, 3, 4]
     assert run.completed is not None
 
 

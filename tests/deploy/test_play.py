@@ -1,4 +1,4 @@
-"""Playing: episodes against stepping by hand, repeatability, and what is refused."""
+"""Playing: episodes against stepping by hand, repeatability, and refusals."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import gymnasium
 import numpy as np
 import pytest
 
+from qcompile.deploy.filming import Frame
 from qcompile.deploy.play import MAX_EPISODES, Episode, play
 from qcompile.device import load_device
 from qcompile.errors import CalibrationError, CountsError, EnvironmentMismatchError
@@ -30,7 +31,7 @@ def by_hand(observation: np.ndarray) -> int:
 
 
 def test_episodes_are_those_stepped_by_hand(cartpole: Make, deploy: Make) -> None:
-    """Episode i resets with seed + i; the actions come from a formula of their own."""
+    """Episode i resets with seed + i; the expected actions come from a formula."""
     result = play(deploy(cartpole(), greedy=True, seed=40), 5)
     expected = []
     for seed in range(40, 45):
@@ -173,7 +174,7 @@ def test_a_policy_may_read_fewer_features_than_there_are(stubborn: Make, deploy:
 
 @pytest.mark.parametrize("episodes", [0, -1, MAX_EPISODES + 1])
 def test_the_number_of_episodes_has_limits(episodes: int, cartpole: Make, deploy: Make) -> None:
-    with pytest.raises(CountsError, match=f"{episodes} episodes cannot be played"):
+    with pytest.raises(CountsError, match=f"number of episodes cannot be {episodes}"):
         play(deploy(cartpole()), episodes)
 
 
@@ -189,17 +190,12 @@ def test_settings_of_a_deployment_are_checked(cartpole: Make, deploy: Make) -> N
 def test_the_first_episode_is_filmed(stubborn: Make, deploy: Make) -> None:
     """A frame for every step of the first episode, which ends soon."""
     pytest.importorskip("pygame")
-    frames: list[np.ndarray] = []
-    rates: set[float] = set()
-
-    def take(frame: np.ndarray, frames_per_second: float) -> None:
-        frames.append(frame)
-        rates.add(frames_per_second)
-
-    result = play(deploy(stubborn("CartPole-v1", 4, 2)), 2, on_frame=take)
-    assert len(frames) == result.episodes[0].length
-    assert all(frame.shape[2] == 3 and frame.dtype == np.uint8 for frame in frames)
-    assert rates == {50.0}  # CartPole's render_fps
+    frames: list[Frame] = []
+    result = play(deploy(stubborn("CartPole-v1", 4, 2)), 2, on_frame=frames.append)
+    assert [frame.step for frame in frames] == list(range(1, result.episodes[0].length + 1))
+    assert {frame.picture.shape for frame in frames} == {(400, 600, 3)}
+    assert {frame.rate for frame in frames} == {50.0}  # CartPole's render_fps
+    assert frames[-1].reward == result.episodes[0].reward
 
 
 def test_exact_shots_are_calibrated_exactly(cartpole: Make, deploy: Make) -> None:
@@ -223,7 +219,7 @@ def test_an_environment_that_names_a_module_imports_nothing(
 ) -> None:
     (tmp_path / "trojan_horse.py").write_text("raise SystemExit('imported')")
     monkeypatch.syspath_prepend(tmp_path)
-    with pytest.raises(EnvironmentMismatchError, match="names a module to import"):
+    with pytest.raises(EnvironmentMismatchError, match="would import a module"):
         play(deploy(stubborn("trojan_horse:CartPole-v1", 4, 2)), 1)
     assert "trojan_horse" not in sys.modules
     with pytest.raises(SystemExit, match="imported"):

@@ -54,7 +54,7 @@ CASES = (
     "run tiny.json --predistort --mitigation readout",
     "run tiny.json --calibration lima.json",
     "run tiny.json --calibration lima.json --mitigation none --backend fake_lima",
-    Command(f"{SHORT} --video a.gif", "without imageio", without("imageio")),
+    Command(f"{SHORT} --video a.gif", "without imageio-ffmpeg", without("imageio_ffmpeg")),
     Command(
         "run tiny.json --episodes 3 --shots exact --greedy",
         "Ctrl-C after the first episode",

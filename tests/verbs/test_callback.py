@@ -74,7 +74,7 @@ def test_false_ends_the_training_after_the_update(no: object) -> None:
     assert (training.stopped, training.interrupted) == (True, False)
     assert len(training.episodes) == 3
     assert len(told) == 6
-    assert training.table[1][0][-1] == "stopped"
+    assert training.table().words[0][-1] == "stopped"
     short = qcompile.train("CartPole-v1", preset="paper", episodes=3).policy
     assert short is not None
     np.testing.assert_array_equal(qcompile.load_policy("p.pt").weights, short.weights)
