@@ -67,6 +67,21 @@ _PLAIN = (
 )
 
 
+def without_annotations(words: str) -> str:
+    """`Annotated[X, ...]` as X, at every depth: the checks of a value are in its docstring."""
+    before, mark, after = words.partition("Annotated[")
+    if not mark:
+        return words
+    depth, first_end = 1, None
+    for i, letter in enumerate(after):
+        depth += (letter in "([") - (letter in ")]")
+        if depth == 1 and letter == "," and first_end is None:
+            first_end = i
+        if depth == 0:
+            return without_annotations(before + after[:first_end] + after[i + 1 :])
+    return words
+
+
 def plain_signature(
     app: object, what: str, name: str, obj: object, options: object, signature: str, result: str
 ) -> tuple[str, str]:
@@ -74,7 +89,15 @@ def plain_signature(
     for pattern, words in _PLAIN:
         signature = pattern.sub(words, signature) if signature else signature
         result = pattern.sub(words, result) if result else result
-    return signature, result
+    return signature and without_annotations(signature), result
+
+
+def starts_with_prose(
+    app: object, what: str, name: str, obj: object, options: object, lines: list[str]
+) -> None:
+    """Napoleon would take the words before a colon for the type of an attribute."""
+    if what in ("attribute", "data", "property"):
+        lines.insert(0, "")
 
 
 def without_checks(app: object, domain: str, kind: str, content: Any) -> None:
@@ -86,4 +109,5 @@ def without_checks(app: object, domain: str, kind: str, content: Any) -> None:
 
 def setup(app: Any) -> None:
     app.connect("autodoc-process-signature", plain_signature)
+    app.connect("autodoc-process-docstring", starts_with_prose, priority=400)
     app.connect("object-description-transform", without_checks)
