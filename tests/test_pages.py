@@ -7,8 +7,12 @@ import subprocess
 import sys
 from html.parser import HTMLParser
 from pathlib import Path
+from urllib.parse import unquote
 
+import click
 import pytest
+
+from qcompile.cli.group import cli
 
 CHECKOUT = Path(__file__).parents[1]
 HTML = set(
@@ -20,6 +24,42 @@ HTML = set(
         span strong style sub summary sup table tbody td th thead title tr u ul video""",
     )
 )
+
+
+class Links(HTMLParser):
+    """Collects where a page links to, and the places in it that can be linked."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.targets: set[str] = set()
+        self.places: set[str] = set()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        values = dict(attrs)
+        self.targets |= {values[name] or "" for name in ("href", "src") if name in values}
+        if "id" in values:
+            self.places.add(values["id"] or "")
+
+
+def broken_links(pages: dict[Path, str]) -> set[tuple[str, str]]:
+    """Links, images and anchors of these pages that lead nowhere: (page, target)."""
+    read = {}
+    for path, html in pages.items():
+        read[path.resolve()] = links = Links()
+        links.feed(html)
+    broken = set()
+    for path, links in read.items():
+        for target in links.targets:
+            place, _, anchor = unquote(target).partition("#")
+            if re.match(r"\w+:", place):
+                continue  # of another site, or data in the page
+            file = (path.parent / place.partition("?")[0]).resolve() if place else path
+            there = file.is_file() and (
+                not anchor or file not in read or anchor in read[file].places
+            )
+            if not there:
+                broken.add((path.name, target))
+    return broken
 
 
 class Tags(HTMLParser):
@@ -59,6 +99,41 @@ def test_no_page_loses_words_in_an_unknown_tag(site: Path) -> None:
     assert len(pages) > 15
     lost = {str(page.relative_to(site)): unknown_tags(page.read_text()) for page in pages}
     assert not {page: tags for page, tags in lost.items() if tags}
+
+
+def test_every_link_image_and_anchor_leads_somewhere(site: Path) -> None:
+    pages = {page: page.read_text() for page in site.rglob("*.html")}
+    assert not broken_links(pages)
+
+
+def test_broken_links_would_be_noticed(tmp_path: Path) -> None:
+    html = '<a href="b.html">b</a><a href="#far">c</a><img src="d.png"><p id="near"></p>'
+    right = '<a href="#near">e</a><a href="https://example.org/x">f</a>'
+    (tmp_path / "a.html").write_text(html + right)
+    found = broken_links({tmp_path / "a.html": html + right})
+    assert found == {("a.html", "b.html"), ("a.html", "#far"), ("a.html", "d.png")}
+
+
+def test_the_python_reference_has_the_public_names_with_types(site: Path) -> None:
+    import qcompile
+
+    html = (site / "reference/python.html").read_text()
+    missing = {name for name in qcompile.__all__ if f'id="qcompile.{name}"' not in html}
+    assert not missing
+    shown = re.sub("<[^>]+>", "", html)
+    assert "episodes: int" in shown
+    assert not re.findall(r'id="qcompile\.[\w.]*\._[a-z]\w*"', html), "internals"
+
+
+def test_the_commands_page_has_every_command_and_option(site: Path) -> None:
+    html = (site / "reference/commands.html").read_text()
+    shown = re.sub("<[^>]+>", "", html)
+    context = click.Context(cli)
+    for name in cli.list_commands(context):
+        command = cli.get_command(context, name)
+        assert command is not None
+        options = [o for p in command.params if isinstance(p, click.Option) for o in p.opts]
+        assert not [option for option in options if option not in shown], name
 
 
 def test_expectations_are_on_the_pages(site: Path) -> None:
