@@ -4,43 +4,38 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from page.conftest import hostile_policy
 
 import qcompile
 from qcompile.device import load_device
-from qcompile.ir import Circuit, Program
-from qcompile.page.circuits import Compiled, circuits_section, placement_section, shapes
-from qcompile.page.document import Code, Prose, Qubits
+from qcompile.page.circuits import Compiled, circuits_section, placement_section
+from qcompile.page.document import Heading, Picture, Prose, Qubits
+from qcompile.policy import Dense, Network
 
 
-@pytest.mark.parametrize(
-    ("circuits", "groups"),
-    [
-        (["h ry(x0)", "h ry(x1)", "h ry(2*x1+0.5)"], [[0, 1, 2]]),
-        (["h ry(x0)", "h rz(x0)", "h"], [[0], [1], [2]]),
-        (["ry(x0)", "ry(theta0)", "ry(0.5)"], [[0], [1], [2]]),
-        (["ry(x0) rz(x0)", "ry(x0) rz(x1)", "ry(x1) rz(x1)"], [[0, 2], [1]]),
-        (["rz(0.1)", "rz(0.2)"], [[0, 1]]),
-    ],
-)
-def test_circuits_of_one_shape_differ_by_numbers_and_names(
-    circuits: list[str], groups: list[list[int]]
-) -> None:
-    program = Program.of(map(Circuit.parse, circuits), inputs=2, parameters=1)
-    assert shapes(program) == groups
-
-
-def test_one_circuit_of_each_shape_is_shown() -> None:
-    policy = qcompile.load_policy("lunarlander")
-    section = circuits_section([Compiled(policy, load_device("ibm_lima"))])
-    prose, code, *_ = section.blocks
+def test_circuits_are_drawn_before_and_after() -> None:
+    policy, device = qcompile.load_policy("lunarlander"), load_device("ibm_lima")
+    prose, picture = circuits_section([Compiled(policy, device), Compiled(policy, device)]).blocks
     assert isinstance(prose, Prose)
-    assert prose.text.startswith("24 circuits of 1 shape, compiled to rz sx x at level 2")
-    assert isinstance(code, Code)
-    assert code.label == "Circuits 0 to 23, circuit 0 shown"
-    assert "ry(theta0)" in code.text
-    assert "ry(theta1)" not in code.text
+    assert prose.text.startswith("24 circuits, compiled to rz sx x at level 2: ")
+    assert isinstance(picture, Picture)
+    assert picture.svg.count("<rect") == 9, "h ry rz ry M, and sx rz sx M"
+    assert "circuit 0  |0>─ h ─ ry(x0) ─ rz(x0) ─ ry(theta0) ─ M" in picture.spoken
+    assert "24 circuits of its shape" in picture.spoken
+
+
+def test_policies_have_titles_and_networks_no_circuits() -> None:
+    policy = qcompile.load_policy("cartpole")
+    assert isinstance(policy, qcompile.Policy)
+    device = load_device("ibm_lima")
+    dense = Dense(np.ones((2, 4)), np.zeros(2))
+    network = Network("net", "CartPole-v1", [dense])
+    blocks = circuits_section([Compiled(policy, device), Compiled(network, device)]).blocks
+    assert [block.text for block in blocks if isinstance(block, Heading)] == ["cartpole", "net"]
+    assert isinstance(blocks[-1], Prose)
+    assert blocks[-1].text.startswith("A network: it has no circuits")
 
 
 def test_each_circuit_is_on_its_qubit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

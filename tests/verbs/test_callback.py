@@ -17,7 +17,7 @@ from qcompile.errors import OptionError, QcompileError
 PAPER: dict[str, Any] = {"preset": "paper", "episodes": 6}
 BLOCKS = re.findall(
     r"^```python\n(.*?)^```$",
-    (Path(__file__).parents[2] / "docs/training.md").read_text(),
+    (Path(__file__).parents[2] / "docs/howto/callbacks.md").read_text(),
     re.MULTILINE | re.DOTALL,
 )
 
@@ -136,7 +136,7 @@ def run_block(name: str, monkeypatch: pytest.MonkeyPatch) -> Any:
     (text,) = (block for block in BLOCKS if f"import {name}\n" in block)
     module = trackers()[name]
     monkeypatch.setitem(sys.modules, name, module)
-    exec(compile(text, "docs/training.md", "exec"), {"__name__": "__main__"})
+    exec(compile(text, "docs/howto/callbacks.md", "exec"), {"__name__": "__main__"})
     return module
 
 

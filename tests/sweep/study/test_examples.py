@@ -1,4 +1,4 @@
-"""The studies that are shown: that of docs/studies.md, and examples/study.toml, cut short."""
+"""The studies that are shown: that of docs/howto/studies.md, and examples/study.toml, cut short."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from qcompile.sweep.study.rows_file import _FigureTable, _File, _RowTable
 from qcompile.sweep.study.studies import open_study
 
 CHECKOUT = Path(__file__).parents[3]
-PAGE = (CHECKOUT / "docs" / "studies.md").read_text()
+PAGE = (CHECKOUT / "docs" / "howto" / "studies.md").read_text()
 (TOML,) = re.findall(r"^```toml\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
 
 
