@@ -14,7 +14,7 @@ run: $(VENV)/run.stamp  ## Land the trained LunarLander policy on ibm_lima's noi
 	$(BIN)/qcompile run lunarlander --backend ibm_lima --shots 8192 --episodes $(EPISODES)
 
 study: $(VENV)/run.stamp  ## Repeat the paper's training study into docs/ (hours; resumes where it stopped)
-	$(BIN)/qcompile study paper --out docs/study --page docs/reproduction.md
+	$(BIN)/qcompile study paper --out docs/study --page docs/background/reproduction.md
 
 test: $(VENV)/dev.stamp  ## Run the tests
 	$(BIN)/pytest -n 2
@@ -57,7 +57,7 @@ speculation: $(VENV)/dev.stamp  ## Hold runs that measure ahead to the law of th
 	$(BIN)/python -W ignore benchmarks/speculation.py
 
 docs: $(VENV)/docs.stamp  ## Build the documentation into site/
-	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	$(BIN)/sphinx-build --fail-on-warning --keep-going --quiet docs site
 	@echo "the documentation is in site/index.html"
 
 clean:  ## Remove what make made

@@ -1,4 +1,4 @@
-"""docs/environments.md does what it says: its module, its commands and its Python, as typed."""
+"""docs/howto/environments.md holds: its module, its commands and its Python, as typed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import pytest
 
 from qcompile.deploy import registration
 
-PAGE = (Path(__file__).parents[1] / "docs" / "environments.md").read_text()
+PAGE = (Path(__file__).parents[1] / "docs" / "howto" / "environments.md").read_text()
 BLOCKS = re.findall(r"^```(\w*)\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
 OWN = "--import corridor.py"
 

@@ -1,4 +1,4 @@
-"""Who imports whom, what is loaded when, and what is public."""
+"""Import directions, lazy loading, and the public names."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ ORDER = (
     {"cli"},
     {"__main__"},
 )
-"""docs/architecture.md: a room imports from itself and from the lines above its own."""
+"""docs/background/architecture.md: a room imports from itself and from the lines above its own."""
 
 LEVEL = {room: level for level, rooms in enumerate(ORDER) for room in rooms}
 
@@ -47,8 +47,14 @@ DOORS = {
         "qcompile.interop.qiskit.program_of",
         "qcompile.interop.pennylane.program_of",
         "qcompile.interop.openqasm.program_of",
+        "qcompile.report.drawing.Form",
+        "qcompile.report.drawing.draw_program",
     },
-    "passes/executable.py": {"qcompile.interop.qiskit.circuits_of"},
+    "passes/executable.py": {
+        "qcompile.interop.qiskit.circuits_of",
+        "qcompile.report.drawing.Form",
+        "qcompile.report.drawing.draw_executable",
+    },
     "calibration/calibration.py": {
         "qcompile.report.calibration.draw_calibration",
         "qcompile.report.calibration_values.calibration_html",
@@ -59,8 +65,8 @@ DOORS = {
         "qcompile.report.style.AnyStyle",
     },
 }
-"""The only imports that point upwards: Program.from_*, Executable.to_qiskit and Calibration.plot
-load, when they are called, the function of a higher room that does their work."""
+"""The only imports that point upwards: Program.from_*, Executable.to_qiskit, `draw` of both and
+Calibration.plot load, when they are called, the function of a higher room that does their work."""
 
 VERBS = ["run", "evaluate", "train", "calibrate", "validate", "plan", "study"]
 NAMES = [name for name in qcompile.__all__ if name not in (*VERBS, "Live")]
@@ -170,7 +176,7 @@ def test_help_of_a_command_loads_nothing_heavy(command: str) -> None:
     assert loaded_by(f"import qcompile.cli.{command}") == set()
 
 
-def test_the_measure_of_what_is_loaded_works() -> None:
+def test_measuring_loaded_modules_works() -> None:
     assert loaded_by("import openqasm3") == {"openqasm3"}
 
 
@@ -191,7 +197,7 @@ BENCHMARKS = sorted((PACKAGE.parent / "benchmarks").glob("*.py"))
 
 
 @pytest.mark.parametrize("path", BENCHMARKS, ids=lambda path: path.name)
-def test_a_benchmark_imports_what_is_there(path: Path) -> None:
+def test_benchmarks_import_existing_names(path: Path) -> None:
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("qcompile"):
             home = import_module(node.module or "")

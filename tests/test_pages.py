@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-import os
 import re
 import subprocess
 import sys
 from html.parser import HTMLParser
 from pathlib import Path
+from urllib.parse import unquote
 
+import click
 import pytest
+
+from qcompile.cli.group import cli
 
 CHECKOUT = Path(__file__).parents[1]
 HTML = set(
@@ -18,20 +21,62 @@ HTML = set(
         """a abbr article aside b blockquote body br button code dd del details div dl dt em
         figcaption figure footer form h1 h2 h3 h4 h5 h6 head header hr html i img input ins kbd
         label li link main mark meta nav noscript ol p path picture pre script section small source
-        span strong style sub summary sup svg table tbody td th thead title tr u ul video""",
+        span strong style sub summary sup table tbody td th thead title tr u ul video""",
     )
 )
 
 
+class Links(HTMLParser):
+    """Collects where a page links to, and the places in it that can be linked."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.targets: set[str] = set()
+        self.places: set[str] = set()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        values = dict(attrs)
+        self.targets |= {values[name] or "" for name in ("href", "src") if name in values}
+        if "id" in values:
+            self.places.add(values["id"] or "")
+
+
+def broken_links(pages: dict[Path, str]) -> set[tuple[str, str]]:
+    """Links, images and anchors of these pages that lead nowhere: (page, target)."""
+    read = {}
+    for path, html in pages.items():
+        read[path.resolve()] = links = Links()
+        links.feed(html)
+    broken = set()
+    for path, links in read.items():
+        for target in links.targets:
+            place, _, anchor = unquote(target).partition("#")
+            if re.match(r"\w+:", place):
+                continue  # of another site, or data in the page
+            file = (path.parent / place.partition("?")[0]).resolve() if place else path
+            there = file.is_file() and (
+                not anchor or file not in read or anchor in read[file].places
+            )
+            if not there:
+                broken.add((path.name, target))
+    return broken
+
+
 class Tags(HTMLParser):
-    """Collects the tags of a page."""
+    """Collects the tags of a page; the theme's icons, which are SVG, have tags of their own."""
 
     def __init__(self) -> None:
         super().__init__()
         self.found: set[str] = set()
+        self.drawing = 0
 
     def handle_starttag(self, tag: str, attrs: object) -> None:
-        self.found.add(tag)
+        self.drawing += tag == "svg"
+        if not self.drawing:
+            self.found.add(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        self.drawing -= tag == "svg"
 
 
 def unknown_tags(html: str) -> set[str]:
@@ -44,13 +89,8 @@ def unknown_tags(html: str) -> set[str]:
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The documentation, built as `make docs` builds it."""
     folder = tmp_path_factory.mktemp("site")
-    words = ["build", "--strict", "--quiet", "--site-dir", str(folder)]
-    subprocess.run(
-        [sys.executable, "-m", "mkdocs", *words],
-        cwd=CHECKOUT,
-        env={**os.environ, "NO_MKDOCS_2_WARNING": "1"},
-        check=True,
-    )
+    words = ["--fail-on-warning", "--keep-going", "--quiet", "docs", str(folder)]
+    subprocess.run([sys.executable, "-m", "sphinx", *words], cwd=CHECKOUT, check=True)
     return folder
 
 
@@ -61,9 +101,49 @@ def test_no_page_loses_words_in_an_unknown_tag(site: Path) -> None:
     assert not {page: tags for page, tags in lost.items() if tags}
 
 
+def test_every_link_image_and_anchor_leads_somewhere(site: Path) -> None:
+    pages = {page: page.read_text() for page in site.rglob("*.html")}
+    assert not broken_links(pages)
+
+
+def test_broken_links_would_be_noticed(tmp_path: Path) -> None:
+    html = '<a href="b.html">b</a><a href="#far">c</a><img src="d.png"><p id="near"></p>'
+    right = '<a href="#near">e</a><a href="https://example.org/x">f</a>'
+    (tmp_path / "a.html").write_text(html + right)
+    found = broken_links({tmp_path / "a.html": html + right})
+    assert found == {("a.html", "b.html"), ("a.html", "#far"), ("a.html", "d.png")}
+
+
+def test_the_python_reference_has_the_public_names_with_types(site: Path) -> None:
+    import qcompile
+
+    html = (site / "reference/python.html").read_text()
+    missing = {name for name in qcompile.__all__ if f'id="qcompile.{name}"' not in html}
+    assert not missing
+    shown = re.sub("<[^>]+>", "", html)
+    assert "episodes: int" in shown
+    assert not re.findall(r'id="qcompile\.[\w.]*\._[a-z]\w*"', html), "internals"
+
+
+def test_the_commands_page_has_every_command_and_option(site: Path) -> None:
+    html = (site / "reference/commands.html").read_text()
+    shown = re.sub("<[^>]+>", "", html)
+    context = click.Context(cli)
+    for name in cli.list_commands(context):
+        command = cli.get_command(context, name)
+        assert command is not None
+        options = [o for p in command.params if isinstance(p, click.Option) for o in p.opts]
+        assert not [option for option in options if option not in shown], name
+
+
 def test_expectations_are_on_the_pages(site: Path) -> None:
-    for page in ("mitigation", "python", "commands", "compilation"):
-        assert "&lt;Z&gt;" in (site / page / "index.html").read_text(), page
+    for page in (
+        "background/mitigation",
+        "background/compilation",
+        "reference/python",
+        "reference/commands",
+    ):
+        assert "&lt;Z&gt;" in (site / f"{page}.html").read_text(), page
 
 
 def test_a_bare_expectation_would_be_noticed() -> None:

@@ -76,8 +76,10 @@ def test_the_wheel_holds_the_data_and_nothing_of_the_workshop(wheel: Path) -> No
     assert {f"qcompile/hardware/{name}.json" for name in DEVICES} <= set(names)
     assert {f"qcompile/trained/{name}.pt" for name in POLICIES} <= set(names)
     package = CHECKOUT / "qcompile"
-    data = {path.relative_to(CHECKOUT).as_posix() for path in package.rglob("*.toml")}
+    kinds = ("*.toml", "*.mplstyle", "templates/*")
+    data = {path.relative_to(CHECKOUT).as_posix() for k in kinds for path in package.rglob(k)}
     assert "qcompile/rl/presets/paper.toml" in data
+    assert "qcompile/page/templates/page.html" in data
     assert data <= set(names)
     tops = {name.split("/")[0] for name in names}
     assert {top for top in tops if not top.endswith(".dist-info")} == {"qcompile"}

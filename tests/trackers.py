@@ -1,4 +1,4 @@
-"""Stand-ins of wandb, mlflow and optuna, as far as docs/training.md calls them.
+"""Stand-ins of wandb, mlflow and optuna, as far as docs/howto/callbacks.md calls them.
 
 Written from their public documentation: the same names and arguments, and what each of them refuses
 or drops.

@@ -19,6 +19,7 @@ from qcompile.cli.options import (
     echo_note,
     json_option,
 )
+from qcompile.cli.outputs import Outputs, plot_option, style_option, table_option
 from qcompile.cli.reports import check_report, report_option, write_report
 
 if TYPE_CHECKING:
@@ -26,7 +27,10 @@ if TYPE_CHECKING:
     from qcompile.verbs.calibrations import CalibrationResult
     from qcompile.verbs.live import Live
 
-_REFIT_OPTIONS = {"from_file", "qubits", "out", "force", "plot", "report", "as_json"}
+_REFIT_OPTIONS = {
+    *("from_file", "qubits", "out", "force"),
+    *("plot", "style", "table", "report", "as_json"),
+}
 """The options that can be used with --from."""
 
 
@@ -57,11 +61,9 @@ _REFIT_OPTIONS = {"from_file", "qubits", "out", "force", "plot", "report", "as_j
     help="File to write.  [default: BACKEND-calibration.json; none with --check]",
 )
 @click.option("--force", is_flag=True, help="Overwrite the file.")
-@click.option(
-    "--plot",
-    type=click.Path(dir_okay=False, path_type=Path),
-    help="Draw curves, residuals and readout errors; .png, overwritten.",
-)
+@plot_option("curves, residuals and readout errors")
+@style_option
+@table_option
 @click.option(
     "--check",
     type=click.Path(dir_okay=False, path_type=Path),
@@ -89,6 +91,8 @@ def command(
     out: Path | None,
     force: bool,
     plot: Path | None,
+    style: Path | None,
+    table: Path | None,
     check: Path | None,
     max_age_hours: float | None,
     seed: int | None,
@@ -107,11 +111,13 @@ def command(
     from qcompile.verbs.calibrate import calibrate_into, check_calibration, refit
     from qcompile.verbs.calibration_request import CalibrationRequest
 
+    outputs = Outputs(plot, style, table)
+    outputs.check()
     check_report(report, out=out, plot=plot, check=check, **{"from": from_file})
     if from_file is not None:
         _refuse_measuring(ctx)
-        refitted = refit(from_file, qubits, out=out, force=force, plot=plot)
-        _show(refitted, plot, as_json)
+        refitted = refit(from_file, qubits, out=out, force=force, plot=plot, style=style)
+        _show(refitted, outputs, as_json)
         write_report(refitted, report)
         return
     if backend is None:
@@ -124,14 +130,14 @@ def command(
         backend, qubits, shots, policy, parts, seed, live=live, on_note=echo_note
     )
     if check is None:
-        calibrated = calibrate_into(request, out, force=force, plot=plot)
-        _show(calibrated, plot, as_json)
+        calibrated = calibrate_into(request, out, force=force, plot=plot, style=style)
+        _show(calibrated, outputs, as_json)
         write_report(calibrated, report)
         return
     checked = check_calibration(
-        check, request, max_age_hours=max_age_hours, out=out, force=force, plot=plot
+        check, request, max_age_hours=max_age_hours, out=out, force=force, plot=plot, style=style
     )
-    _show(checked, plot, as_json)
+    _show(checked, outputs, as_json)
     write_report(checked, report)
     checked.check_holds()
 
@@ -144,11 +150,13 @@ def _refuse_measuring(ctx: click.Context) -> None:
             raise click.UsageError(f"{param.opts[0]} cannot be used with --from: nothing is run.")
 
 
-def _show(result: CalibrationResult, plot: Path | None, as_json: bool) -> None:
+def _show(result: CalibrationResult, outputs: Outputs, as_json: bool) -> None:
     from qcompile.mitigation.misfit import misfit_warnings
     from qcompile.report.calibration_values import print_calibration
     from qcompile.report.live import charged
 
+    if outputs.table is not None:
+        result.table().save(outputs.table)
     values = result.to_dict()
     if as_json:
         echo_json(values)
@@ -159,7 +167,7 @@ def _show(result: CalibrationResult, plot: Path | None, as_json: bool) -> None:
         drifted = ", ".join(map(str, check["drifted"])) or "none"
         age = f"{check['age_hours']:.1f} hours old"
         lines.append(f"{check['file']} is {age}; drifted qubits: {drifted}")
-    files = {"calibration": result.file, "figure": plot}
+    files = {"calibration": result.file, "figure": outputs.plot, "table": outputs.table}
     lines += [f"{name} written to {path}" for name, path in files.items() if path]
     if "run" in values:
         lines.append(charged(values))

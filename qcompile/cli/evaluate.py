@@ -21,6 +21,7 @@ from qcompile.cli.options import (
     json_option,
     once,
 )
+from qcompile.cli.outputs import Outputs, output_options
 from qcompile.cli.reports import check_report, report_option, write_report
 from qcompile.limits import MAX_EPISODES
 
@@ -123,6 +124,7 @@ class _Mitigation(click.ParamType[str]):
     type=MarkdownPath(),
     help="With --paper: Markdown page to write.  [default: devices.md in --out]",
 )
+@output_options("mean rewards, a panel for each policy")
 @report_option
 @engine_options("cells")
 @json_option
@@ -146,6 +148,7 @@ def command(
     address: str | None,
     workers: int | None,
     as_json: bool,
+    outputs: Outputs,
 ) -> None:
     """Play each POLICY (default lunarlander) with every combination of backend, shots, mitigation
     and level.
@@ -198,5 +201,6 @@ def command(
         click.echo(
             f"{plural(result.played, 'cell')} played, {result.there} loaded; written: {paths}"
         )
+    outputs.save(result)
     write_report(result, report)
     result.check_complete()

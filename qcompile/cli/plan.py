@@ -21,6 +21,7 @@ from qcompile.cli.options import (
     level_option,
     max_steps_option,
 )
+from qcompile.cli.outputs import Outputs, output_options
 from qcompile.cli.reports import check_report, report_option, write_report
 from qcompile.limits import (
     FREE_SECONDS,
@@ -112,6 +113,7 @@ def _one_or_several(
     help="With --within: the share of the reward to keep. 0 is the reward of random actions, 1 "
     "that of the policy without noise.",
 )
+@output_options("the QPU seconds of each way, or with --within reward against seconds")
 @import_option
 @env_option
 @click.option(
@@ -152,6 +154,7 @@ def command(
     instance: str | None,
     report: Path | None,
     as_json: bool,
+    outputs: Outputs,
 ) -> None:
     """Estimate what episodes with POLICY (default lunarlander) cost on a machine. Nothing is sent.
 
@@ -162,7 +165,7 @@ def command(
     With --within, the table shows the cheapest settings that keep the reward, and the command that
     plays with them. Several policies can be compared.
     """
-    from qcompile.policy.decision import held_words
+    from qcompile.policy.decision import hold_text
     from qcompile.report.tables import plural, print_table
     from qcompile.verbs.plan import plan
 
@@ -190,16 +193,17 @@ def command(
         instance=instance,
         on_note=echo_note,
     )
-    values = planned.to_dict()
+    values, table = planned.to_dict(), planned.table()
     if as_json:
         echo_json(values)
     elif within is None:
         steps = f"{values['env_steps']} steps"
         if values["hold"] > 1:
             decisions = plural(values["decisions"], "decision")
-            steps = f"{decisions}, each {held_words(values['hold'])}"
+            steps = f"{decisions}, each {hold_text(values['hold'])}"
         print_table(
-            *planned.table,
+            table.header,
+            table.words,
             f"{values['policy']} on {values['backend']}: {plural(episodes, 'episode')}, "
             f"{values['shots']} shots, {steps}",
             right=range(1, 6),
@@ -215,11 +219,11 @@ def command(
             "To find cheaper settings that keep the reward, add --within SECONDS."
         )
     else:
-        columns, rows = planned.table
         title = (
             f"{plural(episodes, 'episode')} on {values['backend']} within {within:g} QPU seconds"
         )
-        print_table(columns, rows, title, right=range(len(columns)), tight=True)
+        right = range(len(table.columns))
+        print_table(table.header, table.words, title, right=right, tight=True)
         click.echo(
             f"{_SECONDS}\nahead: most decisions of an episode in one job (--speculate)\n"
             "at 4 sub-jobs: QPU seconds if IBM counts each job as four, which is not known\n"
@@ -230,5 +234,6 @@ def command(
         )
         if planned.recommended is not None:
             click.echo(planned.remark)
+    outputs.save(planned)
     write_report(planned, report)
     planned.check_fits()

@@ -24,6 +24,7 @@ from qcompile.cli.options import (
     max_steps_option,
     split_option,
 )
+from qcompile.cli.outputs import Outputs, output_options
 from qcompile.cli.reports import check_report, report_option, write_report
 from qcompile.limits import MAX_EPISODES
 
@@ -104,6 +105,7 @@ if TYPE_CHECKING:
     help="Film the first episode, with the `<Z>` of every circuit and the probabilities of the "
     "actions; .mp4, .gif or .webm, overwritten.",
 )
+@output_options("the reward of each episode")
 @report_option
 @live_options
 @json_option
@@ -129,6 +131,7 @@ def command(
     report: Path | None,
     as_json: bool,
     live: Live | None,
+    outputs: Outputs,
 ) -> None:
     """Play episodes with POLICY: a shipped policy (default lunarlander), or a policy file.
 
@@ -165,5 +168,8 @@ def command(
         echo_json(result.to_dict())
     else:
         print_run(result.to_dict())
-    write_report(result, report)
-    result.check_complete()
+    try:
+        outputs.save(result)
+        write_report(result, report)
+    finally:
+        result.check_complete()

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import click
 from click.core import ParameterSource
 
-from qcompile.cli.options import backend_option, echo_json, json_option, level_option
+from qcompile.cli.options import backend_option, echo_json, echo_note, json_option, level_option
+from qcompile.output import write_file
 
 if TYPE_CHECKING:
     from qcompile.policy import Network
@@ -23,10 +24,29 @@ if TYPE_CHECKING:
     is_flag=True,
     help="Show the linear softmax policy that the circuits compute instead, term by term.",
 )
+@click.option(
+    "--draw",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Draw the circuits before and after compilation, one of each shape; .txt, .svg or .tex "
+    "(quantikz), overwritten.",
+)
+@click.option(
+    "--circuit",
+    type=click.IntRange(0),
+    metavar="N",
+    help="Draw this circuit alone.",
+)
 @json_option
 @click.pass_context
 def command(
-    ctx: click.Context, subject: str, backend: str, level: int, surrogate: bool, as_json: bool
+    ctx: click.Context,
+    subject: str,
+    backend: str,
+    level: int,
+    surrogate: bool,
+    draw: Path | None,
+    circuit: int | None,
+    as_json: bool,
 ) -> None:
     """Show the circuits of a policy or an OpenQASM file, before and after compilation.
 
@@ -34,6 +54,8 @@ def command(
     in the numbers. On a device, the qubit chosen for each circuit is shown, and why. For a policy
     that is a neural network, its layers are shown.
     """
+    if circuit is not None and draw is None:
+        raise click.UsageError("--circuit is the circuit of --draw: name a file to draw to.")
     if surrogate:
         _check_surrogate(ctx, subject)
         _show_surrogate(subject, as_json)
@@ -41,8 +63,10 @@ def command(
     from qcompile.execution import load_backend
     from qcompile.passes import compile
     from qcompile.policy import Network, load_policy
+    from qcompile.report.drawing import draw_executable, form_of
     from qcompile.report.wires import executable_values, print_executable
 
+    form = None if draw is None else form_of(draw)
     policy = None if Path(subject).suffix == ".qasm" else load_policy(subject)
     if isinstance(policy, Network):
         _show_network(ctx, policy, as_json)
@@ -67,6 +91,10 @@ def command(
         echo_json(values)
     else:
         print_executable(executable, values)
+    if draw is not None and form is not None:
+        drawn = draw_executable(executable, form, circuit, numbers=numbers)
+        write_file(draw, drawn.encode())
+        echo_note(f"drawing written to {draw}")
 
 
 def _check_surrogate(ctx: click.Context, subject: str) -> None:
@@ -84,7 +112,11 @@ def _check_surrogate(ctx: click.Context, subject: str) -> None:
 def _circuit_options(ctx: click.Context) -> list[str]:
     """The options given that apply only to circuits."""
     default = ParameterSource.DEFAULT
-    return [name for name in ("backend", "level") if ctx.get_parameter_source(name) is not default]
+    return [
+        name
+        for name in ("backend", "level", "draw")
+        if ctx.get_parameter_source(name) is not default
+    ]
 
 
 def _show_network(ctx: click.Context, network: Network, as_json: bool) -> None:

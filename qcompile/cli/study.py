@@ -17,6 +17,7 @@ from qcompile.cli.options import (
     import_option,
     json_option,
 )
+from qcompile.cli.outputs import Outputs, output_options
 from qcompile.cli.reports import check_report, report_option, write_report
 
 if TYPE_CHECKING:
@@ -69,6 +70,7 @@ if TYPE_CHECKING:
     type=MarkdownPath(),
     help="Markdown page to write.  [default: reproduction.md in --out]",
 )
+@output_options("the learning curves, a panel for each figure")
 @report_option
 @import_option
 @env_option
@@ -83,6 +85,7 @@ def command(
     workers: int | None,
     listing: bool,
     as_json: bool,
+    outputs: Outputs,
     report: Path | None,
     **choice: Any,
 ) -> None:
@@ -109,11 +112,12 @@ def command(
     result = study(**choice, engine=engine, address=address, workers=workers, on_note=echo_note)
     if as_json:
         echo_json(result.to_dict())
-        write_report(result, report)
-        return
-    print_table(*result.table, right=(1, 2, 3))
-    click.echo(
-        f"{plural(result.trained, 'training')} done, {result.there} loaded; "
-        f"results written to {result.page}"
-    )
+    else:
+        table = result.table()
+        print_table(table.header, table.words, right=(1, 2, 3))
+        click.echo(
+            f"{plural(result.trained, 'training')} done, {result.there} loaded; "
+            f"results written to {result.page}"
+        )
+    outputs.save(result)
     write_report(result, report)

@@ -17,6 +17,7 @@ from qcompile.cli.options import (
     import_option,
     json_option,
 )
+from qcompile.cli.outputs import Outputs, output_options
 from qcompile.limits import MAX_EPISODES
 
 _FILE = click.Path(dir_okay=False, path_type=Path)
@@ -171,8 +172,9 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
     help="Overwrite --out and --checkpoint. A resumed training overwrites its own files without "
     "--force.",
 )
+@output_options("the learning curve of each training")
 @json_option
-def command(environment: str, as_json: bool, **options: Any) -> None:
+def command(environment: str, as_json: bool, outputs: Outputs, **options: Any) -> None:
     """Train a policy in ENVIRONMENT, such as CartPole-v1, with PPO.
 
     Ctrl-C ends the training and writes the policy as it is. With --checkpoint, the training can be
@@ -188,6 +190,10 @@ def command(environment: str, as_json: bool, **options: Any) -> None:
         echo_json(training.to_dict())
     else:
         if options["seeds"] is not None:
-            print_table(*training.table, right=range(5))
+            table = training.table()
+            print_table(table.header, table.words, right=range(5))
         click.echo(training.words)
-    training.check_complete()
+    try:
+        outputs.save(training)
+    finally:
+        training.check_complete()

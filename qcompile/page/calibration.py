@@ -109,7 +109,7 @@ def _figure(calibration: Calibration, draw: Callable[[AnyStyle], Figure]) -> Pic
 
 
 def _qubits(calibration: Calibration, values: Mapping[str, Any]) -> Iterator[Block]:
-    columns, rows = calibration_table(dict(values))
+    table = calibration_table(dict(values))
     bad = {misfit["qubit"] for misfit in values["calibration_misfits"]}
     marked = frozenset(i for i, qubit in enumerate(calibration.qubits) if qubit in bad)
     note = "Rows of a bad fit are marked." if marked else ""
@@ -120,7 +120,7 @@ def _qubits(calibration: Calibration, values: Mapping[str, Any]) -> Iterator[Blo
             for qubit, error in sorted(zip(calibration.qubits, errors, strict=True))
         ]
         yield Qubits("Readout error of each qubit", tiles, "The mean of p10 and p01.")
-    yield Table("Fits of each qubit", columns, rows, note, marked)
+    yield Table("Fits of each qubit", table.header, table.words, note, marked)
 
 
 def _check(values: Mapping[str, Any]) -> Iterator[Block]:

@@ -6,16 +6,15 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from qcompile.device import Device
-from qcompile.ir import Circuit, Program
 from qcompile.noise import REFERENCE_SHOTS, expected_error, unusable
-from qcompile.page.document import Block, Code, Heading, Prose, Qubits, Section, Tile
+from qcompile.page.document import Block, Heading, Picture, Prose, Qubits, Section, Tile
 from qcompile.passes import LEVELS, Executable, compile
 from qcompile.policy import AnyPolicy, Network, Policy
 from qcompile.report.placement import PERFECT
 from qcompile.report.tables import plural
-from qcompile.report.wires import wire
 
-_MOST_SHAPES = 6
+_MOST_LETTERS = 200_000
+"""A longer drawing is of the first circuit alone."""
 _MOST_NUMBERS = 12
 _MOST_TILES = 400
 _WARM = 2.0
@@ -41,33 +40,6 @@ class Compiled:
         )
 
 
-def shapes(program: Program) -> list[list[int]]:
-    """The circuits of each shape by their numbers, in order of first use.
-
-    Circuits have one shape where they differ by the numbers and symbols of their angles alone.
-    """
-    found: dict[tuple[object, ...], list[int]] = {}
-    for index, circuit in enumerate(program.circuits):
-        found.setdefault(_shape(circuit, set(program.parameters)), []).append(index)
-    return [*found.values()]
-
-
-def _shape(circuit: Circuit, parameters: set[str]) -> tuple[object, ...]:
-    """Its gates, and in each angle how many inputs and parameters occur, and which ones again."""
-    names: dict[str, str] = {}
-    shape: list[object] = []
-    for gate in circuit.gates:
-        angle = gate.angle
-        if angle is None:
-            shape.append(gate.name)
-            continue
-        for symbol in angle.symbols:
-            kind = "theta" if symbol in parameters else "x"
-            names.setdefault(symbol, f"{kind}{len(names)}")
-        shape.append((gate.name, angle.is_constant, tuple(names[s] for s in angle.symbols)))
-    return tuple(shape)
-
-
 def circuits_section(compiled: Sequence[Compiled]) -> Section:
     """The shapes of every policy's circuits, before and after compilation."""
     blocks: list[Block] = []
@@ -83,37 +55,27 @@ def circuits_section(compiled: Sequence[Compiled]) -> Section:
             made = (one.device.native.gates, one.level)
             if one.policy is policy and made not in seen:
                 seen.add(made)
-                blocks += _drawings(one, titled=len(seen) > 1)
+                alone = Compiled(policy, one.device, one.level).executable()
+                blocks += [] if alone is None else _drawing(one, alone)
     return Section("Circuits", blocks)
 
 
-def _drawings(compiled: Compiled, *, titled: bool) -> Iterator[Block]:
-    executable = Compiled(compiled.policy, compiled.device, compiled.level).executable()
-    if executable is None:
-        return
-    before, after = executable.source.circuits, executable.native.circuits
-    groups = shapes(executable.source)
+def _drawing(compiled: Compiled, executable: Executable) -> Iterator[Block]:
+    circuits, level = len(executable.source), compiled.level
     gates = " ".join(compiled.device.native.gates)
-    words = (
-        f"{plural(len(before), 'circuit')} of {plural(len(groups), 'shape')}, compiled to {gates} "
-        f"at level {compiled.level}: {LEVELS[compiled.level]}."
+    yield Prose(
+        f"{plural(circuits, 'circuit')}, compiled to {gates} at level {level}: {LEVELS[level]}."
     )
-    yield Prose(words)
-    for group in groups[:_MOST_SHAPES]:
-        first = group[0]
-        label = f"Circuit {first}" if len(group) == 1 else f"Circuits {_numbers(group)}"
-        if titled:
-            label += f", for {compiled.device.name}, level {compiled.level}"
-        shown = f", circuit {first} shown" if len(group) > 1 else ""
-        text = f"before  {wire(before[first])}\nafter   {wire(after[first])}"
-        yield Code(f"{label}{shown}", text)
-    if len(groups) > _MOST_SHAPES:
-        command = "`qcompile show` prints them all"
-        yield Prose(f"{plural(len(groups) - _MOST_SHAPES, 'more shape')}: {command}.")
-    if executable.native.late_angles:
-        yield Code(
-            "An angle computed when an observation is bound", str(executable.native.late_angles[0])
-        )
+    shown = None
+    drawing = executable.draw("svg")
+    if len(drawing) > _MOST_LETTERS:
+        shown, drawing = 0, executable.draw("svg", 0)
+    yield Picture(
+        f"Circuits for {compiled.device.name}, level {level}: before and after compilation",
+        drawing,
+        text="The first circuit alone: `qcompile show` prints them all." if shown == 0 else "",
+        spoken=executable.draw("text", shown),
+    )
 
 
 def _numbers(numbers: Sequence[int]) -> str:

@@ -60,14 +60,16 @@ class Table:
 class Picture:
     """A figure; `label` is its name, `text` says what it shows in words.
 
-    `wide` and `narrow` are the texts of its `<svg>` for a screen and for a phone.
+    `svg` is the text of its `<svg>`, `narrow` that of another for a phone, if there is one. A
+    screen reader reads `spoken`, by default `text`.
     """
 
     kind: ClassVar[str] = "picture"
     label: str
-    wide: str
-    narrow: str
+    svg: str
+    narrow: str = ""
     text: str = ""
+    spoken: str = ""
 
     @classmethod
     def of(cls, label: str, draw: Callable[[AnyStyle], Figure], text: str = "") -> Picture:

@@ -67,25 +67,33 @@ def _name(cell: Mapping[str, Any]) -> str:
 
 
 def _score(cells: Sequence[Mapping[str, Any]]) -> Score | None:
-    """The best cell, those without noise left out where there are others."""
-    played = [cell for cell in cells if not cell["reference"]] or [*cells]
+    """The best cell of the first policy, that without noise left out where there are others."""
+    own = _of_first(cells)
+    played = [cell for cell in own if not cell["reference"]] or own
     if not played:
         return None
     best = max(played, key=lambda cell: float(cell["mean_reward"]))
     interval = interval_words(best)
     words = [f"95 % interval {interval}"] * bool(interval) + [_name(best)]
     label = "best mean reward" if len(played) > 1 else "mean reward"
-    if len({cell["policy"] for cell in cells}) > 1:
-        label += f", {best['policy']}"
+    if len(own) < len(cells):
+        label += f" of {best['policy']}"
     return Score(label, reward_text(best["mean_reward"]), interval="; ".join(words))
 
 
+def _of_first(cells: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """The cells of the first policy: rewards of several environments do not compare."""
+    return [cell for cell in cells if cell["policy"] == cells[0]["policy"]]
+
+
 def _headline(cells: Sequence[Mapping[str, Any]]) -> Iterator[tuple[str, str]]:
-    for cell in [cell for cell in cells if cell["reference"]][:3]:
+    own = _of_first(cells)
+    for cell in (cell for cell in own if cell["reference"]):
         interval = interval_words(cell)
-        words = reward_text(cell["mean_reward"]) + (f" ({interval})" if interval else "")
-        yield f"{cell['policy']} without noise", words
-    played = [cell for cell in cells if not cell["reference"]]
+        yield "without noise", reward_text(cell["mean_reward"])
+        if interval:
+            yield "its 95 % interval", interval
+    played = [cell for cell in own if not cell["reference"]]
     if played:
         worst = min(played, key=lambda cell: float(cell["mean_reward"]))
         yield "lowest mean reward", reward_text(worst["mean_reward"])
@@ -112,13 +120,13 @@ def _results(
         yield Picture.of(
             f"Mean rewards of {policy}", of_policy, "The table below has the same numbers."
         )
-        columns, rows = grid_table(own)
+        table = grid_table(own)
         played = [index for index, cell in enumerate(own) if not cell["reference"]]
         best = max(played, key=lambda index: float(own[index]["mean_reward"]), default=None)
         yield Table(
             f"Results of {policy}",
-            columns[1:],
-            [row[1:] for row in rows],
+            table.header[1:],
+            [row[1:] for row in table.words],
             "to ideal: the mean of the differences to the same episodes without noise. The best "
             "row that is not the reference is marked."
             if best is not None

@@ -11,14 +11,13 @@ from qcompile.page.circuits import Compiled, circuits_section, placement_section
 from qcompile.page.document import Block, Code, Document, Facts, Picture, Score, Section, Table
 from qcompile.report.figure import Figure
 from qcompile.report.style import AnyStyle
+from qcompile.report.table import Table as Rows
 from qcompile.report.tables import plural
-
-Columns = tuple[list[str], list[list[str]]]
 
 
 def plan_document(
     values: Mapping[str, Any],
-    table: Columns,
+    table: Rows,
     draw: Callable[[AnyStyle], Figure],
     compiled: Compiled | None = None,
     *,
@@ -106,9 +105,9 @@ def _recommended(values: Mapping[str, Any], remark: str) -> Iterator[Block]:
 
 
 def _figure(
-    values: Mapping[str, Any], table: Columns, draw: Callable[[AnyStyle], Figure]
+    values: Mapping[str, Any], table: Rows, draw: Callable[[AnyStyle], Figure]
 ) -> Iterator[Block]:
-    columns, rows = table
+    columns, rows = table.header, table.words
     if "frontier" not in values:
         label = "QPU seconds of each way"
         ways = values["strategies"]

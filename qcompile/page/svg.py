@@ -37,7 +37,7 @@ def inline(svg: str, prefix: str) -> tuple[Markup, float]:
     root = ElementTree.fromstring(svg)
     width_px = _width_px(root)
     kept = _kept(root, prefix)
-    for name in ("width", "height", "version"):
+    for name in ("width", "height", "version", "role", "aria-label"):
         kept.attrib.pop(name, None)
     kept.set("stroke-linejoin", "round")  # what matplotlib says in a style sheet
     kept.set("aria-hidden", "true")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from qcompile.calibration import Calibration, ReadoutFit, ResponseFit
 from qcompile.mitigation.misfit import misfits, p_values
 from qcompile.mitigation.polar import polar_curves
-from qcompile.notebook import html_table
+from qcompile.report.table import Table
 from qcompile.report.tables import plural, print_table
 
 
@@ -72,8 +73,8 @@ def _response(calibration: Calibration) -> dict[str, list[float]]:
     }
 
 
-def calibration_table(values: dict[str, Any]) -> tuple[list[str], list[list[str]]]:
-    """Columns and rows of `calibration_values`; a fit has its chi-square of its expectation."""
+def calibration_table(values: dict[str, Any]) -> Table:
+    """The qubits of `calibration_values`; a fit has its chi-square of its expectation."""
     first = values["qubits"][0]
     columns = ["qubit"]
     if "p10" in first:
@@ -82,7 +83,8 @@ def calibration_table(values: dict[str, Any]) -> tuple[list[str], list[list[str]
         columns += ["offset", "contrast", "tilt, mrad"]
     columns += [f"{part} fit" for part in ("readout", "response") if f"{part}_degrees" in first]
     bad = bad_fits(values)
-    return columns, [list(_cells(row, bad)) for row in values["qubits"]]
+    rows = [list(_cells(row, bad)) for row in values["qubits"]]
+    return replace(Table.of_words(columns, rows), title=calibration_title(values))
 
 
 def calibration_title(values: dict[str, Any]) -> str:
@@ -95,14 +97,13 @@ def calibration_title(values: dict[str, Any]) -> str:
 
 def calibration_html(calibration: Calibration) -> str:
     """The table of a calibration in HTML."""
-    values = calibration_values(calibration)
-    return html_table(*calibration_table(values), calibration_title(values))
+    return calibration_table(calibration_values(calibration))._repr_html_()
 
 
 def print_calibration(values: dict[str, Any]) -> None:
     """Print the table of `calibration_values`."""
-    columns, rows = calibration_table(values)
-    print_table(columns, rows, calibration_title(values), tight=True, right=(0,))
+    table = calibration_table(values)
+    print_table(table.header, table.words, table.title, tight=True, right=(0,))
 
 
 def _cells(row: dict[str, Any], bad: set[tuple[int, str]]) -> Iterator[str]:

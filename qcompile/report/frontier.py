@@ -30,8 +30,7 @@ def draw_frontier(plan: dict[str, Any], style: AnyStyle = None) -> Figure:
         axes = drawing.subplots()
         _draw(axes, plan, look.colours)
         drawing.suptitle(
-            f"{plan['frontier'][0]['episodes']} episodes on {literal(plan['backend'])}; "
-            "numbers are shots",
+            f"{plan['episodes']} episodes on {literal(plan['backend'])}; numbers are shots",
             x=0.01,
             ha="left",
         )

@@ -9,12 +9,13 @@ from typing import Any, Literal
 from rich import box
 from rich.cells import cell_len
 from rich.markup import escape
-from rich.table import Table
+from rich.table import Table as RichTable
 
 from qcompile.mitigation.misfit import misfit_warnings
 from qcompile.notebook import reward_digits, reward_text
-from qcompile.policy.decision import held_words
+from qcompile.policy.decision import hold_text
 from qcompile.report.console import PlainConsole, console
+from qcompile.report.table import Cell, Column, Table
 
 _LEAST_FOR_INTERVAL = 5
 _LEAST_TEXT = 12
@@ -37,7 +38,7 @@ def print_table(
     """
     rows = [list(row) for row in rows]
     cells = [[_cell(value) for value in row] for row in rows]
-    table = Table(
+    table = RichTable(
         title=escape(title) or None,
         box=box.SIMPLE_HEAD,
         title_justify="left",
@@ -92,7 +93,7 @@ def _widths(columns: Sequence[str], cells: Sequence[Sequence[str]], room: int) -
 def print_hold(hold: int) -> None:
     """Print how long each decision is held, where that is more than a step."""
     if hold > 1:
-        wide_console().print(f"each decision is {held_words(hold)}")
+        wide_console().print(f"each decision is {hold_text(hold)}")
 
 
 def print_grid(objects: Sequence[Mapping[str, Any]]) -> None:
@@ -106,7 +107,7 @@ def print_grid(objects: Sequence[Mapping[str, Any]]) -> None:
             title += f", level {results[0]['level']}"
         title += ", greedy" * results[0]["greedy"]
         if (hold := results[0].get("hold", 1)) > 1:
-            title += f", each decision {held_words(hold)}"
+            title += f", each decision {hold_text(hold)}"
         rows = [_grid_row(values, levels) for values in results]
         print_table(_grid_columns(levels), rows, title, tight=True)
         for values in results:
@@ -114,11 +115,53 @@ def print_grid(objects: Sequence[Mapping[str, Any]]) -> None:
                 wide_console().print(escape(f"{values['backend']}: {words}"))
 
 
-def grid_table(objects: Sequence[Mapping[str, Any]]) -> tuple[list[str], list[list[str]]]:
-    """Columns and rows of the same, all policies in one table."""
+def grid_table(objects: Sequence[Mapping[str, Any]]) -> Table:
+    """The same in one table for all policies."""
     levels = _has_levels(objects)
-    rows = [[values["policy"], *map(str, _grid_row(values, levels))] for values in objects]
-    return ["policy", *_grid_columns(levels)], rows
+    environments = list(dict.fromkeys(values["environment"] for values in objects))
+    several = len(environments) > 1
+    columns = [
+        Column("policy", right=False),
+        *[Column("environment", right=False)] * several,
+        Column("backend", right=False),
+        Column("shots"),
+        Column("mitigation", right=False),
+        *[Column("level")] * levels,
+        *(SCORE, INTERVAL),
+        Column("to ideal", parts=("to ideal",)),
+        Column("solved", right=False),
+    ]
+    rows = []
+    for values in objects:
+        settings, scores = _grid_row(values, levels)[:-4], _grid_row(values, levels)[-4:]
+        difference = None if values["reference"] else values["paired_difference"]
+        cells = [
+            score_cell(values["mean_reward"], values["std_reward"]),
+            interval_cell(values),
+            Cell(str(scores[2]), (difference,)),
+            str(scores[3]),
+        ]
+        named = [values["policy"], *[values["environment"]] * several]
+        rows.append([*named, *map(str, settings), *cells])
+    played = plural(len(objects[0]["episodes"]), "episode")
+    greedy = ", greedy" * objects[0]["greedy"]
+    return Table(columns, rows, f"{' and '.join(environments)}, {played}{greedy}")
+
+
+SCORE = Column("mean ± std", parts=("mean reward", "standard deviation"))
+INTERVAL = Column("95 % interval", parts=("95 % interval, low", "95 % interval, high"))
+
+
+def score_cell(mean: float | None, deviation: float | None = None) -> Cell:
+    """The mean of rewards, and their standard deviation, for a column such as SCORE."""
+    return Cell("-" if mean is None else reward_text(mean, deviation), (mean, deviation))
+
+
+def interval_cell(summary: Mapping[str, Any], key: str = "ci95") -> Cell:
+    """The interval of `interval_words`, for the column INTERVAL."""
+    low, high = summary.get(key) or (None, None)
+    words = interval_words(summary, key)
+    return Cell(words, (low, high)) if words else Cell("-", (None, None))
 
 
 def _has_levels(objects: Sequence[Mapping[str, Any]]) -> bool:

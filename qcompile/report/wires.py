@@ -10,25 +10,19 @@ import numpy as np
 
 from qcompile.arrays import FloatArray
 from qcompile.calibration import Calibration
-from qcompile.ir import Circuit, Gate
+from qcompile.ir import Circuit
 from qcompile.noise import expected_error, unusable
 from qcompile.passes import LEVELS, Executable
 from qcompile.policy import Policy
 from qcompile.policy.decision import hold_values
+from qcompile.report.drawing.text import gate_words
 from qcompile.report.placement import print_placement
 from qcompile.report.tables import print_hold, print_table
 
 
 def wire(circuit: Circuit) -> str:
     """A circuit as one line: |0>─ h ─ ry(x0) ─ M."""
-    return "|0>─" + "─".join([*(f" {_short(gate)} " for gate in circuit.gates), " M"])
-
-
-def _short(gate: Gate) -> str:
-    if gate.angle is not None and gate.angle.is_constant:
-        text = str(gate)
-        return text if "pi" in text or len(text) < 12 else f"{gate.name}({gate.angle.constant:.4f})"
-    return str(gate)
+    return "|0>─" + "─".join([*(f" {gate_words(gate)} " for gate in circuit.gates), " M"])
 
 
 def executable_values(

@@ -1,4 +1,4 @@
-"""What a verb gives: short to print, a picture on demand, the JSON document of its command."""
+"""The results of verbs: short to print, with figures, and the JSON document of the command."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from qcompile.notebook import html_table, text_table
 from qcompile.output import write_file
+from qcompile.report.table import Table
 from qcompile.sweep.arguments import Name
 
 
 class Result:
-    """Plain values with a short repr; `to_dict` is the document of the command's --json."""
+    """Plain values with a short repr; `to_dict` is the document of the command with --json."""
 
     def __init__(self, values: Mapping[str, Any]):
         self._values = dict(values)
@@ -32,19 +32,18 @@ class Result:
         text = json.dumps(self.to_dict(), indent=1, allow_nan=False)
         write_file(Path(path), (text + "\n").encode())
 
-    @property
-    def table(self) -> tuple[list[str], list[list[str]]]:
-        """Columns and rows of what `repr` and notebooks show."""
+    def table(self) -> Table:
+        """What `repr` and notebooks show: a table that is saved as .md, .csv or .tex."""
         raise NotImplementedError
 
     @property
     def remark(self) -> str:
-        """What a reader of the table must know besides; shown below it."""
+        """A note that is shown below the table."""
         return ""
 
     def __repr__(self) -> str:
-        return "\n".join(filter(None, [text_table(*self.table), self.remark]))
+        return "\n".join(filter(None, [str(self.table()), self.remark]))
 
     def _repr_html_(self) -> str:
         remark = f"<p>{escape(self.remark)}</p>" if self.remark else ""
-        return html_table(*self.table) + remark
+        return self.table()._repr_html_() + remark

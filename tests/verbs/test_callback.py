@@ -17,7 +17,7 @@ from qcompile.errors import OptionError, QcompileError
 PAPER: dict[str, Any] = {"preset": "paper", "episodes": 6}
 BLOCKS = re.findall(
     r"^```python\n(.*?)^```$",
-    (Path(__file__).parents[2] / "docs/training.md").read_text(),
+    (Path(__file__).parents[2] / "docs/howto/callbacks.md").read_text(),
     re.MULTILINE | re.DOTALL,
 )
 
@@ -74,7 +74,7 @@ def test_false_ends_the_training_after_the_update(no: object) -> None:
     assert (training.stopped, training.interrupted) == (True, False)
     assert len(training.episodes) == 3
     assert len(told) == 6
-    assert training.table[1][0][-1] == "stopped"
+    assert training.table().words[0][-1] == "stopped"
     short = qcompile.train("CartPole-v1", preset="paper", episodes=3).policy
     assert short is not None
     np.testing.assert_array_equal(qcompile.load_policy("p.pt").weights, short.weights)
@@ -136,7 +136,7 @@ def run_block(name: str, monkeypatch: pytest.MonkeyPatch) -> Any:
     (text,) = (block for block in BLOCKS if f"import {name}\n" in block)
     module = trackers()[name]
     monkeypatch.setitem(sys.modules, name, module)
-    exec(compile(text, "docs/training.md", "exec"), {"__name__": "__main__"})
+    exec(compile(text, "docs/howto/callbacks.md", "exec"), {"__name__": "__main__"})
     return module
 
 

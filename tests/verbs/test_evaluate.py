@@ -105,7 +105,7 @@ def test_a_validation_says_which_qubits_fail() -> None:
     validation = qcompile.validate(calibration, **options)
     assert validation.passed
     validation.check_passed()
-    assert {row[-1] for row in validation.table[1]} == {"holds"}
+    assert {row[-1] for row in validation.table().words} == {"holds"}
     calibration.save("lima.json")
     assert qcompile.validate("lima.json", **options).to_dict()["file"] == "lima.json"
     with pytest.raises(OptionError, match="backend and live exclude each other"):
@@ -119,7 +119,7 @@ def test_a_study_shows_its_rows() -> None:
         rows="cartpole-svqc-paper", seeds=1, episodes=2, evaluation=1, out="s", workers=1
     )
     assert (study.trained, study.there, study.page) == (1, 0, Path("s/reproduction.md"))
-    assert [row[0] for row in study.table[1]] == ["cartpole-svqc-paper"]
+    assert [row[0] for row in study.table().words] == ["cartpole-svqc-paper"]
     assert study.plot("cartpole").png == Path("s/cartpole.png").read_bytes()
     with pytest.raises(StudyError, match="no trainings of a figure 'pong'"):
         study.plot("pong")

@@ -122,7 +122,7 @@ def test_what_cannot_be_given_together(options: dict[str, Any], words: str) -> N
     assert words in str(caught.value)
 
 
-PAGE = Path(__file__).parents[2] / "docs" / "circuits.md"
+PAGE = Path(__file__).parents[2] / "docs" / "howto" / "circuits.md"
 
 
 def test_the_page_s_program_is_trained() -> None:

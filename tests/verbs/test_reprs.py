@@ -112,9 +112,10 @@ def test_a_held_policy_says_so_beside_what_it_scored() -> None:
     held = replace(qcompile.load_policy("cartpole"), hold=2)
     settings: dict[str, Any] = {"episodes": 2, "shots": 16, "progress": False}
     result = qcompile.run(held, **settings)
-    columns, [row] = result.table
+    table = result.table()
+    columns, [row] = table.header, table.words
     assert row[columns.index("hold")] == "2"
     assert result.mean_reward_completed is None
     cut = qcompile.run(held, max_steps=3, **settings)
     assert cut.mean_reward_completed == result.mean_reward
-    assert "hold" not in qcompile.run("cartpole", max_steps=2, **settings).table[0]
+    assert "hold" not in qcompile.run("cartpole", max_steps=2, **settings).table().header

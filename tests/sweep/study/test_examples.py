@@ -1,4 +1,4 @@
-"""The studies that are shown: that of docs/studies.md, and examples/study.toml, cut short."""
+"""The studies that are shown: that of docs/howto/studies.md, and examples/study.toml, cut short."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from qcompile.sweep.study.rows_file import _FigureTable, _File, _RowTable
 from qcompile.sweep.study.studies import open_study
 
 CHECKOUT = Path(__file__).parents[3]
-PAGE = (CHECKOUT / "docs" / "studies.md").read_text()
+PAGE = (CHECKOUT / "docs" / "howto" / "studies.md").read_text()
 (TOML,) = re.findall(r"^```toml\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
 
 
@@ -25,13 +25,13 @@ def test_the_study_of_the_documentation_is_trained() -> None:
     Path("mine.toml").write_text(TOML)
     study = qcompile.study("mine.toml", seeds=1, episodes=1, evaluation=1, workers=1)
     assert study.page == Path("mine/reproduction.md")
-    assert [row[:2] for row in study.table[1]] == [
+    assert [row[:2] for row in study.table().words] == [
         ["pole-svqc-paper", "1"],
         ["pole-svqc-tuned", "1"],
         ["pole-svqc-slow-tuned", "1"],
         ["lake-svqc-tuned", "1"],
     ]
-    assert [row[3:5] for row in study.table[1]] == [["475", "never"]] * 3 + [["-", "-"]]
+    assert [row[3:5] for row in study.table().words] == [["475", "never"]] * 3 + [["-", "-"]]
     assert study.plot("lake").png == Path("mine/lake.png").read_bytes()
     text = study.page.read_text()
     assert "| `lake-svqc-tuned` | 1 seed | " in text

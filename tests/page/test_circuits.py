@@ -1,0 +1,56 @@
+"""The circuits of a report: each shape once, each circuit on its qubit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from page.conftest import hostile_policy
+
+import qcompile
+from qcompile.device import load_device
+from qcompile.page.circuits import Compiled, circuits_section, placement_section
+from qcompile.page.document import Heading, Picture, Prose, Qubits
+from qcompile.policy import Dense, Network
+
+
+def test_circuits_are_drawn_before_and_after() -> None:
+    policy, device = qcompile.load_policy("lunarlander"), load_device("ibm_lima")
+    prose, picture = circuits_section([Compiled(policy, device), Compiled(policy, device)]).blocks
+    assert isinstance(prose, Prose)
+    assert prose.text.startswith("24 circuits, compiled to rz sx x at level 2: ")
+    assert isinstance(picture, Picture)
+    assert picture.svg.count("<rect") == 9, "h ry rz ry M, and sx rz sx M"
+    assert "circuit 0  |0>─ h ─ ry(x0) ─ rz(x0) ─ ry(theta0) ─ M" in picture.spoken
+    assert "24 circuits of its shape" in picture.spoken
+
+
+def test_policies_have_titles_and_networks_no_circuits() -> None:
+    policy = qcompile.load_policy("cartpole")
+    assert isinstance(policy, qcompile.Policy)
+    device = load_device("ibm_lima")
+    dense = Dense(np.ones((2, 4)), np.zeros(2))
+    network = Network("net", "CartPole-v1", [dense])
+    blocks = circuits_section([Compiled(policy, device), Compiled(network, device)]).blocks
+    assert [block.text for block in blocks if isinstance(block, Heading)] == ["cartpole", "net"]
+    assert isinstance(blocks[-1], Prose)
+    assert blocks[-1].text.startswith("A network: it has no circuits")
+
+
+def test_each_circuit_is_on_its_qubit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As `qcompile show` places it; copies of a circuit are that circuit."""
+    monkeypatch.chdir(tmp_path)
+    policy, device = hostile_policy(), load_device("ibm_toronto")
+    for copies in (1, 3):
+        (block,) = placement_section([Compiled(policy, device, copies=copies)]).blocks
+        assert isinstance(block, Qubits)
+        assert [tile.qubit for tile in block.tiles] == list(range(27))
+        placed = [tile for tile in block.tiles if tile.circuits]
+        assert len(placed) == 4 * copies
+        assert {tile.circuits for tile in placed} == {f"circuit {index}" for index in range(4)}
+
+
+def test_the_ideal_device_has_no_placement() -> None:
+    policy = qcompile.load_policy("cartpole")
+    assert placement_section([Compiled(policy, load_device("ideal"))]).blocks == []
