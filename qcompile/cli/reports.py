@@ -68,4 +68,4 @@ def write_report(result: Reported, report: Path | None) -> None:
     from qcompile.page.words import command_line
 
     result.report(report, command=command_line(sys.argv[1:]))
-    echo_note(f"report in {report}")
+    echo_note(f"report written to {report}")
