@@ -1,11 +1,11 @@
-"""What live episodes cost and earn, from the command line to the ledger of a stand-in of IBM's.
+"""The cost and reward of live episodes, measured with a stand-in for IBM's service.
 
     python benchmarks/budget.py --only lander
 
 The unmodified client of qiskit-ibm-runtime sends the jobs of `qcompile run --live` to the stand-in
-in tests/standin, which charges IBM's published estimate, 2 s a job and 0.35 ms an execution, and
-draws its own noise. The commands are those of `qcompile plan --within`, as it names them; all
-seconds are the ledger's, calibration included. Episodes reset with the seeds from --seed on.
+in tests/standin, which charges IBM's published estimate, 2 s per job and 0.35 ms per execution, and
+draws its own noise. The commands are those recommended by `qcompile plan --within`; all seconds
+come from the stand-in's ledger, calibration included. Episodes reset with the seeds from --seed on.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ from standin import StandIn
 
 FREE_S = 600.0
 HELD = {"lunarlander_hold": (265, 130), "cartpole_hold": (485, 100), "acrobot_hold": (-83, 30)}
-"""What a hundred episodes of each must earn, and within how many seconds."""
+"""The least mean reward and the most seconds of a hundred episodes of each task."""
 TASKS = ("lunarlander", "cartpole", "acrobot")
 _ANYTHING_S = 20_000.0
 _TRAINED = Path(__file__).parent.parent / "trained"
 
 
 def lander(service: Service, seed: int) -> Iterator[Row]:
-    """A hundred LunarLander episodes of the shipped policy, nothing held."""
+    """A hundred LunarLander episodes of the shipped policy, without holding decisions."""
     row = service.planned("lander", "lunarlander", LARGE, 100, 300, seed)
     yield row.want_mean(268).want_seconds(300).want_planned()
 
@@ -50,7 +50,7 @@ def held(service: Service, seed: int) -> Iterator[Row]:
 
 
 def month(service: Service, seed: int) -> Iterator[Row]:
-    """Twenty episodes of each task within the seconds of one month, nothing held."""
+    """Twenty episodes of each task within the seconds of one month, without holding decisions."""
     service.stand_in.settings.usage_limit_seconds = (
         FREE_S + service.stand_in.ledger().charged_seconds
     )
@@ -80,14 +80,14 @@ def paper(service: Service, seed: int) -> Iterator[Row]:
 
 
 def small(service: Service, seed: int) -> Iterator[Row]:
-    """The same on 27 qubits, at whatever it costs there."""
+    """The same on 27 qubits, at any cost."""
     for policy in ("lunarlander", *HELD):
         if (_TRAINED / f"{policy}.json").exists():
             yield service.planned("small", policy, SMALL, 100, _ANYTHING_S, seed).want_planned()
 
 
 def seeds(service: Service, seed: int) -> Iterator[Row]:
-    """Commands of plans, played with other seeds: nine in ten lie below the interval's end."""
+    """Commands of plans, played with other seeds: nine in ten must lie below the interval's end."""
     for policy in ("acrobot", "cartpole"):
         plan = service.plan(policy, LARGE, 20, FREE_S, seed)
         low, high = plan["qpu_seconds_80"]
@@ -101,7 +101,7 @@ def seeds(service: Service, seed: int) -> Iterator[Row]:
 
 
 def plans(service: Service, seed: int) -> Iterator[Row]:
-    """Of each shipped policy: a hundred episodes within a month's seconds, or the cheapest."""
+    """A hundred episodes of each shipped policy within a month's seconds, or the cheapest."""
     for path in sorted(_TRAINED.glob("*.json")):
         row = service.planned("plans", path.stem, LARGE, 100, FREE_S, seed)
         yield row.want_planned()
@@ -113,18 +113,18 @@ PARTS: dict[str, Callable[[Service, int], Iterator[Row]]] = {
 
 
 @click.command()
-@click.option("--only", type=click.Choice(list(PARTS)), multiple=True, help="Some parts alone.")
+@click.option("--only", type=click.Choice(list(PARTS)), multiple=True, help="Run only these parts.")
 @click.option("--seed", default=10_000, show_default=True, help="Episode i resets with seed + i.")
-@click.option("--noise", default=1, show_default=True, help="Seeds what the machines draw.")
+@click.option("--noise", default=1, show_default=True, help="Seed of the machines' noise.")
 @click.option(
     "--out",
     type=click.Path(dir_okay=False, path_type=Path),
     default=Path("budget.json"),
     show_default=True,
-    help="JSON of all rows; those of parts that are not measured now stay.",
+    help="JSON file of all rows; rows of parts that are not measured now are kept.",
 )
 def main(only: tuple[str, ...], seed: int, noise: int, out: Path) -> None:
-    """Measure what live episodes cost and earn, by the ledger of the stand-in."""
+    """Measure the cost and reward of live episodes, from the ledger of the stand-in."""
     console = Console(width=150)
     measured = [row for row in _read(out) if row["part"] not in (only or PARTS)]
     wrong = 0
@@ -152,18 +152,18 @@ def _read(path: Path) -> list[dict[str, object]]:
 
 
 def table(name: str, rows: list[Row], seconds: float) -> Table:
-    """The rows of a part, side by side with what was planned and with the paper's way."""
-    made = Table(title=f"{name} ({PARTS[name].__doc__}) {seconds:.0f} s", title_justify="left")
+    """A table of a part's rows, beside the plan and the paper's strategy."""
+    grid = Table(title=f"{name} ({PARTS[name].__doc__}) {seconds:.0f} s", title_justify="left")
     right = ("qubits", "episodes", "cut", "mean", "jobs", "executions")
     right += ("QPU s", "planned", "80 %", "the paper's way")
-    made.add_column("policy and options", max_width=52)
+    grid.add_column("policy and options", max_width=52)
     for column in right:
-        made.add_column(column, justify="right")
-    made.add_column("wanted")
+        grid.add_column(column, justify="right")
+    grid.add_column("wanted")
     for row in rows:
         words = row.command.removeprefix("qcompile run ").split()
         mean = "-" if row.mean_reward is None else f"{row.mean_reward:.1f}"
-        made.add_row(
+        grid.add_row(
             " ".join(words),
             *map(str, (row.qubits, row.episodes, row.cut_episodes, mean, row.jobs)),
             f"{row.executions:,}",
@@ -173,7 +173,7 @@ def table(name: str, rows: list[Row], seconds: float) -> Table:
             "" if row.paper_seconds is None else f"{row.paper_seconds:,.0f}",
             f"{row.wanted}{' (!)' * bool(row.wrong)}",
         )
-    return made
+    return grid
 
 
 if __name__ == "__main__":

@@ -16,13 +16,13 @@ from standin import StandIn
 
 MACHINES = {"fake_fez": "FakeFez", "fake_toronto": "FakeTorontoV2"}
 LARGE, SMALL = MACHINES
-"""156 and 27 qubits."""
+"""Machines with 156 and 27 qubits."""
 _ROUNDING_S = 1e-6
 
 
 @dataclass
 class Row:
-    """A live run, what it was to show, and what is wrong with it."""
+    """A live run, its requirements, and those it fails."""
 
     part: str
     command: str
@@ -35,17 +35,17 @@ class Row:
     jobs: int = 0
     executions: int = 0
     qpu_seconds: float = 0.0
-    """By the ledger."""
+    """The charge in the ledger."""
     planned_seconds: float | None = None
     planned_80: tuple[float, float] | None = None
     paper_seconds: float | None = None
-    """A job for each circuit and step, as many shots, nothing calibrated."""
+    """The seconds of the paper's strategy: a job for each circuit and step, without calibration."""
     wall_seconds: float = 0.0
     wanted: str = ""
     wrong: list[str] = field(default_factory=list)
 
     def want(self, words: str, holds: bool) -> Self:
-        """Note a requirement, and whether it is met."""
+        """Record a requirement and whether it is met."""
         self.wanted = ", ".join(filter(None, (self.wanted, words)))
         if not holds:
             self.wrong.append(f"not {words}")
@@ -58,7 +58,7 @@ class Row:
         return self.want(f"<= {most:g} s", self.qpu_seconds <= most)
 
     def want_planned(self) -> Self:
-        """The same seed: within a tenth of what was planned."""
+        """Require the same seed's cost to lie within a tenth of the plan."""
         planned = self.planned_seconds or 0.0
         near = abs(self.qpu_seconds - planned) <= 0.1 * planned
         return self.want(f"within 10 % of {planned:.0f} s", near)
@@ -75,10 +75,10 @@ class Service:
     stand_in: StandIn
 
     def call(self, *words: str) -> dict[str, Any]:
-        """What a command prints as JSON.
+        """The JSON that a command prints.
 
         Raises:
-            RuntimeError: it fails; with its words.
+            RuntimeError: it fails; the message is its output.
         """
         environment = os.environ | self.stand_in.environment()
         ended = subprocess.run(
@@ -96,10 +96,10 @@ class Service:
     def plan(
         self, policy: str, backend: str, episodes: int, within: float, seed: int, *more: str
     ) -> dict[str, Any]:
-        """The settings that `qcompile plan` recommends; where nothing fits, the cheapest that keep.
+        """The settings that `qcompile plan` recommends, or the cheapest that keep the reward.
 
         Raises:
-            RuntimeError: nothing keeps the reward.
+            RuntimeError: no settings keep the reward.
         """
         words = ("--episodes", str(episodes), "--within", f"{within:g}", "--seed", str(seed))
         planned = self.call("plan", policy, "--backend", backend, *words, *more)
@@ -107,7 +107,7 @@ class Service:
             return dict(planned["recommended"])
         keep = [row for row in planned["frontier"] if row["share"] >= planned["keep"]]
         if not keep:
-            raise RuntimeError(f"Nothing keeps the reward of {policy} on {backend}.")
+            raise RuntimeError(f"No settings keep the reward of {policy} on {backend}.")
         cheapest: dict[str, Any] = min(keep, key=lambda row: row["qpu_seconds"])
         options = {"--seed": seed} | {
             f"--{name.replace('_', '-')}": cheapest[name]
@@ -119,33 +119,33 @@ class Service:
         return cheapest | {"command": shlex.join(words + ("--split",) * cheapest["split"])}
 
     def run(self, part: str, command: str, limit_s: float = 1e5) -> Row:
-        """What the command does live, by the ledger; where it fails, that is wrong."""
+        """Run the command live, and read its cost from the ledger; a failure counts as wrong."""
         words = shlex.split(command)
         backend = words[words.index("--backend") + 1]
         row = Row(part, command, qubits=156 if backend == LARGE else 27)
         known = {path.name for path in (self.folder / "runs").glob("*")}
         live = ("--live", "--yes", "--max-qpu-seconds", f"{limit_s:g}")
         try:
-            found = self.call(*words[1:], *live)
+            result = self.call(*words[1:], *live)
         except RuntimeError as error:
             row.wrong.append(str(error).replace("\n", " "))
-            made = {path.name for path in (self.folder / "runs").glob("*")} - known
-            row.qpu_seconds = sum(charged_s(jobs_of(self.stand_in, name)) for name in made)
+            names = {path.name for path in (self.folder / "runs").glob("*")} - known
+            row.qpu_seconds = sum(charged_s(jobs_of(self.stand_in, name)) for name in names)
             return row
-        jobs = jobs_of(self.stand_in, found["run"])
-        row.episodes, row.mean_reward = len(found["episodes"]), found["mean_reward"]
-        row.mean_reward_completed = found["mean_reward_completed"]
-        row.cut_episodes, row.env_steps = found["cut_episodes"], found["env_steps"]
+        jobs = jobs_of(self.stand_in, result["run"])
+        row.episodes, row.mean_reward = len(result["episodes"]), result["mean_reward"]
+        row.mean_reward_completed = result["mean_reward_completed"]
+        row.cut_episodes, row.env_steps = result["cut_episodes"], result["env_steps"]
         row.jobs, row.executions = len(jobs), sum(job.executions for job in jobs)
-        row.qpu_seconds, row.wall_seconds = charged_s(jobs), found["wall_seconds"]
-        a_circuit_s = 2 + 0.00035 * found["shots"]  # IBM's estimate of a job
-        row.paper_seconds = found["decisions"] * found["circuits_per_step"] * a_circuit_s
+        row.qpu_seconds, row.wall_seconds = charged_s(jobs), result["wall_seconds"]
+        a_circuit_s = 2 + 0.00035 * result["shots"]  # IBM's estimate of a job
+        row.paper_seconds = result["decisions"] * result["circuits_per_step"] * a_circuit_s
         for name in ("qpu_seconds", "qpu_seconds_settled"):
-            if abs(found[name] - row.qpu_seconds) > _ROUNDING_S:
-                row.wrong.append(f"{name} is {found[name]:.6f}, charged {row.qpu_seconds:.6f}")
-        if (found["jobs"], found["executions"]) != (row.jobs, row.executions):
-            row.wrong.append(f"tells {found['jobs']} jobs, {found['executions']} executions")
-        if row.cut_episodes > 0.02 * row.episodes:  # what a plan promises of its own episodes
+            if abs(result[name] - row.qpu_seconds) > _ROUNDING_S:
+                row.wrong.append(f"{name} is {result[name]:.6f}, charged {row.qpu_seconds:.6f}")
+        if (result["jobs"], result["executions"]) != (row.jobs, row.executions):
+            row.wrong.append(f"reports {result['jobs']} jobs, {result['executions']} executions")
+        if row.cut_episodes > 0.02 * row.episodes:  # a plan's promise for its own episodes
             row.wrong.append(f"{row.cut_episodes} episodes are cut")
         return row
 
@@ -159,7 +159,7 @@ class Service:
         seed: int,
         *more: str,
     ) -> Row:
-        """What a plan's command does live, beside what was planned."""
+        """Run a plan's command live, and compare it with the plan."""
         try:
             plan = self.plan(policy, backend, episodes, within, seed, *more)
         except RuntimeError as error:

@@ -1,7 +1,7 @@
-"""What calibrations and their tests hold: fits that are lost, false alarms, p-values and power.
+"""The quality of calibrations and their tests: lost fits, false alarms, p-values and power.
 
-Clean devices are noise models, on which every test is right; `Neighbours` is one whose bits are
-read in part from the qubit beside them.
+Clean devices are noise models that satisfy every test's assumptions; in `Neighbours` some bits are
+read from the neighbouring qubit.
 """
 
 from __future__ import annotations
@@ -31,20 +31,20 @@ FITTED, TESTED = 300, 200
 
 
 def live(executor, qubits, shots: int = 8192) -> Calibration:  # type: ignore[no-untyped-def]
-    """What `calibrate --live` measures."""
+    """A calibration as measured by `calibrate --live`."""
     angles = LIVE_ANGLES_RAD
     return calibrate(executor, qubits, shots, parts=["response"], angles_rad=angles)
 
 
 def lost() -> list[Row]:
-    """Calibrations without a fit, of perfect qubits: their curves lie on the border of the cone."""
+    """Lost fits of perfect qubits, whose curves lie on the border of the cone."""
     rows = []
     for shots in (1024, 8192):
-        found = [
+        calibrations = [
             live(qcompile.OfflineExecutor(IDEAL, seed), np.arange(24), shots)
             for seed in range(FITTED)
         ]
-        share = 100 * float(np.mean([c.response is None for c in found]))
+        share = 100 * float(np.mean([c.response is None for c in calibrations]))
         rows.append(spread(f"24 perfect qubits, {shots} shots: fits lost", [share], "%", "0"))
     for what, device, qubits in (
         ("24 perfect qubits", IDEAL, np.arange(24)),
@@ -57,7 +57,7 @@ def lost() -> list[Row]:
 
 
 def neighbours() -> list[Row]:
-    """How often a calibration is doubted: of clean devices, and where neighbours are seen."""
+    """How often a calibration is doubted, on clean devices and with neighbours read."""
     rows = []
     for name in CLEAN:
         device = qcompile.load_device(name)
@@ -72,12 +72,12 @@ def neighbours() -> list[Row]:
     device, policy = qcompile.load_device("fake_toronto"), qcompile.load_policy("lunarlander")
     executable = qcompile.compile(policy.trained_program, device, importance=policy.importance)
     for share in (0.02, 0.05, 0.1, 0.2):
-        found = []
+        doubted = []
         for seed in range(30):
-            made = live(Neighbours(device, share, seed), np.unique(executable.qubits))
-            found.append(len({misfit.qubit for misfit in misfits(made)}))
+            calibration = live(Neighbours(device, share, seed), np.unique(executable.qubits))
+            doubted.append(len({misfit.qubit for misfit in misfits(calibration)}))
         what = f"fake_toronto, {100 * share:g} % of each bit the neighbour's: qubits doubted of 24"
-        rows.append(spread(what, [float(count) for count in found], "qubits", ""))
+        rows.append(spread(what, [float(count) for count in doubted], "qubits", ""))
     return rows
 
 
@@ -92,7 +92,7 @@ def uniform(what: str, p_values: np.ndarray) -> Row:
 
 
 def p_values() -> list[Row]:
-    """Of `validate` and of `calibrate --check`, where nothing moved."""
+    """P-values of `validate` and `calibrate --check` when nothing changed."""
     rows = []
     for name in ("fake_lima", "fake_toronto"):
         device, policy = qcompile.load_device(name), qcompile.load_policy("lunarlander")
@@ -113,11 +113,11 @@ def p_values() -> list[Row]:
 
 
 def power() -> list[Row]:
-    """How often `validate` and `--check` find a p01 of one qubit that is raised by EFFECT."""
+    """How often `validate` and `--check` detect a p01 of one qubit raised by EFFECT."""
     device, policy = qcompile.load_device("fake_toronto"), qcompile.load_policy("lunarlander")
     executable = qcompile.compile(policy.trained_program, device, importance=policy.importance)
     qubits = np.unique(executable.qubits)
-    found, said, named = [], [], []
+    detected, stated, named = [], [], []
     for seed in range(TESTED):
         qubit = int(qubits[seed % len(qubits)])
         records = list(device.qubits)
@@ -130,14 +130,14 @@ def power() -> list[Row]:
             )
         machine = qcompile.OfflineExecutor(moved, 10_000 + seed)
         check = check_twin(twin, policy, observations, machine, shots)
-        found.append(qubit in check.failed)
+        detected.append(qubit in check.failed)
         named.append(check.failed in ([], [qubit]))
-        said.append(check.power[check.qubits.tolist().index(qubit)])
+        stated.append(check.power[check.qubits.tolist().index(qubit)])
     what = f"validate, lunarlander on fake_toronto: a p01 raised by {EFFECT:g} on one of 24 qubits"
     cost = f"{len(observations)} observations, {shots} shots"
     return [
-        spread(f"{what}, found ({cost})", [100 * float(np.mean(found))], "%", ">= 90"),
-        spread(f"{what}, power stated", [100 * float(np.mean(said))], "%", ""),
+        spread(f"{what}, found ({cost})", [100 * float(np.mean(detected))], "%", ">= 90"),
+        spread(f"{what}, power stated", [100 * float(np.mean(stated))], "%", ""),
         spread(f"{what}, no other qubit named", [100 * float(np.mean(named))], "%", ""),
     ]
 
@@ -147,4 +147,4 @@ def rows() -> list[Row]:
 
 
 if __name__ == "__main__":
-    show(rows, "What calibrations and their tests hold.")
+    show(rows, "The quality of calibrations and their tests.")

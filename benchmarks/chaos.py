@@ -1,16 +1,16 @@
-"""Break live runs in every known way, and hold what they tell to the service's ledger.
+"""Break live runs in every known way, and check their reports against the service's ledger.
 
     python benchmarks/chaos.py --kills 200 --faults 600
 
-Small complete runs go from the command line, with the unmodified client of qiskit-ibm-runtime, to
-the stand-in of IBM's service in tests/standin: killed at random moments, restored from an older
-copy, resumed by two at once, killed before and after each write into the journal, and with each
-trouble of tests/standin/troubles.py; some measure ahead, hold or split, and one is a program of
-somebody's on a GuardedSampler. After each process what the run tells is compared with the ledger:
-no less may be told than is charged, and the limit holds or a doubt is told. In the end its result
-must be that of an undisturbed run, nothing may be lost, and once the service has recovered the
-books must agree to the cent. No process may show a traceback, a control character or a token, and
-no file may hold one.
+Small complete runs from the command line, with the unmodified client of qiskit-ibm-runtime, use the
+stand-in for IBM's service in tests/standin. They are killed at random moments, restored from an
+older copy, resumed by two processes at once, killed before and after each write to the journal, and
+exposed to each trouble of tests/standin/troubles.py. Some measure ahead, hold or split, and one is
+a user's program on a GuardedSampler. After each process the run's report is compared with the
+ledger: it may not report less than was charged, and the limit must hold or a doubt be reported. In
+the end its result must equal that of an undisturbed run, nothing may be lost, and once the service
+has recovered the books must agree exactly. No process may show a traceback, a control character or
+a token, and no file may contain one.
 """
 
 from __future__ import annotations
@@ -146,20 +146,20 @@ class Chaos:
             trouble.begin(stand_in)
             trial.finish()
             if trouble.finishes and trial.stops:
-                trial.wrong.append("stops where it need not")
+                trial.wrong.append("stops unnecessarily")
             trial.settle()
             trial.check(self.references[scenario], paid_once=trouble.paid_once)
             if neighbours is not None:
                 trial.wrong += neighbours.wrong()
             faults = Counter(stand_in.ledger().faults)
         if faults["secrets_echoed"]:
-            del faults["secrets_echoed"]  # it comes with another
+            del faults["secrets_echoed"]  # it belongs to another trouble
         return trial, faults
 
     def copies(
         self, kind: str, scenario: str, rng: np.random.Generator
     ) -> tuple[Trial, Counter[str]]:
-        """A run of which there are two copies."""
+        """A run with two copies."""
         with StandIn(**_SETTINGS) as stand_in:
             trial = self.trial(scenario, stand_in)
             COPIES[kind](trial, rng, self.live_s[scenario])
@@ -185,7 +185,7 @@ class _Neighbours:
         assert len(self._were) == 2
 
     def wrong(self) -> list[str]:
-        """What was done to their jobs."""
+        """What happened to their jobs."""
         now = {job.id: job for job in self._stand_in.ledger().jobs}
         return [
             f"another run's job was touched: it was {was.status}"
@@ -195,7 +195,7 @@ class _Neighbours:
 
 
 def plan(chaos: Chaos, only: str, seed: int, writes: int) -> dict[str, Iterator[Callable[[], Any]]]:
-    """For each kind, its trials one after another, each with a generator of its own."""
+    """For each kind its trials in sequence, each with its own generator."""
     ways: dict[str, Callable[..., Any]] = {KILLS: chaos.kill}
     for kind in COPIES:
         ways[kind] = lambda scenario, rng, kind=kind: chaos.copies(kind, scenario, rng)
@@ -220,12 +220,12 @@ def plan(chaos: Chaos, only: str, seed: int, writes: int) -> dict[str, Iterator[
 
 
 def _scenarios(kind: str, number: int) -> list[str]:
-    """Those that a kind is tried with, in turn; the next kind begins with the next one."""
+    """The scenarios of a kind, in turn; the next kind starts with the next scenario."""
     if kind.startswith(_OF_BATCH):
         return ["batch"]
     first = number % len(SCENARIOS)
     names = [*SCENARIOS][first:] + [*SCENARIOS][:first]
-    if kind == TWO_AT_ONCE:  # a program is not run from a copy before somebody resumes that by name
+    if kind == TWO_AT_ONCE:  # a copied program must first be resumed by name
         names.remove(PROGRAM)
     return names
 
@@ -233,15 +233,15 @@ def _scenarios(kind: str, number: int) -> list[str]:
 @click.command()
 @click.option("--kills", default=200, show_default=True)
 @click.option("--writes", default=80, show_default=True, help="Moments at which to kill.")
-@click.option("--faults", default=600, show_default=True, help="Each kind is tried once at least.")
+@click.option("--faults", default=600, show_default=True, help="Each kind is tried at least once.")
 @click.option("--seed", default=0, show_default=True)
-@click.option("--only", default="", help="Kinds whose name holds this.")
+@click.option("--only", default="", help="Only kinds whose name contains this.")
 @click.option("--workers", default=4, show_default=True, help="Trials at a time; they mostly wait.")
 @click.option("--keep", is_flag=True, help="Keep the folders of the runs.")
 def main(
     kills: int, writes: int, faults: int, seed: int, only: str, workers: int, keep: bool
 ) -> None:
-    """Break live runs in every known way, and hold what they tell to the service's ledger."""
+    """Break live runs in every known way, and check their reports against the ledger."""
     console = Console(width=118)
     folder = Path(tempfile.mkdtemp(prefix="chaos-"))
     paths = (sys.path[0], str(Path(__file__).parent), os.environ.get("PYTHONPATH", ""))

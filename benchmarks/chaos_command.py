@@ -27,13 +27,13 @@ gymnasium.make("CartPole-v1").close()
 
 PROGRAM = "program"
 KILL_AT = "CHAOS_KILL_AT"
-"""The write into the journal at which the process is killed: 2n before the n-th, 2n + 1 after."""
+"""The journal write at which the process is killed: 2n means before the n-th, 2n + 1 after it."""
 
 
 def call(words: tuple[str, ...], folder: str, environment: dict[str, str], number: int) -> None:
-    """Run the command, or the program, in a folder, its streams in the files out and err.
+    """Run the command or program in a folder, with its streams in the files out and err.
 
-    They, and the file code with its exit code, have this number.
+    The names of these files, and of the file code with the exit code, end with this number.
     """
     os.environ.update(environment)
     os.chdir(folder)
@@ -61,7 +61,7 @@ def call(words: tuple[str, ...], folder: str, environment: dict[str, str], numbe
 
 
 def die_at(moment: int) -> None:
-    """Have the process killed without a word just before or after a write into the journal."""
+    """Make the process die silently just before or after a write to the journal."""
     do, left = Database.do, moment
 
     def once() -> None:

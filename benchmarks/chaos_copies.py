@@ -1,4 +1,4 @@
-"""Runs of which there are two copies: an older one put back, or both resumed at once."""
+"""Runs with two copies: an older one is restored, or both are resumed at once."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from chaos_trial import Trial, copied, plain
 
 
 def restored(trial: Trial, rng: np.random.Generator, live_s: float) -> None:
-    """An older copy of the run's folder is put back in mid-run, and the run resumed from it."""
+    """An older copy of the run's folder is restored in mid-run, and the run resumed from it."""
     if not _killed(trial, rng.uniform(0, live_s)):
         return trial.finish()
     copied(trial, "older")
@@ -34,7 +34,7 @@ def restored_at_the_end(trial: Trial, rng: np.random.Generator, live_s: float) -
 def restored_while_charges_are_pending(
     trial: Trial, rng: np.random.Generator, live_s: float
 ) -> None:
-    """As `restored_at_the_end`, and no charge is told until the run has ended."""
+    """As `restored_at_the_end`, but no charge is reported until the run has ended."""
     trial.stand_in.settings.usage_lag_seconds = 3600.0
     restored_at_the_end(trial, rng, live_s)
 
@@ -42,7 +42,7 @@ def restored_while_charges_are_pending(
 def two_at_once(trial: Trial, rng: np.random.Generator, live_s: float) -> None:
     """The run is killed and copied to another folder, and both are resumed at the same time.
 
-    They may pay for the same steps; the one that ends last tells of all.
+    They may pay for the same steps; the one that ends last reports everything.
     """
     if not _killed(trial, rng.uniform(0, live_s)):
         return trial.finish()
@@ -56,7 +56,7 @@ def two_at_once(trial: Trial, rng: np.random.Generator, live_s: float) -> None:
         if trial.result is not None and twin.result is not None:
             break
     if twin.result != trial.result and plain(twin.result) != plain(trial.result):
-        trial.wrong.append("the copy has another result")
+        trial.wrong.append("the copy has a different result")
     last = max(trial.folder.glob("code*"), key=lambda path: path.stat().st_mtime)
     if int(last.name.removeprefix("code")) > 100:
         trial.runs = twin.runs
@@ -64,7 +64,7 @@ def two_at_once(trial: Trial, rng: np.random.Generator, live_s: float) -> None:
 
 
 def _killed(trial: Trial, after_s: float) -> bool:
-    """Begin or resume the run and kill it after so long; whether it has begun and not ended."""
+    """Start or resume the run and kill it after a while; return whether it is under way."""
     running = trial.start()
     running.wait_for_run()
     time.sleep(after_s)

@@ -1,4 +1,4 @@
-"""One live run of the command line in the middle of chaos: its processes, and what they leave."""
+"""One live run of the command line under chaos: its processes and their traces."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ from standin import Entry, StandIn
 PLAY = ("run", "cartpole", "--backend", "fake_lima", "--episodes", "2", "--max-steps", "6")
 LIVE = ("--live", "--yes", "--json")
 PROGRAM, KILL_AT = "program", "CHAOS_KILL_AT"
-"""Of chaos_command, which is loaded in the processes of runs alone."""
+"""The module chaos_command, loaded only in the processes of runs."""
 HELD = {"one.json": "cartpole_1q", "four.json": "cartpole"}
-"""Policies that hold each decision for two steps, and the shipped ones that they are made of."""
+"""Policies that hold each decision for two steps, and the shipped policies they come from."""
 SCENARIOS = {
     "run": (*PLAY, "--shots", "256", "--mitigation", "none", *LIVE),
     "batch": (*PLAY, "--shots", "256", "--mitigation", "response", "--batch", *LIVE),
@@ -58,7 +58,7 @@ OF_RUN = {
     *("run", "wall_seconds", "created", "device", "file", "max_qpu_seconds"),
     *("qpu_seconds", "qpu_seconds_settled", "jobs_in_doubt", "jobs_uncharged"),
 }
-"""What differs between two runs that found the same; charges are checked by themselves."""
+"""The keys that may differ between equal results; charges are checked separately."""
 _ENVIRONMENT = {
     "QCOMPILE_SETTLE_SECONDS": "0.4",
     "QCOMPILE_PATIENCE_SECONDS": "2",
@@ -77,7 +77,7 @@ _fork.set_forkserver_preload(["chaos_command", "chaos_copies"])
 
 @dataclass
 class Ended:
-    """A process that ended: its exit code, negative where it was killed, and its streams."""
+    """An ended process: its exit code, negative if it was killed, and its streams."""
 
     code: int
     out: str
@@ -86,7 +86,7 @@ class Ended:
 
 @dataclass
 class Trial:
-    """A run in a folder of its own, with a service of its own."""
+    """A run with its own folder and service."""
 
     scenario: str
     stand_in: StandIn
@@ -100,10 +100,10 @@ class Trial:
     stops: Counter[str] = field(default_factory=Counter)
     wrong: list[str] = field(default_factory=list)
     most_short_s: float = 0.0
-    """By how much less was told than was charged, at worst."""
+    """The largest amount by which a report fell short of the charges."""
     doubted: bool = False
     alone: bool = True
-    """Whether no copy of the run is running elsewhere, whose jobs it only hears of in the end."""
+    """Whether no copy runs elsewhere, whose jobs the run learns about only at the end."""
 
     @property
     def run(self) -> str | None:
@@ -122,7 +122,7 @@ class Trial:
         return jobs_of(self.stand_in, id_)
 
     def words(self) -> tuple[str, ...]:
-        """The command that begins the run, or resumes it; a program is run again."""
+        """The command that starts or resumes the run; a program is run again."""
         if self.scenario == PROGRAM:
             return (PROGRAM, f"{self.limit_s:g}")
         if self.run is None:
@@ -144,24 +144,24 @@ class Trial:
         return self.start(*words, settled=settled).wait()
 
     def judge(self, ended: Ended) -> None:
-        """Keep what an ended process found, and note whatever is wrong with what it says."""
+        """Store the result of an ended process, and record everything wrong with its output."""
         words = ended.err
         if self.options and "\nqcompile.errors." in words:
-            words = ""  # a traceback was asked for
+            words = ""  # a traceback was requested
         self.wrong += words_wrong(words)
         if ended.code in (0, 1) and ended.out.strip():
             self.result = json.loads(ended.out)
         elif ended.code == 1:
             error = words.partition("Error: ")[2]
             if not error and words:
-                self.wrong.append(f"no words of what failed: {words[-300:]!r}")
+                self.wrong.append(f"no explanation of the failure: {words[-300:]!r}")
             self.stops[" ".join(error.split("\n")[0].split()[:6])] += 1
         elif ended.code != KILLED:
             self.wrong.append(f"exit code {ended.code}: {words[-300:]!r}")
         self.look()
 
     def look(self) -> dict[str, Any] | None:
-        """Compare what the run tells now with the ledger as it was just before."""
+        """Compare the run's current report with the ledger just before it."""
         if self.run is None or not self.alone:
             return None
         charged = charged_s(self.jobs)
@@ -177,7 +177,7 @@ class Trial:
         return told
 
     def finish(self, moments: tuple[np.random.Generator, float] | None = None) -> None:
-        """Begin or resume the run until it has a result; at first in trouble, then without.
+        """Start or resume the run until it has a result; first with trouble, then without.
 
         `moments` kills processes: a generator, and how long the live part of a run takes.
         """
@@ -206,7 +206,7 @@ class Trial:
         self.wrong.append("does not end")
 
     def settle(self) -> None:
-        """Let the service recover, resume the finished run, and compare the books to the cent."""
+        """Let the service recover, resume the finished run, and compare the books exactly."""
         self.stand_in.recover()
         run = self.run
         if run is None or self.result is None:
@@ -216,22 +216,22 @@ class Trial:
             words = self.words()
         ended = self.call(*words, settled=True)
         if ended.code or not ended.out:
-            self.wrong.append(f"no result when resumed: {ended.err[-300:]!r}")
+            self.wrong.append(f"no result after resuming: {ended.err[-300:]!r}")
             return
         told = json.loads(ended.out)
         charged = charged_s(self.jobs)
         self.wrong += settled_wrong(told, charged)
         if plain(told) != plain(self.result):
-            self.wrong.append("another result when it was resumed")
+            self.wrong.append("a different result after resuming")
 
     def check(self, reference: Mapping[str, Any], *, paid_once: bool) -> None:
-        """Compare the result with the undisturbed run's, and every step with what it cost."""
+        """Compare the result with the undisturbed run's, and every step with its charge."""
         if self.result is not None and plain(self.result) != plain(reference):
             self.wrong.append("another result")
         if self.run is not None:
             charged = charged_of_steps(self.jobs)
             if any(not seconds for seconds in charged.values()):
-                self.wrong.append("a step that was charged nothing")
+                self.wrong.append("a step without a charge")
             if paid_once and any(len(seconds) > 1 for seconds in charged.values()):
                 self.wrong.append("a step that was charged twice")
         self.wrong += secrets_in(self.folder, self.stand_in)
@@ -256,7 +256,7 @@ class Running:
         self._process.start()
 
     def wait_for_run(self) -> None:
-        """Wait until the run says its id, or ends."""
+        """Wait until the run prints its id, or ends."""
         path = self.folder / f"err{self.number}"
         while self._process.is_alive():
             if path.exists() and "\nrun " in f"\n{path.read_text()}":
@@ -264,7 +264,7 @@ class Running:
             time.sleep(0.005)
 
     def kill(self) -> bool:
-        """Kill it without a word; whether it was alive."""
+        """Kill the process; return whether it was alive."""
         alive = self._process.is_alive()
         self._process.kill()
         return alive
@@ -281,14 +281,14 @@ class Running:
 
 
 def plain(value: Any) -> Any:
-    """What a run found, without what differs between two that found the same."""
+    """A run's result, without the keys that may differ between equal results."""
     if isinstance(value, dict):
         return {key: plain(item) for key, item in value.items() if key not in OF_RUN}
     return [plain(item) for item in value] if isinstance(value, list) else value
 
 
 def copied(trial: Trial, name: str) -> Path:
-    """A copy of the run's folder as it is now, in another folder of runs of that name."""
+    """A copy of the run's current folder, in another folder of runs with that name."""
     path = trial.folder / name
     assert trial.run is not None
     shutil.copytree(trial.folder / trial.runs / trial.run, path / trial.run)

@@ -1,4 +1,4 @@
-"""How often 95 % intervals of the mean reward hold it: `python benchmarks/coverage.py`.
+"""The coverage of 95 % intervals of the mean reward: `python benchmarks/coverage.py`.
 
 Plays many episodes of policies at ease and halfway through their training, takes their rewards for
 the whole law, draws samples of 5 to 100 episodes from it and counts the intervals that hold its
@@ -34,24 +34,24 @@ HALFWAY = {
     "Acrobot-v1": {"episodes": 60},
     "LunarLander-v3": {"steps": 300_000},
 }
-"""How far a preset is trained: rewards still scatter as they do on a noisy machine."""
+"""The training lengths: rewards still scatter, as on a noisy machine."""
 SHIPPED = {"CartPole-v1": "cartpole_1q", "Acrobot-v1": "acrobot", "LunarLander-v3": "lunarlander"}
 
 
 def rewards_of(policy: Policy, backend: str, shots: int | None, episodes: int) -> Array:
-    """The rewards of `episodes` episodes, with readout mitigation where there is noise."""
+    """The rewards of `episodes` episodes, with readout mitigation if there is noise."""
     mitigation = "none" if backend == "ideal" else "readout"
-    found = []
+    rewards = []
     for first in range(0, episodes, _AT_A_TIME):
-        made = Deployment(
+        deployment = Deployment(
             policy, load_backend(backend), shots=shots, mitigation=mitigation, seed=10**6 + first
         )
-        found.append(play(made, min(_AT_A_TIME, episodes - first)).rewards)
-    return np.concatenate(found)
+        rewards.append(play(deployment, min(_AT_A_TIME, episodes - first)).rewards)
+    return np.concatenate(rewards)
 
 
 def laws(episodes: int) -> Iterator[tuple[str, Array]]:
-    """Name and rewards of each law."""
+    """The name and rewards of each distribution."""
     for environment, budget in HALFWAY.items():
         task = environment.partition("-")[0]
         trained = Trainer(environment, settings_for("tuned", environment).changed(**budget), 7)
@@ -80,7 +80,7 @@ def scipy_s(method: str) -> Interval:
         low, high = np.repeat(samples[:, :1], 2, axis=1).T  # of equal rewards: their value
         differ = np.ptp(samples, axis=1) > 0
         if differ.any():
-            found = stats.bootstrap(
+            bounds = stats.bootstrap(
                 (samples[differ],),
                 np.mean,
                 n_resamples=RESAMPLES,
@@ -89,7 +89,7 @@ def scipy_s(method: str) -> Interval:
                 method=method,
                 rng=np.random.default_rng(seed),
             ).confidence_interval
-            low[differ], high[differ] = found.low, found.high
+            low[differ], high[differ] = bounds.low, bounds.high
         return low, high
 
     return interval
@@ -120,14 +120,14 @@ def main() -> None:
         for size in SIZES:
             count = options.samples if size < 100 else options.samples // 2
             samples = np.random.default_rng(size).choice(rewards, (count, size))
-            found = {method: interval(samples, size) for method, interval in METHODS.items()}
+            intervals = {method: interval(samples, size) for method, interval in METHODS.items()}
             held = [
                 f"{100 * np.mean((low <= rewards.mean()) & (rewards.mean() <= high)):.0f}"
-                for low, high in found.values()
+                for low, high in intervals.values()
             ]
             widths = [
                 f"{np.mean(high - low):.3g}"
-                for low, high in (found["Student's t"], found["qcompile"])
+                for low, high in (intervals["Student's t"], intervals["qcompile"])
             ]
             equal = f"{100 * np.mean(np.ptp(samples, axis=1) == 0):.0f} %"
             line = [name, str(size), equal, *held, *widths]

@@ -1,4 +1,4 @@
-"""Train and play environments of every kind with the generic preset: docs/howto/environments.md.
+"""Train and play environments of all kinds with the generic preset: docs/howto/environments.md.
 
     python benchmarks/environments.py [--seeds 1] [NAME ...]
 
@@ -28,7 +28,7 @@ ROWS: dict[str, tuple[int, dict[str, Any]]] = {
     "CliffWalking-v1": (200_000, {"max_episode_steps": 200}),
     "Taxi-v4": (200_000, {}),
 }
-"""Steps of training and arguments of each environment."""
+"""The training steps and arguments of each environment."""
 
 
 class Catch(gymnasium.Env[Any, Any]):
@@ -58,7 +58,7 @@ class Catch(gymnasium.Env[Any, Any]):
 
 
 def empty_room(**arguments: Any) -> Any:
-    """MiniGrid's smallest room without its mission, a text."""
+    """MiniGrid's smallest room without its mission text."""
     from minigrid.wrappers import ImgObsWrapper
 
     return ImgObsWrapper(gymnasium.make("MiniGrid-Empty-5x5-v0", **arguments))

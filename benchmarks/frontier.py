@@ -43,7 +43,7 @@ _BETWEEN = re.compile(r"(<!-- frontier -->\n).*?(\n<!-- /frontier -->)", re.DOTA
 
 
 def cell(task: str, hold: int, device: str) -> list[dict[str, Any]]:
-    """The values of a policy on a device at each number of shots; the paper's way is the last.
+    """The values of a policy on a device at each number of shots, the paper's strategy last.
 
     A job for each circuit of each decision, the decisions and the reward those at most shots.
     """
@@ -59,8 +59,8 @@ def cell(task: str, hold: int, device: str) -> list[dict[str, Any]]:
     points = [place | point.values for point in (*map(ladder.point, SHOTS[:-1]), last)]
     decisions = int(last.simulated.chains.decisions[:EPISODES].sum())
     paper = Workload.of_batch(1, 1, PAPER_SHOTS) * (decisions * len(policy.program))
-    found = {"hold": hold, "jobs": paper.jobs, "qpu_seconds": paper.qpu_seconds}
-    return [*points, place | found | {"mean_reward": last.mean_reward}]
+    paper_values = {"hold": hold, "jobs": paper.jobs, "qpu_seconds": paper.qpu_seconds}
+    return [*points, place | paper_values | {"mean_reward": last.mean_reward}]
 
 
 def _of_place(place: tuple[str, int, str]) -> list[dict[str, Any]]:
@@ -68,7 +68,7 @@ def _of_place(place: tuple[str, int, str]) -> list[dict[str, Any]]:
 
 
 def joined(points: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The undominated ones of plain values."""
+    """The undominated plain values."""
     return undominated(points, lambda point: (point["qpu_seconds"], point["mean_reward"]))
 
 
@@ -79,8 +79,8 @@ def table(points: list[dict[str, Any]]) -> str:
         "|---|---|---|---|---|---|---|---|---|---|",
     ]
     for task, device in product(TASKS, DEVICES):
-        own = [p for p in points if (p["task"], p["device"]) == (task, device)]
-        for p in joined(own):
+        chosen = [p for p in points if (p["task"], p["device"]) == (task, device)]
+        for p in joined(chosen):
             copies = f"{p['copies']}, split" if p["split"] else p["copies"]
             low, high = p["qpu_seconds_80"]
             cells = [task, device, p["hold"], p["shots"], copies, p["speculate"], p["jobs"]]
@@ -101,11 +101,11 @@ def main() -> None:
             for device, task, hold in product(DEVICES, TASKS, HOLDS)
             if (task, hold) != NEVER_LEARNED
         ]
-        found: list[dict[str, Any]] = []
+        all_values: list[dict[str, Any]] = []
         with ProcessPoolExecutor(asked.workers) as pool:
             for values in pool.map(_of_place, places):
-                found += values
-                DATA.write_text(json.dumps(found, indent=1) + "\n")
+                all_values += values
+                DATA.write_text(json.dumps(all_values, indent=1) + "\n")
     values = json.loads(DATA.read_text())
     points = [value for value in values if "split" in value]
     paper = [value for value in values if "split" not in value and value["hold"] == 1]

@@ -19,11 +19,11 @@ def draw_matrix(points: Points, tasks: Sequence[str], device: str, path: Path) -
     """The mean reward at each number of shots (columns) and of held steps (rows), for each task."""
     figure = Figure(figsize=(11, 2.9), layout="constrained")
     for axes, task in zip(figure.subplots(1, len(tasks)), tasks, strict=True):
-        own = [p for p in points if (p["task"], p["device"]) == (task, device)]
-        shots = sorted({p["shots"] for p in own})
+        chosen = [p for p in points if (p["task"], p["device"]) == (task, device)]
+        shots = sorted({p["shots"] for p in chosen})
         holds = [*MARKS]
         rewards = np.full((len(holds), len(shots)), np.nan)
-        for p in own:
+        for p in chosen:
             rewards[holds.index(p["hold"]), shots.index(p["shots"])] = p["mean_reward"]
         axes.imshow(rewards, aspect="auto", cmap="cividis")
         middle = (np.nanmin(rewards) + np.nanmax(rewards)) / 2
@@ -52,8 +52,8 @@ def draw_seconds(
     figure = Figure(figsize=(11, 3.6), layout="constrained")
     for axes, task in zip(figure.subplots(1, len(tasks)), tasks, strict=True):
         for colour, device in zip(COLOURS, devices, strict=False):
-            own = [p for p in points if (p["task"], p["device"]) == (task, device)]
-            for p in own:
+            chosen = [p for p in points if (p["task"], p["device"]) == (task, device)]
+            for p in chosen:
                 mark = MARKS[p["hold"]]
                 axes.plot(p["qpu_seconds"], p["mean_reward"], mark, color=colour, ms=3, alpha=0.4)
             line = lines[task, device]

@@ -1,11 +1,12 @@
-"""Feed damaged files to every reader, and count what is refused in words, and what is not.
+"""Feed damaged files to every reader, and count which ones are refused with an explanation.
 
     python benchmarks/fuzz.py --inputs 1000000 --workers 2
 
 Input i of a reader follows from --seed and i alone, so a run can be cut into parts with --first.
 They are read in processes that may take 1 GB more than they start with; one that gets stuck or dies
-is noted, and another goes on. Only a QcompileError counts as refused. Whatever is not refused in
-words is kept in --keep, with the traceback. A run that is stopped prints what it has done so far.
+is recorded, and another one takes over. Only a QcompileError counts as refused. Whatever is not
+refused in words is kept in --keep, with the traceback. A run that is stopped prints what it has
+done so far.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ CHUNK = 2000
 
 @dataclass
 class Tally:
-    """What came of the inputs of a reader; `faults` has the traceback of one input of each kind."""
+    """The outcomes of a reader's inputs; `faults` has a traceback of each kind of failure."""
 
     inputs: int = 0
     refused: int = 0
@@ -63,12 +64,12 @@ class Tally:
 
 
 def try_one(reader: Reader, contents: bytes, path: Path, tally: Tally) -> str | None:
-    """Read one input; the traceback where it is not refused in words."""
+    """Read one input; return the traceback if the refusal is not explained."""
     path.parent.mkdir(exist_ok=True)
     path.write_bytes(contents)
     tally.inputs += 1
     try:
-        found = reader.read(path)
+        result = reader.read(path)
     except QcompileError:
         tally.refused += 1
     except Exception as error:
@@ -78,8 +79,8 @@ def try_one(reader: Reader, contents: bytes, path: Path, tally: Tally) -> str | 
         tally.faults[f"{type(error).__name__} in {Path(frame.filename).name}:{frame.lineno}"] += 1
         return words
     else:
-        tally.read += found is not None
-        tally.refused += found is None
+        tally.read += result is not None
+        tally.refused += result is None
     return None
 
 
@@ -91,20 +92,20 @@ def inputs(name: str, seed: int, numbers: range) -> Iterator[tuple[int, bytes]]:
 
 @cache
 def seeds_of(name: str) -> list[bytes]:
-    found = READERS[name].seeds()
+    seeds = READERS[name].seeds()
     with tempfile.TemporaryDirectory() as folder:  # what is damaged must be whole before
-        for contents in found:
+        for contents in seeds:
             path = Path(folder) / READERS[name].name
             path.parent.mkdir(exist_ok=True)
             path.write_bytes(contents)
             assert READERS[name].read(path) is not None, name
-    return found
+    return seeds
 
 
 def work(
     name: str, seed: int, numbers: range, keep: Path | None, at: Any, answer: Connection
 ) -> None:
-    """Read the inputs with these numbers, in a process of its own."""
+    """Read the inputs with these numbers, in a separate process."""
     status = Path("/proc/self/statm")
     if status.exists():
         size = int(status.read_text().split()[0]) * resource.getpagesize()
@@ -144,7 +145,7 @@ def all_inputs(total: int, first: int) -> Iterator[tuple[str, range]]:
 def fuzz(
     total: int, seed: int, first: int, workers: int, keep: Path, tallies: dict[str, Tally]
 ) -> None:
-    """Read them all in `workers` processes at a time; `tallies` gets what came of it, by reader."""
+    """Read all inputs in `workers` processes; `tallies` gets the outcomes by reader."""
     for name in READERS:
         seeds_of(name)  # made once, here: processes below are copies of this one
     context = multiprocessing.get_context("fork")
@@ -174,13 +175,13 @@ def fuzz(
                     lost(name, seed, at.value, keep, "the process died")
                     waiting += [(name, range(at.value + 1, numbers.stop))]
                 process.join()
-            for process, name, _, at, seen in running.values():
-                if at.value != seen[0]:
-                    seen[:] = [at.value, time.monotonic()]
-                elif time.monotonic() - seen[1] > STUCK_S:
+            for process, name, _, at, last_progress in running.values():
+                if at.value != last_progress[0]:
+                    last_progress[:] = [at.value, time.monotonic()]
+                elif time.monotonic() - last_progress[1] > STUCK_S:
                     tallies[name].hangs += 1
                     lost(name, seed, at.value, keep, "no answer")
-                    seen[1] = float("inf")
+                    last_progress[1] = float("inf")
                     os.kill(process.pid, signal.SIGKILL)
 
 

@@ -1,4 +1,4 @@
-"""Every reader of files, with whole files of its kind: what fuzz.py damages and feeds to it."""
+"""Every reader of files, with intact files of its kind for fuzz.py to damage."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ ROOT = Path(qcompile.__file__).parent.parent
 
 @dataclass(frozen=True)
 class Reader:
-    """A reader: the kind of its files, their name, what reads one, and how many inputs it gets.
+    """A reader: the kind and name of its files, the function that reads one, and its weight.
 
     `read` returns None where it refuses without words, as for a cell that is to be played again.
     """
@@ -83,12 +83,12 @@ def saved(save: Callable[[Path], object], name: str) -> bytes:
 def policies(suffix: str) -> list[bytes]:
     encoder = replace(policy().encoder, function="clip", gain=np.full(len(policy().theta), 0.5))
     later = replace(policy(), encoder=encoder, environment_kwargs={"sutton_barto_reward": True})
-    found = [policy(), load_policy(ROOT / "trained" / "cartpole_1q.pt"), later]
-    return [saved(partial(save_policy, one), f"p{suffix}") for one in found]
+    chosen = [policy(), load_policy(ROOT / "trained" / "cartpole_1q.pt"), later]
+    return [saved(partial(save_policy, one), f"p{suffix}") for one in chosen]
 
 
 def wide_policies() -> list[bytes]:
-    """One with all of format 2 that this version reads and cannot run."""
+    """A policy file with everything in format 2 that this version cannot run."""
     values = policy_values(policy()) | {"format": "qcompile-policy-2", "decision": "born"}
     block = {"qubits": 4, "gates": [["ry", "x0", 0], ["cz", 0, 1], ["rx", 0.5, 3]]}
     values |= {"circuits": [block], "observables": [[0, 1], [3]], "hold": 2}
@@ -96,7 +96,7 @@ def wide_policies() -> list[bytes]:
 
 
 def use_policy(path: Path) -> object:
-    """Read, compiled gate by gate, and written out."""
+    """Read, compile gate by gate, and write."""
     loaded = load_circuits(path)
     if sum(map(len, loaded.program.circuits)) < 200:
         write(compile(loaded.trained_program, IDEAL, 0, loaded.importance).native)
@@ -104,7 +104,7 @@ def use_policy(path: Path) -> object:
 
 
 def use_wide_policy(path: Path) -> object:
-    """Read and checked whole, which comes before it is said that it cannot run."""
+    """Read and check completely, before the refusal to run."""
     try:
         return load_policy(path)
     except UnsupportedPolicyError as error:
@@ -116,22 +116,22 @@ def networks(suffix: str) -> list[bytes]:
     dense = [Dense(rng.normal(size=(3, 2)), np.ones(3), "tanh"), Dense(np.ones((2, 3)), np.ones(2))]
     convolution = Convolution(rng.normal(size=(2, 1, 3)), np.zeros(2), "relu")
     layers = [convolution, Dense(rng.normal(size=(2, 8)), np.zeros(2))]
-    found = [
+    saved_networks = [
         Network("n", "CartPole-v1", dense, np.zeros(2), np.full(2, 0.5), {"seed": 1}),
         Network("n", "CartPole-v1", layers, environment_kwargs={"sutton_barto_reward": True}),
     ]
-    return [saved(partial(save_policy, one), f"n{suffix}") for one in found]
+    return [saved(partial(save_policy, one), f"n{suffix}") for one in saved_networks]
 
 
 def use_network(path: Path) -> object:
-    """Read, and asked about two observations."""
+    """Read, and use for two observations."""
     loaded = load_policy(path)
     assert isinstance(loaded, Network)
     return loaded.logits(np.ones((2, loaded.features)))
 
 
 def ansatz() -> Ansatz:
-    """Circuits to train, with everything that such a file can have."""
+    """Circuits to train, with all optional parts."""
     whole = Ansatz.of_policy(policy(), head=True)
     factors = whole.factors.copy()
     factors[0] = 1
@@ -139,7 +139,7 @@ def ansatz() -> Ansatz:
 
 
 def use_ansatz(path: Path) -> object:
-    """Read, and a model made of it."""
+    """Read, and make a model of it."""
     loaded = load_ansatz(path)
     if len(loaded.inputs) + len(loaded.parameters) < 200:
         actions = 2 if loaded.bias is None else len(loaded.bias)
@@ -150,13 +150,13 @@ def use_ansatz(path: Path) -> object:
 
 def checkpoints() -> list[bytes]:
     settings = Settings(episodes=4, reuse=2, pause_at=5.0, critic_hidden=(4,))
-    found = []
+    contents = []
     for changed in (settings, settings.changed(model="fcn", hidden=[4], reuse=1)):
         trainer = Trainer("CartPole-v1", changed, 1)
         trainer.train()
-        found.append(saved(partial(save_checkpoint, trainer), "c.pt"))
-    own = Trainer("CartPole-v1", settings.changed(layout="own"), 1, ansatz=ansatz())
-    return [*found, saved(partial(save_checkpoint, own), "c.pt")]
+        contents.append(saved(partial(save_checkpoint, trainer), "c.pt"))
+    own_trainer = Trainer("CartPole-v1", settings.changed(layout="own"), 1, ansatz=ansatz())
+    return [*contents, saved(partial(save_checkpoint, own_trainer), "c.pt")]
 
 
 def devices() -> list[bytes]:
@@ -171,8 +171,8 @@ def use_device(path: Path) -> object:
 def calibrations() -> list[bytes]:
     device = load_device("ibm_lima")
     executor = DeviceBackend(device).open(1)
-    made = calibrate(executor, np.array([0, 2]), 4096, parts=("readout", "response"))
-    return [saved(made.save, "c.json")]
+    calibration = calibrate(executor, np.array([0, 2]), 4096, parts=("readout", "response"))
+    return [saved(calibration.save, "c.json")]
 
 
 def observations(kind: str) -> list[bytes]:
@@ -253,24 +253,24 @@ def journals() -> list[bytes]:
     settings = RunTask.model_validate(values).model_dump(mode="json")
     with (
         tempfile.TemporaryDirectory() as folder,
-        Journal.create(Path(folder), "run", "fuzz", settings, {"numpy": "2"}, 60.0) as made,
+        Journal.create(Path(folder), "run", "fuzz", settings, {"numpy": "2"}, 60.0) as journal,
     ):
         bits = Register(0, "c", (1, 40), 4)
         for number in range(3):
-            submission = made.note_sending(made.intend(number, "digest", 40, [bits]), 5)
-            made.note_sent(submission, f"job{number}")
-            made.note_done(submission, [replace(bits, packed=bytes(40))])
-            charge = made.charges.of_job(f"job{number}")
+            submission = journal.note_sending(journal.intend(number, "digest", 40, [bits]), 5)
+            journal.note_sent(submission, f"job{number}")
+            journal.note_done(submission, [replace(bits, packed=bytes(40))])
+            charge = journal.charges.of_job(f"job{number}")
             assert charge is not None
-            made.charges.settle(charge, 2.5)
-            made.steps.note_actions(number, np.ones((2, 4)), np.ones(2, dtype=int))
-            made.steps.note_rewards(number, [1.0, 1.0])
-        made._db.connection.execute("PRAGMA journal_mode = DELETE")  # all in one file
-        return [(made.folder / FILE).read_bytes()]
+            journal.charges.settle(charge, 2.5)
+            journal.steps.note_actions(number, np.ones((2, 4)), np.ones(2, dtype=int))
+            journal.steps.note_rewards(number, [1.0, 1.0])
+        journal._db.connection.execute("PRAGMA journal_mode = DELETE")  # all in one file
+        return [(journal.folder / FILE).read_bytes()]
 
 
 def use_journal(path: Path) -> object:
-    """Listed, shown and exported, and its task read."""
+    """List, show and export the run, and read its task."""
     with Journal(path.parent) as journal:
         exported(journal)
         costs(journal)

@@ -1,7 +1,7 @@
-"""How the benchmarks measure and show: pairs in turn, medians of ratios, quartiles beside them.
+"""Measuring and printing for benchmarks: alternating pairs, medians of ratios, quartiles.
 
-qcompile and the peer are measured in turn, and a ratio is the median over the pairs, with the
-quartiles beside it: machines drift, pairs do not. Seconds are medians too, for orientation.
+qcompile and the peer are measured alternately, and a ratio is the median over pairs, with
+quartiles: machines drift, pairs do not. Seconds are medians too, for orientation.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from qcompile.report.tables import print_table
 
 @dataclass(frozen=True)
 class Row:
-    """A figure with its quartiles, what it is of, and what is wanted of it."""
+    """A figure with its quartiles, its description and its target."""
 
     what: str
     qcompile_s: float | None
@@ -39,7 +39,7 @@ def seconds(work: Callable[[], object]) -> float:
 def in_turn(
     ours: Callable[[], object], theirs: Callable[[], object], pairs: int
 ) -> list[tuple[float, float]]:
-    """Seconds of both, measured in turn after one warm-up of ours."""
+    """The seconds of both, measured alternately after one warm-up of ours."""
     ours()
     return [(seconds(ours), seconds(theirs)) for _ in range(pairs)]
 
@@ -52,9 +52,9 @@ def compared(
     work: float = 1.0,
     slower: bool = False,
 ) -> Row:
-    """A row of measured pairs; `work` is how many times the peer's work ours did.
+    """A row of measured pairs; `work` is our amount of work relative to the peer's.
 
-    The figure is how many times faster qcompile is, or with `slower` how many times the time.
+    The figure is the factor by which qcompile is faster, or with `slower` the ratio of times.
     """
     ratios = [ours / theirs if slower else theirs / ours * work for ours, theirs in pairs]
     low, middle, high = np.percentile(ratios, [25, 50, 75])
@@ -72,7 +72,7 @@ def alone(what: str, times: list[float], factor: float, unit: str, wanted: str) 
 
 
 def spread(what: str, figures: list[float], unit: str, wanted: str) -> Row:
-    """A row of figures that are no times, one for each seed."""
+    """A row of figures other than times, one per seed."""
     low, middle, high = np.percentile(figures, [25, 50, 75]).tolist()
     return Row(what, None, None, middle, (low, high), unit, wanted)
 

@@ -1,7 +1,7 @@
-"""What mitigation leaves of the errors of <Z>, and how fast, beside mthree: `make bench`.
+"""The remaining errors of <Z> after mitigation, and its speed, beside mthree: `make bench`.
 
 Random product circuits. mthree gets the same counts and the same calibration counts; the inverse
-with the true matrices, clipped to [-1, 1] as ours is, is the least that is possible.
+with the true matrices, clipped to [-1, 1] like ours, is the best possible.
 """
 
 from __future__ import annotations
@@ -49,10 +49,10 @@ def true_inverse(executable: Executable) -> Mitigation:
 
 def peer(calibration: Calibration, executable: Executable):  # type: ignore[no-untyped-def]
     """mthree with the frequencies of the calibration for the qubits of the circuits."""
-    made = calibration.readout_counts
-    assert made is not None
-    assert made.shots is not None
-    prepared, frequency = np.array(made.prepared), np.array(made.ones) / made.shots
+    counts = calibration.readout_counts
+    assert counts is not None
+    assert counts.shots is not None
+    prepared, frequency = np.array(counts.prepared), np.array(counts.ones) / counts.shots
     half = len(prepared) / 2
     p_one = [(frequency * (prepared == bit)).sum(axis=0) / half for bit in (0, 1)]
     rows = calibration.rows(executable.qubits)
@@ -73,12 +73,12 @@ def by_mthree(mitigation, bits: np.ndarray) -> np.ndarray:  # type: ignore[no-un
 
 
 def marginals(mitigation) -> list:  # type: ignore[type-arg,no-untyped-def]
-    """mthree for each qubit by itself."""
-    made = []
+    """mthree for each qubit separately."""
+    mitigations = []
     for matrix in mitigation.single_qubit_cals:
-        made.append(mthree.M3Mitigation())
-        made[-1].cals_from_matrices([matrix])
-    return made
+        mitigations.append(mthree.M3Mitigation())
+        mitigations[-1].cals_from_matrices([matrix])
+    return mitigations
 
 
 def by_marginals(singles: list, ones: list[int], shots: int) -> list[float]:  # type: ignore[type-arg]
@@ -104,19 +104,19 @@ def readout_errors(name: str, circuits: int, shots: int, *, beside: bool) -> dic
         bits = rng.random((ROWS, shots, circuits)) < p_one[:, None] if beside else None
         ones = rng.binomial(shots, p_one) if bits is None else bits.sum(axis=1)
         z = 1 - 2 * ones / shots
-        found = {
+        estimates = {
             "none": z,
             "ours": readout_mitigation(calibration, executable).apply(z),
             "true": true_inverse(executable).apply(z),
         }
         if bits is not None:
             mitigation = peer(calibration, executable)
-            found["mthree"] = np.array([by_mthree(mitigation, row) for row in bits])
+            estimates["mthree"] = np.array([by_mthree(mitigation, row) for row in bits])
             singles = marginals(mitigation)
-            found["mthree on marginals"] = np.array(
+            estimates["mthree on marginals"] = np.array(
                 [by_marginals(singles, row, shots) for row in ones.tolist()]
             )
-        for which, values in found.items():
+        for which, values in estimates.items():
             errors[which].append(float(np.abs(values - ideal).mean()))
     return errors
 
@@ -175,7 +175,7 @@ def speed() -> list[Row]:
 
 
 def gate_errors(shots: int = 8192) -> list[Row]:
-    """What is left of the errors of LunarLander's circuits on fake_toronto, gates and readout."""
+    """The remaining errors of LunarLander's circuits on fake_toronto, gates and readout."""
     device, policy = qcompile.load_device("fake_toronto"), qcompile.load_policy("lunarlander")
     executable = qcompile.compile(policy.trained_program, device, importance=policy.importance)
     x = policy.encode(
@@ -192,20 +192,20 @@ def gate_errors(shots: int = 8192) -> list[Row]:
     for seed in SEEDS:
         executor = qcompile.OfflineExecutor(device, seed)
         calibration = calibrate(executor, executable.qubits)
-        made = {
+        mitigations = {
             "readout": readout_mitigation(calibration, executable),
             "response": response_mitigation(calibration, executable),
         }
         changed = predistorted(executable, calibration)
         z = 1 - 2 * executor.run(executable, x, none, shots) / shots
         z_predistorted = 1 - 2 * executor.run(changed, x, none, shots) / shots
-        for which, mitigation in made.items():
+        for which, mitigation in mitigations.items():
             undone[which].append(mitigation.apply(exact))
             noisy[which].append(float(np.abs(mitigation.apply(z) - ideal).mean()))
         undone["predistorted"].append(executor.expectation(changed, x, none))
         noisy["none"].append(float(np.abs(z - ideal).mean()))
         noisy["predistorted"].append(float(np.abs(z_predistorted - ideal).mean()))
-        response = made["response"]
+        response = mitigations["response"]
         in_reach = np.abs(ideal - response.offset) <= response.contrast
         reached.append(
             float(

@@ -1,4 +1,4 @@
-"""Damage of every kind: to bytes, to tokens, to the structure of JSON, and inside of archives."""
+"""Damage of every kind: to bytes, tokens, the structure of JSON, and inside archives."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _NUMBER = re.compile(r"-?\d[\d.]*(?:e[+-]?\d+)?")
 
 
 def of_bytes(rng: random.Random, contents: bytes) -> bytes:
-    """A few bits, bytes or stretches changed, left out, doubled or put in."""
+    """Change, drop, double or insert a few bits, bytes or stretches."""
     data = bytearray(contents)
     for _ in range(rng.choice((1, 1, 1, 2, 4, 16))):
         at = rng.randrange(len(data) + 1)
@@ -56,7 +56,7 @@ def of_bytes(rng: random.Random, contents: bytes) -> bytes:
 
 
 def of_tokens(rng: random.Random, contents: bytes) -> bytes:
-    """Words, numbers and marks swapped, left out, doubled, replaced; sometimes recoded."""
+    """Swap, drop, double or replace words, numbers and symbols; sometimes recode the text."""
     tokens = _TOKEN.findall(contents.decode("utf-8", "replace")) or [""]
     for _ in range(rng.choice((1, 1, 2, 3, 8))):
         at, other = rng.randrange(len(tokens)), rng.randrange(len(tokens))
@@ -82,7 +82,7 @@ def of_tokens(rng: random.Random, contents: bytes) -> bytes:
 
 
 def of_json(rng: random.Random, contents: bytes) -> bytes:
-    """Values of a JSON document replaced, moved, doubled or left out; keys renamed."""
+    """Replace, move, double or drop values of a JSON document, or rename keys."""
     document = json.loads(contents)
     for _ in range(rng.choice((1, 1, 1, 2, 4))):
         document = _changed(rng, document)
@@ -113,7 +113,7 @@ def _changed(rng: random.Random, document: Any) -> Any:
 
 
 def _places(value: Any) -> Any:
-    """(holder, key) of everything in it; nothing where it holds nothing."""
+    """The pairs (container, key) of everything nested in a value."""
     if not isinstance(value, dict | list):
         return
     for key in value if isinstance(value, dict) else range(len(value)):
@@ -122,7 +122,7 @@ def _places(value: Any) -> Any:
 
 
 def _odd(rng: random.Random, value: Any) -> Any:
-    """A value to stand in for `value`, near it or far from it."""
+    """A replacement for `value`, near it or far from it."""
     deep: Any = 1
     for _ in range(rng.choice((3, 50, 250))):
         deep = [deep] if rng.random() < 0.5 else {"a": deep}
@@ -139,7 +139,7 @@ def _odd(rng: random.Random, value: Any) -> Any:
 
 
 def of_npy(rng: random.Random, contents: bytes) -> bytes:
-    """The header of a .npy file changed, its stated length right again."""
+    """Change the header of a .npy file, and correct its stated length."""
     header, data = contents[10:128].decode("latin-1"), contents[128:]
     if rng.random() < 0.5:
         shape = ", ".join(rng.choice(("2", "4", "0", "-1", *_NUMBERS)) for _ in range(3))
@@ -154,10 +154,10 @@ def of_npy(rng: random.Random, contents: bytes) -> bytes:
 
 
 def of_archive(rng: random.Random, contents: bytes) -> bytes:
-    """Entries of a file of torch.save changed, and the archive whole again."""
-    made = io.BytesIO()
+    """Change entries of a torch.save file, and rebuild the archive."""
+    buffer = io.BytesIO()
     packed = rng.choice((zipfile.ZIP_STORED, zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED))
-    with zipfile.ZipFile(io.BytesIO(contents)) as old, zipfile.ZipFile(made, "w", packed) as new:
+    with zipfile.ZipFile(io.BytesIO(contents)) as old, zipfile.ZipFile(buffer, "w", packed) as new:
         names = old.namelist()
         chosen = rng.choice((*[n for n in names if n.endswith(".pkl")] * len(names), *names))
         for name in names:
@@ -168,27 +168,27 @@ def of_archive(rng: random.Random, contents: bytes) -> bytes:
             elif rng.random() < 0.02:
                 continue
             new.writestr(name, data)
-    return made.getvalue()
+    return buffer.getvalue()
 
 
 def _of_pickle(rng: random.Random, data: bytes) -> bytes:
-    """Numbers and texts of a pickle changed where they stand; JSON in it as JSON."""
+    """Change numbers and texts of a pickle in place, and JSON in it as JSON."""
     text = re.compile(rb"X(....)", re.DOTALL)
     places = [m for m in text.finditer(data) if int.from_bytes(m[1], "little") < len(data)]
     place = rng.choice(places)
     end = place.end() + int.from_bytes(place[1], "little")
-    found = data[place.end() : end]
+    text = data[place.end() : end]
     with suppress(ValueError, UnicodeDecodeError):
-        found = rng.choice((of_tokens, of_json if found[:1] in b"[{" else of_tokens))(rng, found)
+        text = rng.choice((of_tokens, of_json if text[:1] in b"[{" else of_tokens))(rng, text)
     if rng.random() < 0.4:
         number = rng.choice(list(re.finditer(rb"K.|J....|M..", data, re.DOTALL)))
         odd = rng.choice((b"K\x00", b"Kd", b"J\xff\xff\xff\xff", b"J\xff\xff\xff\x7f", b"N", b"]"))
         return data[: number.start()] + odd + data[number.end() :]
-    return data[: place.start()] + b"X" + len(found).to_bytes(4, "little") + found + data[end:]
+    return data[: place.start()] + b"X" + len(text).to_bytes(4, "little") + text + data[end:]
 
 
 def of_sqlite(rng: random.Random, contents: bytes) -> bytes:
-    """A value of a table of an SQLite file changed, or dropped with its table."""
+    """Change a value in a table of an SQLite file, or drop it or its table."""
     with sqlite3.connect(":memory:") as database:
         database.deserialize(contents)
         tables = [row[0] for row in database.execute("SELECT name FROM sqlite_master")]
@@ -223,7 +223,7 @@ KINDS: dict[str, tuple[Mutate, ...]] = {
     "pt": (of_bytes, of_archive, of_archive, of_archive),
     "sqlite": (of_bytes, of_bytes, of_sqlite),
 }
-"""What is done to files of a kind."""
+"""The mutations for each kind of file."""
 
 
 def mutated(kind: str, key: str, seeds: list[bytes]) -> bytes:

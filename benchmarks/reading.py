@@ -30,7 +30,7 @@ Path(sys.argv[2]).write_text(qasm2.dumps(native))
 
 
 def program(gates: int, seed: int) -> str:
-    """OpenQASM 2 of `gates` gates on 100 qubits, half of them turns by angles of their own."""
+    """OpenQASM 2 of `gates` gates on 100 qubits, half of them rotations by random angles."""
     rng = random.Random(seed)
     lines = ["OPENQASM 2.0;", 'include "qelib1.inc";', f"qreg q[{QUBITS}];", f"creg c[{QUBITS}];"]
     for _ in range(gates):
@@ -51,7 +51,7 @@ def process(command: Sequence[str]) -> tuple[float, float]:
 
 
 def rows() -> list[Row]:
-    found = []
+    measured = []
     with tempfile.TemporaryDirectory() as folder:
         source, ours, theirs = (Path(folder) / name for name in ("in.qasm", "a.qasm", "b.qasm"))
         peer = Path(folder) / "peer.py"
@@ -63,7 +63,7 @@ def rows() -> list[Row]:
             transpile = [sys.executable, str(peer), str(source), str(theirs), str(of_qiskit)]
             runs = [(process(compile_), process(transpile)) for _ in range(pairs)]
             what = f"read, compile and write {gates:,} gates at level {level}"
-            found.append(
+            measured.append(
                 compared(
                     f"{what}; Qiskit: load, transpile at level {of_qiskit}, dump",
                     [(mine[0], other[0]) for mine, other in runs],
@@ -73,7 +73,7 @@ def rows() -> list[Row]:
             )
             memory = [mine[1] / other[1] for mine, other in runs]
             megabytes = np.median([[mine[1], other[1]] for mine, other in runs], axis=0)
-            found.append(
+            measured.append(
                 spread(
                     f"the same, peak memory ({megabytes[0]:.0f} MB; Qiskit {megabytes[1]:.0f} MB)",
                     memory,
@@ -81,7 +81,7 @@ def rows() -> list[Row]:
                     "<= 1",
                 )
             )
-    return found
+    return measured
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Whether today's commands make the shipped policies: `python benchmarks/shipped.py`.
+"""Check that the current commands reproduce the shipped policies: `python benchmarks/shipped.py`.
 
 Reads the commands from the cards in trained/README.md, runs each, and compares every number of the
 policy with that of the shipped files. With --scores it prints the tables of the cards instead. Bit
@@ -53,22 +53,22 @@ def commands() -> Iterator[tuple[str, list[str]]]:
 
 
 def differing(left: Policy, right: Policy) -> list[str]:
-    """The parts of two policies that are not the same to the last bit."""
+    """The parts of two policies that differ in any bit."""
     arrays = {
         name: (getattr(left, name), getattr(right, name)) for name in ("theta", "weights", "bias")
     }
     for name in ("feature", "scale", "gains"):
         arrays[name] = getattr(left.encoder, name), getattr(right.encoder, name)
-    found = [name for name, pair in arrays.items() if not np.array_equal(*pair)]
+    names = [name for name, pair in arrays.items() if not np.array_equal(*pair)]
     plain = ("environment", "program", "environment_kwargs", "hold")
-    found += [name for name in plain if getattr(left, name) != getattr(right, name)]
+    names += [name for name in plain if getattr(left, name) != getattr(right, name)]
     if left.encoder.functions != right.encoder.functions:
-        found.append("functions")
-    return found
+        names.append("functions")
+    return names
 
 
 def remake(names: set[str]) -> bool:
-    """Train every policy of `names`, all where it is empty, and say whether each is the shipped."""
+    """Train the policies `names`, or all, and report whether each equals the shipped one."""
     same = True
     with tempfile.TemporaryDirectory() as folder:
         for name, arguments in commands():
@@ -77,9 +77,9 @@ def remake(names: set[str]) -> bool:
             out = Path(folder) / f"{name}.pt"
             arguments[arguments.index("--out") + 1] = str(out)
             cli.main(arguments, standalone_mode=False)
-            made = qcompile.load_policy(out)
+            policy = qcompile.load_policy(out)
             for shipped in (TRAINED / f"{name}.pt", TRAINED / f"{name}.json"):
-                parts = differing(made, qcompile.load_policy(shipped))
+                parts = differing(policy, qcompile.load_policy(shipped))
                 same = same and not parts
                 words = f"differs in {', '.join(parts)}" if parts else "the same"
                 click.echo(f"{shipped.name}: {words}")
@@ -89,7 +89,7 @@ def remake(names: set[str]) -> bool:
 def scores() -> None:
     """The tables of the cards: mean ± standard deviation over the same episodes.
 
-    That of held decisions also tells the mean and the largest number of them in an episode.
+    The table of held decisions also has their mean and largest number in an episode.
     """
     print_row("policy", "circuits", "trained numbers", *COLUMNS)
     click.echo("|" + "---|" * (3 + len(COLUMNS)))
@@ -112,7 +112,7 @@ def scores() -> None:
 
 
 def played_in(policy: Policy, columns: dict[str, dict[str, Any]]) -> Iterator[tuple[str, IntArray]]:
-    """What the policy scores in each column, and the lengths of its episodes in steps."""
+    """The policy's score in each column, and the lengths of its episodes in steps."""
     for arguments in columns.values():
         result = qcompile.run(
             policy, episodes=EPISODES, seed=FIRST_SEED, progress=False, **arguments

@@ -54,7 +54,7 @@ WAYS: dict[str, dict[str, Any]] = {
 
 
 def policies() -> Iterator[tuple[str, Callable[..., Policy]]]:
-    """The shipped ones, and those for environments of chance, by name."""
+    """The shipped policies, and policies for stochastic environments, by name."""
     for name in policy_names():
         yield name, lambda name=name, **changes: replace(load_circuits(name), **changes)
     yield "FrozenLake", frozen_lake
@@ -62,7 +62,7 @@ def policies() -> Iterator[tuple[str, Callable[..., Policy]]]:
 
 
 def differences(episodes: int, most_steps: int) -> tuple[int, list[str]]:
-    """How many runs that measured ahead were compared, and those that differed."""
+    """The number of runs that measured ahead, and those that differed."""
     device = load_device(DEVICE)
     twin = calibrate(OfflineExecutor(device, 3), np.arange(len(device.qubits)), 2000)
     compared, different = 0, []
@@ -87,7 +87,7 @@ def differences(episodes: int, most_steps: int) -> tuple[int, list[str]]:
 
 
 def sample(name: str, depth: Any, shots: int, episodes: int, seed: int) -> tuple[Run, float]:
-    """A run on a machine whose counts are fresh, and the seconds it took here."""
+    """A run on a machine with fresh counts, and the seconds it took here."""
     policy, machine = load_circuits(name), FreshExecutor(load_device(DEVICE), seed + 1)
     started = time.perf_counter()
     run = play(Deployment(policy, machine, shots=shots, speculate=depth, seed=seed), episodes)
@@ -95,7 +95,7 @@ def sample(name: str, depth: Any, shots: int, episodes: int, seed: int) -> tuple
 
 
 def p_values(first: Run, second: Run) -> list[float]:
-    """Of rewards and of lengths: Kolmogorov and Smirnov, Mann and Whitney."""
+    """The p-values for rewards and lengths: Kolmogorov-Smirnov and Mann-Whitney."""
     values = []
     for of in ("reward", "length"):
         both = [[getattr(episode, of) for episode in run.episodes] for run in (first, second)]
@@ -109,7 +109,7 @@ def p_values(first: Run, second: Run) -> list[float]:
 @click.option("--shots", default=16, show_default=True)
 @click.option("--depths", default="1,8,auto", show_default=True, help="The first is the reference.")
 @click.option("--exact-episodes", default=3, show_default=True, help="0: no exact comparison.")
-@click.option("--exact-steps", default=60, show_default=True, help="Each is cut after so many.")
+@click.option("--exact-steps", default=60, show_default=True, help="Steps of each episode.")
 def main(
     policy: str, episodes: int, shots: int, depths: str, exact_episodes: int, exact_steps: int
 ) -> None:

@@ -36,7 +36,7 @@ MODELS = {
 
 
 class ClosedForm(torch.nn.Module):
-    """What one writes by hand for h ry(x) rz(x) ry(theta) and a linear layer."""
+    """A hand-written model of h ry(x) rz(x) ry(theta) and a linear layer."""
 
     def __init__(self) -> None:
         super().__init__()

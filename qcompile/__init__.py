@@ -10,12 +10,12 @@ validate     test a calibration's twin against fresh counts
 plan         say what episodes cost on a machine, in each way to run them
 study        train the rows of a study: the paper's, or your own
 
-load_policy, load_backend, load_device and load_calibration read what these take; each of them takes
-a name, a file or an object. All of them have a short repr; results also have `plot`, `to_dict` and
-`save`. `compile`, `Program` and `OfflineExecutor` are the way from circuits to counts; an `Ansatz`
-is what `train` takes where the circuits are your own.
+load_policy, load_backend, load_device and load_calibration read the arguments of these calls; each
+takes a name, a file or an object. Every object has a short repr; results also have `plot`,
+`to_dict` and `save`. `compile`, `Program` and `OfflineExecutor` lead from circuits to counts; pass
+an `Ansatz` to `train` to train circuits of your own.
 
-The names load their modules when they are first used, so `import qcompile` costs little.
+Each name loads its module on first use, so `import qcompile` is fast.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Names for the types of arrays."""
+"""Aliases for array types, and a check for real numbers."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ CountArray = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 CircuitShots = int | CountArray
-"""Shots: of every circuit, or of each, (circuits,)."""
+"""Shots: one number for every circuit, or (circuits,) with one for each."""
 
 
 def real_array(values: Any) -> FloatArray | None:
-    """`values` as an array of doubles; None where they are no real numbers, or some are masked."""
+    """`values` as an array of doubles; None unless all are real numbers and none is masked."""
     try:
         array = np.asarray(values)
     except (ValueError, TypeError):  # a ragged list

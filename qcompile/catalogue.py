@@ -1,4 +1,4 @@
-"""Where devices and policies are found: by path, or by bare name in hardware/ and trained/."""
+"""Finding devices and policies: by path, or by bare name in hardware/ and trained/."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from typing import Literal
 Shelf = Literal["hardware", "trained"]
 
 _MAX_LETTERS = 100
-"""Longer words are near to nothing, and take long to compare."""
+"""Longer words are cut off here: they match nothing and are slow to compare."""
 
 _PACKAGE = Path(__file__).parent
 
 
 def shelves(shelf: Shelf) -> list[Path]:
-    """The folders searched, in order: the working folder's own, the one shipped with qcompile.
+    """The folders to search, in order: that of the working folder, then that of qcompile.
 
     The wheel carries hardware/ and trained/ inside the package; a checkout has them beside it.
     """
@@ -28,12 +28,12 @@ def shelves(shelf: Shelf) -> list[Path]:
 
 
 def find(shelf: Shelf, name: str, suffixes: Sequence[str]) -> Path | None:
-    """The file that `name` stands for, a path or a bare name, or None.
+    """The file that `name`, a path or a bare name, refers to; None if there is none.
 
-    A path may lead to a pipe or a device, and with one of the suffixes to a folder: their reader
-    says what is wrong with them.
+    The path may be that of a pipe or a device, or of a folder with one of the suffixes: the reader
+    of the file refuses those.
     """
-    # Unlike those of Path, these are False for a name too long to be one.
+    # Unlike the methods of Path, these return False for a name that is too long for a path.
     if os.path.lexists(name) and (Path(name).suffix in suffixes or not os.path.isdir(name)):
         return Path(name)
     if Path(name).name == name:
@@ -47,18 +47,18 @@ def find(shelf: Shelf, name: str, suffixes: Sequence[str]) -> Path | None:
 
 def names(shelf: Shelf, suffixes: Sequence[str]) -> list[str]:
     """Every bare name on the shelf, sorted."""
-    found = {
+    stems = {
         path.stem
         for folder in shelves(shelf)
         for suffix in suffixes
         for path in folder.glob(f"*{suffix}")
         if path.is_file()
     }
-    return sorted(found)
+    return sorted(stems)
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """A line of advice: the known names nearest to `name`, or the first dozen of them."""
+    """A hint: the known names closest to `name`, or the first dozen of them."""
     words = list(dict.fromkeys(known))
     if close := close_names(name, words):
         return f"Did you mean {' or '.join(close)}?"
@@ -68,15 +68,15 @@ def nearest(name: str, known: Iterable[str]) -> str:
 
 
 def close_names(name: str, known: Iterable[str]) -> list[str]:
-    """The known names of which a slip of the pen may have made `name`, the nearest alone.
+    """The known names that `name` may be a misspelling of, the closest ones only.
 
-    Letter case aside, two thirds of their letters are the same, and in the same order.
+    Ignoring case, they share at least two thirds of their letters with it, in the same order.
     """
     spelled: dict[str, list[str]] = {}
     for word in dict.fromkeys(known):
         spelled.setdefault(word.casefold(), []).append(word)
-    given = name.casefold()[:_MAX_LETTERS]
-    close = difflib.get_close_matches(given, spelled, n=3, cutoff=2 / 3)
-    likeness = [difflib.SequenceMatcher(None, low, given).ratio() for low in close]
+    folded = name.casefold()[:_MAX_LETTERS]
+    close = difflib.get_close_matches(folded, spelled, n=3, cutoff=2 / 3)
+    likeness = [difflib.SequenceMatcher(None, low, folded).ratio() for low in close]
     close = [low for low, ratio in zip(close, likeness, strict=True) if ratio > likeness[0] - 0.08]
     return [word for low in close for word in spelled[low]]

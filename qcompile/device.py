@@ -18,11 +18,11 @@ from qcompile.validation import Line, Many, Record, explain
 IDEAL_NAME = "ideal"
 _FORMAT = "qcompile-device-1"
 CALIBRATION_MARK = b'"qcompile-calibration-'
-"""The file of a calibration has this in it, a device's own has not."""
+"""A calibration file contains this text, a device file does not."""
 
 Probability = Annotated[float, Field(ge=0, le=1)]
 Kind = Literal["ideal", "noise-model", "measured-response", "hardware"]
-"""What results were measured on, and so what they are worth."""
+"""What results were measured on, and so how much they prove."""
 
 GateName = Annotated[str, Field(pattern=r"^\w+$", max_length=40)]
 CoherenceTime = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -38,8 +38,8 @@ class GateCalibration(Record):
 class Qubit(Record):
     """One physical qubit. p10 = P(1 | 0) and p01 = P(0 | 1) are its readout errors.
 
-    A gate without an entry in `gates` is free of noise, as the virtual rz is. An id without one has
-    that of sx: on IBM's machines both take as long and have one error.
+    A gate without an entry in `gates` is noiseless, as the virtual rz is. An id without one takes
+    the entry of sx: on IBM's machines the two have the same length and error.
     """
 
     t1_us: CoherenceTime
@@ -52,15 +52,15 @@ class Qubit(Record):
 
     @property
     def contrast(self) -> float:
-        """1 - p01 - p10: how much of `<Z>` is left after the readout."""
+        """1 - p01 - p10: the fraction of `<Z>` that survives the readout."""
         return 1.0 - self.p01 - self.p10
 
 
 class Device(Record):
     """A machine that runs circuits: its gates and its qubits.
 
-    `qubits` is empty for `ideal`, which has as many perfect qubits as a program needs; those in
-    `left_out` are never chosen for a circuit.
+    `qubits` is empty for `ideal`, which has as many perfect qubits as a program needs. No circuit
+    is placed on a qubit in `left_out`.
     """
 
     format: Literal["qcompile-device-1"] = "qcompile-device-1"
@@ -82,7 +82,7 @@ class Device(Record):
         if missing:
             raise ValueError(f"left_out names qubit {min(missing)}, which the device does not have")
         if self.qubits and len(set(self.left_out)) == len(self.qubits):
-            raise ValueError("left_out names every qubit; one at least has to stay")
+            raise ValueError("left_out names every qubit; at least one must remain")
         return self
 
     @property
@@ -120,7 +120,7 @@ IDEAL = Device(
 
 
 def device_names() -> list[str]:
-    """Every device known by name, `ideal` first; aliases are left out."""
+    """The name of every known device, `ideal` first, without aliases."""
     return [
         IDEAL_NAME,
         *(known for known in names("hardware", [".json"]) if _is_device_file(known)),
@@ -128,26 +128,27 @@ def device_names() -> list[str]:
 
 
 def _is_device_file(name: str) -> bool:
-    """Whether the file of that name says that it is a device: others may share the folder."""
+    """Whether the file with that name is a device file: the folder may hold other files too."""
     path = find("hardware", name, [".json"]) if name != IDEAL_NAME else None
     try:
         text = b"" if path is None else read_file(path)
     except (OSError, ContentsError):
         return False
-    # A calibration holds its device.
+    # A calibration file contains its device.
     return _FORMAT.encode() in text and CALIBRATION_MARK not in text
 
 
 def load_device(name: str | Path) -> Device:
-    """The device with this name or alias, or of the file at this path.
+    """The device with this name or alias, or from the file at this path.
 
     Raises:
-        DeviceError: no such device (the message has the nearest names), or a wrong file.
+        DeviceError: there is no such device (the message suggests similar names), or the file is
+            invalid.
     """
     if is_qiskit_backend(name):
         raise DeviceError(
             "load_device takes a name or a file, found a Qiskit backend.",
-            "load_backend(backend).device is its calibration as a device.",
+            "Use load_backend(backend).device.",
         )
     name = str(name)
     if name == IDEAL_NAME:
@@ -162,13 +163,13 @@ def load_device(name: str | Path) -> Device:
     snapshot = name.replace("ibm_", "fake_", 1)
     if name.startswith("ibm_") and snapshot in device_names():
         raise DeviceError(
-            f"{name} is a machine of IBM's, and there is no file of it here.",
-            f"{snapshot} is IBM's snapshot of it. Commands with --live ask the machine.",
+            f"{name} is an IBM machine, and there is no device file for it here.",
+            f"Use {snapshot}, IBM's snapshot of it, or --live to reach the machine itself.",
         )
     raise DeviceError(
         f"Unknown backend {name!r}.",
         nearest(name, device_names()),
-        "A path to a device file works too; `qcompile backends` lists what is there.",
+        "A path to a device file works too; `qcompile backends` lists the known devices.",
     )
 
 
@@ -178,7 +179,8 @@ def _read(path: Path) -> Device:
         if CALIBRATION_MARK in contents:
             raise DeviceError(
                 f"{path} is a calibration, not a device file.",
-                "It is a --backend of `run`, `evaluate`, `calibrate`, `show`, `export`, `compile`.",
+                "Pass it as --backend to `run`, `evaluate`, `calibrate`, `show`, `export` or "
+                "`compile`.",
             )
         device = Device.model_validate_json(check_json(contents), strict=True)
     except (OSError, ContentsError, ValidationError) as error:

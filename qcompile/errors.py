@@ -1,21 +1,21 @@
-"""The exceptions a user can cause. A defect of ours is any other type.
+"""The exceptions a user can cause. Any other type of exception is a bug in qcompile.
 
 QcompileError                 exit code 1 on the command line
 ├── CircuitError              a gate, an angle or a program that is not legal IR
 ├── ProgramFileError          an OpenQASM file that cannot be read or compiled
-├── DeviceError               an unknown device, or a device file with wrong contents
+├── DeviceError               an unknown device, or an invalid device file
 ├── PolicyError               a policy file or an array that does not fit the policy
 ├── CountsError               shots or counts outside their range
 ├── EnvironmentMismatchError  an environment that is unknown or does not fit the policy
-├── EnvironmentStepError      an environment that fails, or gives what no policy can use
-├── CalibrationError          counts from which no calibration can be fitted
+├── EnvironmentStepError      an environment that fails, or returns values no policy can use
+├── CalibrationError          counts that cannot be fitted, or a calibration that does not apply
 ├── TrainingError             training settings that contradict each other
 ├── StudyError                a study or a grid that cannot be run or written up
 ├── FigureError               a figure or a table that cannot be drawn as asked
 ├── LiveError                 a run on real hardware that cannot start or resume
 │   ├── BudgetError           it would pass its limit of QPU seconds
-│   ├── PaidFailureError      it would pay again for a job that was charged for nothing
-│   └── ReplayError           it does not repeat what its journal holds
+│   ├── PaidFailureError      it would pay again for a job that was charged but returned nothing
+│   └── ReplayError           it does not reproduce the jobs in its journal
 ├── OutputError               a file or folder that cannot be written
 └── MissingExtraError         an optional package that is not installed
 """
@@ -35,7 +35,7 @@ class QcompileError(Exception):
         super().__init__("\n  ".join((what, *hints)))
 
     def with_hints(self, *hints: str) -> Self:
-        """The same error with more lines."""
+        """The same error with more hints."""
         error = type(self).__new__(type(self))
         error.args = ("\n  ".join((str(self), *hints)),)
         return error
@@ -46,11 +46,11 @@ class CircuitError(QcompileError, ValueError):
 
 
 class ProgramFileError(QcompileError, ValueError):
-    """An OpenQASM file cannot be read, or holds what cannot be compiled."""
+    """An OpenQASM file cannot be read, or contains something that cannot be compiled."""
 
 
 class DeviceError(QcompileError, ValueError):
-    """A device is unknown, or its file holds wrong values."""
+    """A device is unknown, or its file is invalid."""
 
 
 class PolicyError(QcompileError, ValueError):
@@ -58,7 +58,7 @@ class PolicyError(QcompileError, ValueError):
 
 
 class OptionError(QcompileError, ValueError):
-    """Options, or settings, contradict each other or are of another type."""
+    """Options or settings contradict each other, or have the wrong type."""
 
 
 class CountsError(QcompileError, ValueError):
@@ -70,11 +70,11 @@ class EnvironmentMismatchError(QcompileError, ValueError):
 
 
 class EnvironmentStepError(QcompileError, RuntimeError):
-    """An environment fails in an episode, or gives what no policy can use."""
+    """An environment fails in an episode, or returns values no policy can use."""
 
 
 class CalibrationError(QcompileError, ValueError):
-    """No calibration can be fitted to these counts."""
+    """Counts cannot be fitted, or a calibration does not apply to what it is used for."""
 
 
 class TrainingError(QcompileError, ValueError):
@@ -90,7 +90,7 @@ class FigureError(QcompileError, ValueError):
 
 
 class LiveError(QcompileError, RuntimeError):
-    """A run on real hardware cannot start or resume; what was paid for is in its journal."""
+    """A run on real hardware cannot start or resume; every job paid for is in its journal."""
 
 
 class BudgetError(LiveError):
@@ -98,11 +98,11 @@ class BudgetError(LiveError):
 
 
 class PaidFailureError(LiveError):
-    """A job was charged and gave no counts: somebody must say that it may be sent again."""
+    """A job was charged but returned no counts; the user must allow it to be sent again."""
 
 
 class ReplayError(LiveError):
-    """A run does not repeat what its journal holds: it cannot be resumed here."""
+    """A run does not reproduce the jobs in its journal, so it cannot be resumed here."""
 
 
 class OutputError(QcompileError, OSError):

@@ -1,4 +1,4 @@
-"""Objects of other packages, told by where their classes are at home: nothing is imported."""
+"""Recognising objects of other packages by the names of their classes, without importing them."""
 
 from __future__ import annotations
 
@@ -6,18 +6,18 @@ from pathlib import Path
 from typing import Any
 
 _CIRCUITS = {
-    ("qiskit", "QuantumCircuit"): ("a Qiskit circuit", "Program.from_qiskit(circuit)"),
+    ("qiskit", "QuantumCircuit"): ("a Qiskit circuit", "Use Program.from_qiskit(circuit)."),
     ("pennylane", "QNode"): (
         "a PennyLane QNode",
-        "Program.from_pennylane(qnode, inputs=2, parameters=3)",
+        "Use Program.from_pennylane(qnode, inputs=2, parameters=3).",
     ),
-    ("pennylane", "QuantumScript"): ("a PennyLane tape", "Program.from_pennylane(tape)"),
-    ("cirq", "Circuit"): ("a Cirq circuit", "Program.from_qasm(circuit.to_qasm())"),
+    ("pennylane", "QuantumScript"): ("a PennyLane tape", "Use Program.from_pennylane(tape)."),
+    ("cirq", "Circuit"): ("a Cirq circuit", "Use Program.from_qasm(circuit.to_qasm())."),
 }
 
 
 def _class_paths(value: object) -> set[tuple[str, str]]:
-    """Package and name of each class of `value`."""
+    """The package and name of each class that `value` is an instance of."""
     return {(base.__module__.partition(".")[0], base.__name__) for base in type(value).__mro__}
 
 
@@ -27,25 +27,25 @@ def is_qiskit_backend(value: object) -> bool:
 
 
 def describe(value: object) -> str:
-    """`value` in two or three words, such as "a Qiskit circuit"."""
+    """What `value` is, in two or three words, such as "a Qiskit circuit"."""
     if is_qiskit_backend(value):
         return "a Qiskit backend"
     if known := _circuit(value):
         return known[0]
     if isinstance(value, str):
-        return "a text"
+        return "a string"
     return "a path" if isinstance(value, Path) else f"an object of type {type(value).__name__}"
 
 
 def program_hint(value: Any) -> str:
-    """The call that makes a Program of `value`, as a line of advice."""
+    """A hint: the call that turns `value` into a Program."""
     if known := _circuit(value):
         return known[1]
     if isinstance(value, str | Path):
-        return "Program.from_qasm(text_or_path) reads OpenQASM"
+        return "Use Program.from_qasm(text_or_path) for OpenQASM."
     if hasattr(value, "program"):
-        return "give its .program"
-    return "Program.from_qiskit, Program.from_pennylane and Program.from_qasm make one"
+        return "Pass its .program."
+    return "Use Program.from_qiskit, Program.from_pennylane or Program.from_qasm."
 
 
 def _circuit(value: object) -> tuple[str, str] | None:

@@ -1,4 +1,4 @@
-"""The gates a device runs: what circuits are compiled to, and the response circuit among them."""
+"""The native gates of a device, and the response circuit they form."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from qcompile.ir import Angle, Circuit, Gate
 
 @dataclass(frozen=True)
 class NativeGates:
-    """A set of native gates, and the circuit of a rotation and pulses that level 2 compiles to.
+    """A set of native gates, and the response circuit: the rotation and pulses of level 2.
 
-    The native angle of that response circuit less the polar angle of the Bloch vector it makes of
-    |0> is `angle_offset_rad`, up to the sign of the polar angle. `one` is the gate that prepares
-    |1>, as a rotation by pi where it has an angle. `polar_rad` has the polar angles of the circuits
-    without a rotation that level 2 may end in, as (gates, angle).
+    The response circuit takes |0> to a Bloch vector. Its native angle minus the polar angle of that
+    vector is `angle_offset_rad`, up to the sign of the polar angle. `one` is the gate that prepares
+    |1>, a rotation by pi if it takes an angle. `polar_rad` has, as (gates, angle), the polar angles
+    of the level 2 circuits without a rotation.
     """
 
     gates: tuple[str, ...]
@@ -32,7 +32,7 @@ class NativeGates:
     @classmethod
     @cache
     def of(cls, basis_gates: tuple[str, ...]) -> NativeGates:
-        """Those that a device with `basis_gates` is compiled to: fractional rx where it has it.
+        """The native gates for a device with `basis_gates`: fractional rx if it has that.
 
         Raises:
             ValueError: circuits cannot be compiled to these gates.
@@ -48,7 +48,7 @@ class NativeGates:
 
     @property
     def pulses(self) -> tuple[str, ...]:
-        """The gates of the response circuit that take time and bring noise."""
+        """The gates of the response circuit that take time and add noise."""
         return tuple(name for name in self.response if name != "rz")
 
     def response_circuit(self, angle: Angle) -> Circuit:
@@ -57,10 +57,10 @@ class NativeGates:
         return Circuit(tuple(Gate(n, angle if n in rotations else None) for n in self.response))
 
     def polar_angle_rad(self, circuit: Circuit) -> float | None:
-        """The polar angle that a circuit of level 2 makes of |0>.
+        """The polar angle of the state that a level 2 circuit prepares from |0>.
 
-        It is nan for the response circuit, whose own angle says it, and None for circuits that
-        level 2 does not end in.
+        It is nan for the response circuit, where it depends on the native angle, and None for
+        circuits that level 2 does not produce.
         """
         names = tuple(gate.name for gate in circuit.gates)
         return math.nan if names == self.response else dict(self.polar_rad).get(names)
@@ -79,10 +79,10 @@ RX = NativeGates(
 
 
 def slots(circuits: Sequence[Circuit]) -> tuple[IntArray, IntArray]:
-    """The circuit of each slot, and its position within that circuit, (slots,) each.
+    """The circuit of each slot, and the slot's position within that circuit, (slots,) each.
 
     The slots of a native circuit are its rotations, in order; a circuit without a rotation has one
-    that is not used. Slots come circuit by circuit.
+    unused slot. Slots are ordered circuit by circuit.
     """
     counts = np.array([max(len(circuit.angles), 1) for circuit in circuits], dtype=np.intp)
     owners = np.repeat(np.arange(len(counts)), counts)

@@ -1,4 +1,4 @@
-"""Files and folders that appear whole or not at all: files even where the machine crashes."""
+"""Writing files and folders whole or not at all; for files, even if the machine crashes."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ _SAFE = re.compile(r"\w[\w.-]{0,79}", re.ASCII)
 
 
 def file_name(name: str) -> str:
-    """`name` if it is safe as part of a file name; else its safe characters and 8 hash digits."""
+    """`name` if it is safe in a file name; otherwise its safe characters and 8 hash digits."""
     if _SAFE.fullmatch(name):
         return name
     digits = hashlib.sha256(name.encode()).hexdigest()[:8]
-    rest = re.sub(r"[^A-Za-z0-9_.-]+", "-", name).lstrip(".-")  # else the file would be hidden
+    rest = re.sub(r"[^A-Za-z0-9_.-]+", "-", name).lstrip(".-")  # a leading dot would hide the file
     return f"{rest[:60]}-{digits}" if rest else digits
 
 
 def write_file(path: Path, contents: bytes) -> None:
-    """Write `contents` to `path`, which is replaced in one step or left as it was.
+    """Write `contents` to `path`, which is replaced in one step or left unchanged.
 
-    A link is followed; what is no regular file, such as /dev/stdout, is written to directly.
+    Links are followed. A special file, such as /dev/stdout, is written to directly.
 
     Raises:
         OutputError: the file cannot be written.
@@ -53,13 +53,13 @@ def write_file(path: Path, contents: bytes) -> None:
             Path(temporary).unlink(missing_ok=True)
             raise
     except BrokenPipeError:
-        raise  # the reader has had enough
+        raise  # the reader closed the pipe
     except OSError as error:
         raise _cannot_write(path, error) from error
 
 
 def sync(folder: Path) -> None:
-    """Have the names in a folder on the disk, where the system has a way to ask for that."""
+    """Flush the entries of a folder to disk, on systems that support it."""
     if not hasattr(os, "O_DIRECTORY"):
         return
     handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
@@ -73,36 +73,36 @@ def sync(folder: Path) -> None:
 
 
 def resolved(path: Path) -> Path:
-    """The path without links; unlike Path.resolve, links that lead to each other raise nothing."""
+    """The path with links resolved; unlike Path.resolve, a cycle of links raises nothing."""
     return Path(os.path.realpath(path))
 
 
 def _is_special(path: Path) -> bool:
-    """Whether there is something that is neither a file nor a folder, such as a device.
+    """Whether the path exists and is neither a file nor a folder, such as a device.
 
-    Asked before links are resolved: /dev/stdout links to no path where it is a pipe.
+    Called before links are resolved: in a pipeline /dev/stdout does not link to a path.
     """
     return path.exists() and not path.is_file() and not path.is_dir()
 
 
 def _mode(path: Path) -> int:
-    """The permissions of the file that is replaced, or those a new file would get."""
+    """The permissions of the file to be replaced, or those of a new file."""
     if path.exists():
         return path.stat().st_mode & 0o777
     return 0o666 & ~_umask()
 
 
 def _umask() -> int:
-    mask = os.umask(0)  # it cannot be read without being set
+    mask = os.umask(0)  # reading the mask requires setting it
     os.umask(mask)
     return mask
 
 
 def check_writable(path: Path) -> None:
-    """Raise, before anything long is run, where `write_file` cannot write to `path`.
+    """Check, before long work starts, that `write_file` can write to `path`.
 
     Raises:
-        OutputError: it cannot; nothing has been made.
+        OutputError: it cannot; nothing was created.
     """
     try:
         if _is_special(path):
@@ -126,15 +126,13 @@ def _cannot_write(path: Path, error: OSError) -> OutputError:
 
 @contextmanager
 def new_folder(path: Path) -> Iterator[Path]:
-    """A folder to fill, which becomes `path` when the block ends without an error.
+    """A temporary folder that becomes `path` when the block ends without an error.
 
     Raises:
-        OutputError: `path` is there already and is not an empty folder, or cannot be made.
+        OutputError: `path` exists and is not an empty folder, or cannot be created.
     """
     if path.is_file() or (path.is_dir() and any(path.iterdir())):
-        raise OutputError(
-            f"The output folder {path} is in use.", "Remove it, or choose another with --out."
-        )
+        raise OutputError(f"{path} already exists.", "Remove it, or choose another with --out.")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         temporary = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}."))

@@ -1,7 +1,7 @@
-"""Ideal evaluation of a Program for a whole batch: one source for numpy and torch.
+"""Ideal evaluation of a Program for a whole batch, with the same code for numpy and torch.
 
-Every circuit is a run of rotations z, y, z, y, ... from |0>, so all circuits of a program advance
-together, one step an axis; a step costs a few operations on (observations, circuits) arrays.
+Every circuit is a sequence of rotations z, y, z, y, ... from |0>, so all circuits of a program
+advance together, one axis a step; a step is a few operations on (observations, circuits) arrays.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ class Simulator:
     def __init__(self, program: Program, xp: ModuleType = np, dtype: Any = np.float64):
         if program.late_angles and xp is not np:
             raise CircuitError(
-                "A fused program is evaluated in numpy alone.",
-                "Give torch the program it came from.",
+                "A fused program can only be evaluated with numpy.",
+                "For torch, pass the program before it was compiled.",
             )
         self._xp, self._size = xp, len(program)
         self._words = f"{program!r}, {xp.__name__}"
@@ -77,7 +77,7 @@ class Simulator:
         for step in self._relevant:
             cos, sin = step.turn(x, theta, turns, large)
             if step.axis == "z":
-                if step is self._last_z:  # what turns into y is seen no more
+                if step is self._last_z:  # r_y no longer matters
                     r_x = r_x * cos if r_y is None else r_x * cos - r_y * sin
                 elif r_y is None:
                     r_x, r_y = r_x * cos, r_x * sin
@@ -102,7 +102,7 @@ class Simulator:
         """
         x = self._inputs(x, theta)
         large = self._are_large(x, theta)
-        # The first column (alpha, beta) of an SU(2) matrix says it all.
+        # The first column (alpha, beta) of an SU(2) matrix determines the rest.
         alpha = np.ones((len(x), self._size), dtype=complex)
         beta = np.zeros_like(alpha)
         for step in self._steps:
@@ -122,7 +122,7 @@ def euler_angles(alpha: Array, beta: Array) -> tuple[Array, Array, Array]:
     The matrix is Rz(last) Ry(polar) Rz(first) up to global phase, and polar lies in [0, pi].
     """
     size_alpha, size_beta = np.abs(alpha), np.abs(beta)
-    # Where one of them vanishes its phase is free: 0 keeps one z rotation out of the circuit.
+    # Where one of them vanishes its phase is free: choose it so that one z rotation is 0.
     total = np.where(size_alpha > NEGLIGIBLE_RAD, -2 * np.angle(alpha), 0.0)
     difference = np.where(size_beta > NEGLIGIBLE_RAD, 2 * np.angle(beta), 0.0)
     total = np.where(size_alpha > NEGLIGIBLE_RAD, total, difference)
@@ -182,7 +182,7 @@ class _Step:
     def turn(
         self, x: Array, theta: Array, turns: dict[int, tuple[Array, Array]], large: bool
     ) -> tuple[Array, Array]:
-        """Cosine and sine of the angle; `turns` keeps those of the form, shared between steps."""
+        """Cosine and sine of the angle; `turns` caches those of linear forms shared by steps."""
         if self.table.is_constant:
             return self._cos, self._sin
         if self._form not in turns:
@@ -202,19 +202,19 @@ def _largest(steps: Sequence[_Step]) -> tuple[float, float]:
 
 
 def _relevant(steps: Sequence[_Step]) -> list[_Step]:
-    """The steps that `<Z>` depends on: from the first y that turns to the last one."""
-    kept = [step for step in steps if not step.is_identity]
-    while kept and kept[0].axis == "z":
-        kept.pop(0)
-    while kept and kept[-1].axis == "z":
-        kept.pop()
-    return kept
+    """The steps that `<Z>` depends on: from the first y rotation to the last one."""
+    relevant = [step for step in steps if not step.is_identity]
+    while relevant and relevant[0].axis == "z":
+        relevant.pop(0)
+    while relevant and relevant[-1].axis == "z":
+        relevant.pop()
+    return relevant
 
 
 def alternating(circuit: Circuit) -> list[Angle]:
     """The circuit as rotations z, y, z, y, ...: their angles, up to global phase.
 
-    Neighbours about one axis are added; an axis that is not needed has the angle 0.
+    Neighbouring rotations about the same axis are added; an axis that is not needed gets angle 0.
     """
     angles: list[Angle] = []
     for gate in circuit.gates:

@@ -20,7 +20,7 @@ from qcompile.validation import explain
 QISKIT_PREFIX = "qiskit:"
 _KNOWN_GATES = ("rz", "sx", "x", "rx")
 USUAL_SX_NS = 320 / 9
-"""160 samples of 2/9 ns: the sx of IBM's Falcon processors."""
+"""160 samples of 2/9 ns: the sx duration on IBM's Falcon processors."""
 
 _MAX_READOUT_ERROR = 0.1
 _MAX_GATE_ERROR = 0.01
@@ -37,12 +37,12 @@ _NS = {"ns": 1.0, "us": 1e3, "µs": 1e3, "ms": 1e6, "s": 1e9}
 
 
 def find_backend(name: str) -> Any:
-    """A fresh fake backend of qiskit-ibm-runtime, by class or backend name.
+    """A new fake backend of qiskit-ibm-runtime, by class or backend name.
 
-    `FakeLimaV2`, `fake_lima` and `qiskit:FakeLimaV2` are the same.
+    `FakeLimaV2`, `fake_lima` and `qiskit:FakeLimaV2` name the same one.
 
     Raises:
-        DeviceError: there is no such fake backend; the message has the nearest names.
+        DeviceError: there is no such fake backend; the message suggests similar names.
         MissingExtraError: qiskit-ibm-runtime is not installed.
     """
     try:
@@ -51,22 +51,22 @@ def find_backend(name: str) -> Any:
     except ImportError as error:
         raise MissingExtraError("A snapshot of a Qiskit backend", "qiskit") from error
     known: dict[str, type[Any]] = {}
-    for found in vars(fake_provider).values():
-        if isinstance(found, type) and issubclass(found, FakeBackendV2):
-            known[found.__name__] = found
-            if backend_name := getattr(found, "backend_name", None):
-                known[backend_name] = found
+    for member in vars(fake_provider).values():
+        if isinstance(member, type) and issubclass(member, FakeBackendV2):
+            known[member.__name__] = member
+            if backend_name := getattr(member, "backend_name", None):
+                known[backend_name] = member
     name = name.removeprefix(QISKIT_PREFIX)
     if name not in known:
-        same_way = sorted(word for word in known if word.islower() == name.islower())
-        raise DeviceError(f"Unknown fake backend {name!r}.", nearest(name, same_way))
+        same_style = sorted(word for word in known if word.islower() == name.islower())
+        raise DeviceError(f"Unknown fake backend {name!r}.", nearest(name, same_style))
     return known[name]()
 
 
 def properties_of(backend: Any) -> Any:
-    """`backend.properties()`, or None where there are none, or no T1 and no T2 among them.
+    """`backend.properties()`; None if there are none, or they contain neither T1 nor T2.
 
-    The latter are those of `AerSimulator.from_backend`, which keeps T1 and T2 in its target.
+    The properties of `AerSimulator.from_backend` lack them: its target holds T1 and T2.
     """
     properties = getattr(backend, "properties", None)
     properties = properties() if callable(properties) else properties
@@ -77,21 +77,21 @@ def properties_of(backend: Any) -> Any:
 
 
 def device_name(backend: Any) -> str:
-    """The name of a Qiskit backend with what a device may not be called replaced by `_`."""
+    """The name of a Qiskit backend, with characters that a device name may not have as `_`."""
     name = getattr(backend, "name", None) or type(backend).__name__
     return re.sub(r"[^\w.-]+", "_", str(name)).strip("_")[:100] or "backend"
 
 
 def device_from_backend(backend: Any, name: str | None = None) -> Device:
-    """A Device called `name` with the calibration that a Qiskit BackendV2 holds now.
+    """A Device called `name` with the present calibration of a Qiskit BackendV2.
 
-    The name is that of `device_name` where none is given. Values are those of `properties_of`,
-    or from `backend.target` where there are none; a target knows one readout error for both states.
-    Values that look wrong are kept and flagged, in `Qubit.doubtful` and `Device.notes`. Qubits that
-    IBM marks as faulty, or that lack a value or have an impossible one, are in `Device.left_out`.
+    Without a name it is called `device_name(backend)`. Values come from `properties_of`, or from
+    `backend.target` if there are none; a target has one readout error for both states. Values that
+    look wrong are kept and flagged in `Qubit.doubtful` and `Device.notes`. Qubits that IBM marks as
+    faulty, or that have a missing or an impossible value, are in `Device.left_out`.
 
     Raises:
-        DeviceError: other gates, an unknown unit, or no qubit is left.
+        DeviceError: the gates or a unit are not supported, or no qubit has all its values.
     """
     name = device_name(backend) if name is None else name
     properties = properties_of(backend)
@@ -101,7 +101,7 @@ def device_from_backend(backend: Any, name: str | None = None) -> Device:
     except ValueError as error:
         raise DeviceError(
             f"{type(backend).__name__} has the gates {', '.join(sorted(backend.operation_names))}.",
-            "A device needs rz, sx and x, or rz and rx.",
+            "qcompile needs rz, sx and x, or rz and rx.",
         ) from error
     notes: tuple[str, ...] = ()
     if properties is not None:
@@ -110,7 +110,7 @@ def device_from_backend(backend: Any, name: str | None = None) -> Device:
     else:
         calibrations = _of_target(backend.target, basis)
         calibrated = None
-        notes = ("Readout errors are symmetric: the backend's target holds one number a qubit.",)
+        notes = ("Readout errors are symmetric: the backend's target has one number per qubit.",)
     faulty = set(properties.faulty_qubits()) if properties is not None else set()
     qubits: list[Qubit] = []
     left_out: dict[int, str] = {}
@@ -124,8 +124,8 @@ def device_from_backend(backend: Any, name: str | None = None) -> Device:
             left_out.setdefault(index, f"Qubit {index} is marked as faulty by IBM.")
     if left_out and len(left_out) == len(qubits):
         raise DeviceError(
-            f"{name} has no qubit with all its values. {left_out[0]}",
-            "A device needs one; write the file by hand or try another backend.",
+            f"No qubit of {name} has all its values. {left_out[0]}",
+            "A device needs at least one; write the file by hand or try another backend.",
         )
     try:
         return Device(
@@ -138,7 +138,7 @@ def device_from_backend(backend: Any, name: str | None = None) -> Device:
             left_out=tuple(left_out),
         )
     except ValidationError as error:
-        raise DeviceError(f"{name} cannot be made a device.", *explain(error)) from error
+        raise DeviceError(f"{name} cannot be turned into a device.", *explain(error)) from error
 
 
 def _source(backend: Any) -> str:
@@ -158,15 +158,15 @@ _Calibration = tuple[Mapping[str, float | None], Mapping[str, Mapping[str, float
 def _of_properties(properties: Any, basis: Iterable[str]) -> Iterator[_Calibration]:
     gates = {(g.gate, g.qubits[0]): g for g in properties.gates if len(g.qubits) == 1}
     for index, values in enumerate(properties.qubits):
-        own = {v.name: _value(index, v) for v in values if v.name in _QUBIT_UNITS_NS}
+        qubit_values = {v.name: _value(index, v) for v in values if v.name in _QUBIT_UNITS_NS}
         parameters = {
             gate: gates[gate, index].parameters if (gate, index) in gates else () for gate in basis
         }
         yield (
-            own,
+            qubit_values,
             {
-                gate: {v.name: _value(index, v) for v in found if v.name in _GATE_UNITS_NS}
-                for gate, found in parameters.items()
+                gate: {v.name: _value(index, v) for v in entries if v.name in _GATE_UNITS_NS}
+                for gate, entries in parameters.items()
             },
         )
 
@@ -179,21 +179,21 @@ def _value(qubit: int, entry: Any) -> float:
     if entry.unit not in _NS:
         raise DeviceError(
             f"Qubit {qubit}: {entry.name} has the unit {entry.unit!r}.",
-            f"Units that can be read: {', '.join(_NS)}.",
+            f"Known units: {', '.join(_NS)}.",
         )
     return float(entry.value) * (_NS[entry.unit] / wanted)
 
 
 def _of_target(target: Any, basis: Iterable[str]) -> Iterator[_Calibration]:
     for index in range(target.num_qubits or 0):
-        own = target.qubit_properties[index] if target.qubit_properties else None
+        properties = target.qubit_properties[index] if target.qubit_properties else None
         measure = _instruction(target, "measure", index)
         gates = {gate: _instruction(target, gate, index) for gate in basis}
         error = measure.get("gate_error")
         yield (
             {
-                "T1": _scaled(getattr(own, "t1", None), 1e6),
-                "T2": _scaled(getattr(own, "t2", None), 1e6),
+                "T1": _scaled(getattr(properties, "t1", None), 1e6),
+                "T2": _scaled(getattr(properties, "t2", None), 1e6),
                 "prob_meas1_prep0": error,
                 "prob_meas0_prep1": error,
                 "readout_length": measure.get("gate_length"),
@@ -205,10 +205,10 @@ def _of_target(target: Any, basis: Iterable[str]) -> Iterator[_Calibration]:
 def _instruction(target: Any, name: str, qubit: int) -> dict[str, float | None]:
     if name not in target.operation_names:
         return {}
-    found = (target[name] or {}).get((qubit,))
-    if found is None:
+    properties = (target[name] or {}).get((qubit,))
+    if properties is None:
         return {}
-    return {"gate_error": found.error, "gate_length": _scaled(found.duration, 1e9)}
+    return {"gate_error": properties.error, "gate_length": _scaled(properties.duration, 1e9)}
 
 
 def _scaled(value: float | None, factor: float) -> float | None:
@@ -220,32 +220,32 @@ class _UnknownQubitError(Exception):
 
 
 def _placeholder_qubit(unknown: _UnknownQubitError) -> Qubit:
-    """A qubit that is left out: its numbers are those of noise, and stand for nothing."""
+    """A placeholder for a qubit that is left out; its numbers have no meaning."""
     return Qubit(t1_us=1.0, t2_us=1.0, p10=0.5, p01=0.5, doubtful=(str(unknown)[:500],))
 
 
 def _left_out_notes(left_out: Mapping[int, str]) -> Iterator[str]:
     if left_out:
         qubits = ", ".join(map(str, left_out))
-        yield f"Left out, faulty or without all values: {qubits}."[:500]
+        yield f"Left out because they are faulty or lack values: {qubits}."[:500]
 
 
 def _qubit(index: int, calibration: _Calibration) -> Qubit:
     values, gate_values = calibration
 
-    def need(found: Mapping[str, float | None], key: str, of: str = "") -> float:
-        value = found.get(key)
+    def need(entries: Mapping[str, float | None], key: str, of: str = "") -> float:
+        value = entries.get(key)
         if value is None:
             raise _UnknownQubitError(f"Qubit {index} has no {key}{of} in its calibration.")
         return value
 
     gates = {}
-    for gate, found in gate_values.items():
-        if gate == "rz" and not found.get("gate_error"):
-            continue  # virtual: a turn of the frame, without noise
+    for gate, entries in gate_values.items():
+        if gate == "rz" and not entries.get("gate_error"):
+            continue  # virtual: a rotation of the frame, without noise
         gates[gate] = {
-            "error": need(found, "gate_error", f" of {gate}"),
-            "length_ns": need(found, "gate_length", f" of {gate}"),
+            "error": need(entries, "gate_error", f" of {gate}"),
+            "length_ns": need(entries, "gate_length", f" of {gate}"),
         }
     try:
         qubit = Qubit(
@@ -254,7 +254,7 @@ def _qubit(index: int, calibration: _Calibration) -> Qubit:
             p10=need(values, "prob_meas1_prep0"),
             p01=need(values, "prob_meas0_prep1"),
             readout_ns=values.get("readout_length"),
-            gates={gate: GateCalibration(**found) for gate, found in gates.items()},
+            gates={gate: GateCalibration(**entries) for gate, entries in gates.items()},
         )
     except ValidationError as error:
         words = f"Qubit {index} has an impossible value: {'; '.join(explain(error))}"
@@ -282,7 +282,7 @@ def _notes(qubits: Sequence[Qubit], left_out: Collection[int]) -> Iterator[str]:
     lengths = [q.gates["sx"].length_ns for q in qubits if "sx" in q.gates]
     if lengths and (median := statistics.median(lengths)) > _MAX_SX_NS:
         yield (
-            f"Durations are doubtful: the median sx takes {median:.4g} ns, "
+            f"Durations look wrong: the median sx takes {median:.4g} ns, "
             f"{median / USUAL_SX_NS:.3g} times the usual {USUAL_SX_NS:.4g} ns."
         )
     unreadable = [

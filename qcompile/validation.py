@@ -1,4 +1,4 @@
-"""Words for what is wrong with a file."""
+"""Readable messages for invalid files."""
 
 from __future__ import annotations
 
@@ -16,28 +16,28 @@ T = TypeVar("T")
 
 
 class FirstFault(FailFast):
-    """Of a list only the first fault is told; hashable, as types in a union must be."""
+    """Reports only the first fault of a list; hashable, as types in a union must be."""
 
     def __hash__(self) -> int:
         return hash(self.fail_fast)
 
 
 Many = Annotated[tuple[T, ...], FirstFault(), Field(max_length=MAX_QUBITS)]
-"""As many as a device has qubits; of the entries that are wrong the first is told."""
+"""A list of at most MAX_QUBITS entries; only the first invalid entry is reported."""
 
 
 class Record(BaseModel):
-    """What a file of ours holds: it does not change, and unknown keys are refused."""
+    """The contents of a qcompile file: immutable, and unknown keys are refused."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 _MAX_LETTERS = 320
-"""Of all faults together: what is longer is not read."""
+"""The most characters of all reported faults together: nobody reads more."""
 
 
 class _JsonRepr(Repr):
-    """Values as a JSON file has them."""
+    """Shows values as they appear in a JSON file."""
 
     def repr_NoneType(self, value: None, level: int) -> str:  # noqa: N802
         return "null"
@@ -47,7 +47,7 @@ class _JsonRepr(Repr):
 
 
 _TAG = re.compile("<[a-z]+>")
-"""How a member of a union is tagged: no word of the file."""
+"""How pydantic tags a member of a union: not a key of the file."""
 
 _SHORT = _JsonRepr()
 _SHORT.maxlevel = 3
@@ -55,19 +55,19 @@ _SHORT.maxstring = _SHORT.maxlong = _SHORT.maxother = 60
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Line = Annotated[str, Field(pattern=r"^[^\x00-\x1f\x7f-\x9f]+$", max_length=500)]
-"""A text of one line that a terminal can show as it stands."""
+"""One line of text without control characters, safe to print to a terminal."""
 
 
 def listed(words: Sequence[str], most: int = 8) -> str:
-    """The first `most` words, and how many more there are."""
+    """The first `most` words, and the number of those left out."""
     more = [f"{len(words) - most} more"] * (len(words) > most)
     return ", ".join([*words[:most], *more])
 
 
 def explain(error: Exception, most: int = 4, words: Mapping[str, str] | None = None) -> list[str]:
-    """One line for each of the first `most` faults that pydantic or the file system names.
+    """One line for each of the first `most` faults reported by pydantic or the file system.
 
-    `words` has what is said of faults of a type, by pydantic's name of it, in place of its own.
+    `words` replaces pydantic's message for some types of fault; its keys are pydantic's type names.
     """
     if isinstance(error, OSError) and error.errno is not None:
         return [os.strerror(error.errno)]
@@ -80,11 +80,11 @@ def explain(error: Exception, most: int = 4, words: Mapping[str, str] | None = N
     for fault in faults[:most]:
         parts = [str(part) for part in fault["loc"]]
         place = ".".join(part for part in parts if not _TAG.fullmatch(part)) or "the file"
-        place = _cut(place if place.isprintable() else ascii(place))  # keys are the file's own
-        said = (words or {}).get(fault["type"], fault["msg"])
-        said = said.removeprefix("Value error, ")  # these words are our own
-        said = _cut(said.replace("Tuple", "List").replace(" after validation", ""), 120)
-        line = f"{place}: {said[0].lower()}{said[1:]} (found {_found(fault['input'])})"
+        place = _cut(place if place.isprintable() else ascii(place))  # keys come from the file
+        message = (words or {}).get(fault["type"], fault["msg"])
+        message = message.removeprefix("Value error, ")  # pydantic puts this before our messages
+        message = _cut(message.replace("Tuple", "List").replace(" after validation", ""), 120)
+        line = f"{place}: {message[0].lower()}{message[1:]} (found {_short(fault['input'])})"
         if lines and len("".join(lines)) + len(line) > _MAX_LETTERS:
             break
         lines.append(line)
@@ -93,8 +93,8 @@ def explain(error: Exception, most: int = 4, words: Mapping[str, str] | None = N
     return lines
 
 
-def _found(value: object) -> str:
-    """A value of a file in a line, however large it is."""
+def _short(value: object) -> str:
+    """A value of a file on one line, shortened if it is large."""
     return _cut(" ".join(_SHORT.repr(value).split()))
 
 

@@ -1,4 +1,4 @@
-"""Calibration files: written, read back, and refused when they are damaged."""
+"""Calibration files: written, read back, and refused if they are damaged."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ LIMA = calibrate(OfflineExecutor(load_device("fake_lima"), 0), np.array([4, 1, 2
 
 @pytest.mark.parametrize("shots", [None, 200])
 @pytest.mark.parametrize("parts", [["readout"], ["response"], ["readout", "response"]])
-def test_a_file_says_what_was_measured(tmp_path: Path, shots: int | None, parts: Any) -> None:
+def test_a_file_holds_the_measurements(tmp_path: Path, shots: int | None, parts: Any) -> None:
     made = calibrate(OfflineExecutor(load_device("fake_lima"), 0), np.arange(5), shots, parts=parts)
     path = tmp_path / "new" / "lima.json"
     made.save(path)
@@ -49,7 +49,7 @@ def test_an_earlier_file_with_an_angle_for_each_circuit_is_used(tmp_path: Path) 
     assert old.response == LIMA.response
 
 
-def test_counts_are_read_whatever_became_of_their_fits(tmp_path: Path) -> None:
+def test_counts_are_read_without_fits(tmp_path: Path) -> None:
     contents = json.loads(LIMA.model_dump_json())
     bare = LIMA.model_copy(update={"readout": None, "response": None})
     contents["response"]["curves"][0] = [0, 0, 0]
@@ -60,7 +60,7 @@ def test_counts_are_read_whatever_became_of_their_fits(tmp_path: Path) -> None:
     twice = json.dumps(contents)[:-1] + ', "created": "2020-01-01T00:00:00Z"}'
     for text in ("[1]", "{", "null", '"x"', "[" * 100_000, json.dumps({"readout": {}}), twice):
         (tmp_path / "a.json").write_text(text)
-        with pytest.raises(CalibrationError, match=r"a\.json holds no counts to fit"):
+        with pytest.raises(CalibrationError, match=r"a\.json has no counts to fit"):
             load_counts(tmp_path / "a.json")
 
 
@@ -73,8 +73,8 @@ def test_a_contrast_whose_sign_is_not_known_needs_more_shots() -> None:
     first, second = fit_problems(fit, [1, 2, 4])
     times = math.ceil(10 * (fit.error[0] / (0.2 / 3)) ** 2) / 10
     assert "the readout of qubit 1 (0.0" in first
-    assert first.endswith("is not known to a third of what it shows.")
-    assert second == f"Take {times:g} times the shots or more."
+    assert first.endswith("is not known to a third of its contrast.")
+    assert second == f"Take {times:g} times the shots."
 
 
 def test_a_calibration_of_the_ideal_device_is_a_file_too(tmp_path: Path) -> None:
@@ -101,7 +101,7 @@ def test_a_calibration_is_known_by_its_format_wherever_that_stands(tmp_path: Pat
 
 
 @pytest.mark.parametrize("kind", ["a pipe", "a device", "a folder"])
-def test_what_is_no_regular_file_is_not_read(tmp_path: Path, kind: str) -> None:
+def test_special_files_are_not_read(tmp_path: Path, kind: str) -> None:
     path = tmp_path / "pipe"
     if kind == "a pipe":
         os.mkfifo(path)
@@ -115,9 +115,9 @@ def test_what_is_no_regular_file_is_not_read(tmp_path: Path, kind: str) -> None:
 
 Change = Callable[[dict[str, Any]], Any]
 DAMAGES: dict[str, Change] = {
-    "qubits must be there, each once": lambda c: c.update(qubits=[1, 1, 4]),
+    "qubits must not be empty or repeated": lambda c: c.update(qubits=[1, 1, 4]),
     "has no qubit 5": lambda c: c.update(qubits=[1, 2, 5]),
-    "a fit has not one entry for each of 2 qubits": lambda c: c.update(qubits=[1, 2]),
+    "a fit needs one entry for each of 2 qubits": lambda c: c.update(qubits=[1, 2]),
     "a row of counts has not one": lambda c: [
         row.pop() for name in ("prepared", "ones") for row in c["readout_counts"][name]
     ],
@@ -127,7 +127,7 @@ DAMAGES: dict[str, Change] = {
     "1001 ones in 1000 shots": lambda c: c["readout_counts"]["ones"][0].__setitem__(0, 1001),
     "readout_counts.prepared.0.0": lambda c: c["readout_counts"]["prepared"][0].__setitem__(0, 2),
     "readout.p10.1": lambda c: c["readout"]["p10"].__setitem__(1, 1.5),
-    "readout of qubit 2 .* shows less than 0.02": lambda c: c["readout"].update(
+    "readout of qubit 2 .* preserves less than 0.02": lambda c: c["readout"].update(
         p10=[0.4, 0.49, 0.4], p01=[0.4, 0.5, 0.4]
     ),
     "readout of qubit 4 .*0.0099.* less than": lambda c: c["readout"].update(
@@ -188,7 +188,7 @@ def test_a_damaged_file_is_refused_in_words(tmp_path: Path, words: str) -> None:
 
 
 @pytest.mark.parametrize("contents", [b"", b"{", b"[]", b"\xff\xfe", b'{"format": NaN}'])
-def test_what_is_no_json_is_refused(tmp_path: Path, contents: bytes) -> None:
+def test_invalid_json_is_refused(tmp_path: Path, contents: bytes) -> None:
     (tmp_path / "a").write_bytes(contents)
     with pytest.raises(CalibrationError, match="is not a calibration"):
         load_calibration(tmp_path / "a")

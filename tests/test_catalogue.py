@@ -1,4 +1,4 @@
-"""Advice for names that are not known."""
+"""Suggestions for unknown names."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_a_slip_of_the_pen_is_put_right(name: str, known: list[str], words: str)
 
 
 @pytest.mark.parametrize("name", ["nope", "foo", "", "learning_rate", "e" * 10**6])
-def test_what_is_near_to_nothing_gets_the_first_dozen(name: str) -> None:
+def test_without_similar_names_the_first_dozen_are_listed(name: str) -> None:
     words = nearest(name, SETTING_NAMES)
     assert words == f"Known: {', '.join(SETTING_NAMES[:12])}, ...."
 

@@ -1,4 +1,4 @@
-"""Device files: what is read, what is refused, and the paper's table they come from."""
+"""Device files: reading, refusing invalid ones, and the paper's table they come from."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_ideal_has_no_qubits_of_its_own() -> None:
     assert IDEAL.is_ideal
 
 
-def test_a_machine_of_ibm_s_is_told_from_its_snapshot() -> None:
+def test_a_machine_is_distinguished_from_its_snapshot() -> None:
     with pytest.raises(DeviceError, match=r"machine of IBM's.*\n.*fake_fez is IBM's snapshot"):
         load_device("ibm_fez")
 
@@ -146,7 +146,7 @@ def _with(key: str, value: object):
         (lambda d: d.update(basis_gates=["rz", "sx"]), ["basis_gates"]),
     ],
 )
-def test_a_wrong_file_names_what_is_wrong(tmp_path, change, words: list[str]) -> None:
+def test_the_error_of_an_invalid_file_names_the_fault(tmp_path, change, words: list[str]) -> None:
     contents = _valid()
     change(contents)
     path = tmp_path / "wrong.json"
@@ -158,7 +158,7 @@ def test_a_wrong_file_names_what_is_wrong(tmp_path, change, words: list[str]) ->
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", "null", '{"name": }', "\x00\xff"])
-def test_what_is_no_json_object_is_refused(tmp_path, text: str) -> None:
+def test_other_json_is_refused(tmp_path, text: str) -> None:
     path = tmp_path / "wrong.json"
     path.write_text(text)
     with pytest.raises(DeviceError, match="is not a device file"):
@@ -212,8 +212,8 @@ def test_qubits_can_be_left_out(tmp_path) -> None:
         (lambda d: d.update(basis_gates="rz sx x"), ["basis_gates"]),
     ],
 )
-def test_numbers_and_texts_are_what_they_look_like(tmp_path, change, words: list[str]) -> None:
-    test_a_wrong_file_names_what_is_wrong(tmp_path, change, words)
+def test_types_are_strict(tmp_path, change, words: list[str]) -> None:
+    test_the_error_of_an_invalid_file_names_the_fault(tmp_path, change, words)
 
 
 @pytest.mark.parametrize("text", ["two\nlines", "\x1b[2Jgone", "\x9b2J", "bell\x07", "\x7f", ""])
@@ -223,7 +223,7 @@ def test_texts_that_would_steer_a_terminal_are_refused(tmp_path, key: str, text:
         owner = device["qubits"][1] if key == "doubtful" else device
         owner[key] = text if key in ("source", "calibrated") else [text]
 
-    test_a_wrong_file_names_what_is_wrong(tmp_path, change, [key])
+    test_the_error_of_an_invalid_file_names_the_fault(tmp_path, change, [key])
 
 
 @pytest.mark.parametrize("name", ["[/x]", "\x1b[2J", "s x", "", "sx\n", "s" * 41])
@@ -231,12 +231,12 @@ def test_gate_names_are_words(tmp_path, name: str) -> None:
     """A gate name heads a column of a table, where [/x] would be markup."""
     gate = {"error": 0.1, "length_ns": 1}
     change = _with("gates", {name: gate})
-    test_a_wrong_file_names_what_is_wrong(tmp_path, change, ["qubits.1.gates"])
+    test_the_error_of_an_invalid_file_names_the_fault(tmp_path, change, ["qubits.1.gates"])
 
     def also(device: dict) -> None:
         device["basis_gates"].append(name)
 
-    test_a_wrong_file_names_what_is_wrong(tmp_path, also, ["basis_gates"])
+    test_the_error_of_an_invalid_file_names_the_fault(tmp_path, also, ["basis_gates"])
 
 
 @pytest.mark.parametrize("key", ["\x1b[2J", "two\nlines", "\x9b"])
@@ -276,4 +276,4 @@ def test_a_name_can_be_part_of_a_files_name(tmp_path, name: str) -> None:
     def change(device: dict) -> None:
         device["name"] = name
 
-    test_a_wrong_file_names_what_is_wrong(tmp_path, change, ["name"])
+    test_the_error_of_an_invalid_file_names_the_fault(tmp_path, change, ["name"])

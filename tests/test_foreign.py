@@ -1,4 +1,4 @@
-"""Objects of other packages, where something else is needed: the message names the way."""
+"""Objects of other packages in the wrong place: the message says how to convert them."""
 
 from __future__ import annotations
 
@@ -22,34 +22,36 @@ class Own(QuantumCircuit):
 @pytest.mark.parametrize(
     ("thing", "words"),
     [
-        (QuantumCircuit(1), "a Qiskit circuit: Program.from_qiskit(circuit)"),
-        (Own(1), "a Qiskit circuit: Program.from_qiskit(circuit)"),
+        (QuantumCircuit(1), "a Qiskit circuit.\n  Use Program.from_qiskit(circuit)."),
+        (Own(1), "a Qiskit circuit.\n  Use Program.from_qiskit(circuit)."),
         (
             qml.QNode(lambda: qml.expval(qml.Z(0)), qml.device("default.qubit")),
-            "a PennyLane QNode: Program.from_pennylane(qnode, inputs=2, parameters=3)",
+            "a PennyLane QNode.\n  Use Program.from_pennylane(qnode, inputs=2, parameters=3).",
         ),
-        (qml.tape.QuantumScript([]), "a PennyLane tape: Program.from_pennylane(tape)"),
-        ("OPENQASM 3.0;", "a text: Program.from_qasm(text_or_path) reads OpenQASM"),
-        (Path("a.qasm"), "a path: Program.from_qasm(text_or_path) reads OpenQASM"),
-        (qcompile.load_policy("cartpole"), "an object of type Policy: give its .program"),
+        (qml.tape.QuantumScript([]), "a PennyLane tape.\n  Use Program.from_pennylane(tape)."),
+        ("OPENQASM 3.0;", "a string.\n  Use Program.from_qasm(text_or_path) for OpenQASM."),
+        (Path("a.qasm"), "a path.\n  Use Program.from_qasm(text_or_path) for OpenQASM."),
+        (qcompile.load_policy("cartpole"), "an object of type Policy.\n  Pass its .program."),
         (
             3,
-            "an object of type int: "
-            "Program.from_qiskit, Program.from_pennylane and Program.from_qasm make one",
+            "an object of type int.\n  "
+            "Use Program.from_qiskit, Program.from_pennylane or Program.from_qasm.",
         ),
     ],
 )
-def test_compile_names_the_door(thing: Any, words: str) -> None:
+def test_compile_suggests_how_to_make_a_program(thing: Any, words: str) -> None:
     with pytest.raises(CircuitError) as refused:
         qcompile.compile(thing)
-    assert str(refused.value) == f"compile takes a Program; this is {words}"
+    assert str(refused.value) == f"compile takes a Program, found {words}"
 
 
-def test_compile_names_the_door_of_devices() -> None:
+def test_compile_suggests_how_to_load_a_device() -> None:
     program = qcompile.Program(())
-    with pytest.raises(DeviceError, match=r"this is a Qiskit backend: load_backend\(backend\)\.de"):
+    with pytest.raises(
+        DeviceError, match=r"found a Qiskit backend\.\n  Use load_backend\(backend\)\.device"
+    ):
         qcompile.compile(program, find_backend("fake_lima"))  # type: ignore[arg-type]
-    with pytest.raises(DeviceError, match=r"this is a text: load_device\(name\)"):
+    with pytest.raises(DeviceError, match=r"found a string\.\n  Use load_device\(name\)"):
         qcompile.compile(program, "fake_lima")  # type: ignore[arg-type]
 
 

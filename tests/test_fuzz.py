@@ -1,4 +1,4 @@
-"""A small share of `make fuzz`: damaged files are refused in words, or read."""
+r"""A small share of \`make fuzz\`: damaged files are refused with a message, or read."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def test_damaged_files_are_refused_in_words(name: str, tmp_path: Path) -> None:
     assert tally.refused > INPUTS / 4
 
 
-def test_the_harness_notices_what_is_not_refused(tmp_path: Path) -> None:
+def test_the_harness_notices_a_missing_refusal(tmp_path: Path) -> None:
     def careless(path: Path) -> object:
         return path.read_bytes().decode()
 

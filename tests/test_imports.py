@@ -1,4 +1,4 @@
-"""Who imports whom, what is loaded when, and what is public."""
+"""Import directions, lazy loading, and the public names."""
 
 from __future__ import annotations
 
@@ -176,7 +176,7 @@ def test_help_of_a_command_loads_nothing_heavy(command: str) -> None:
     assert loaded_by(f"import qcompile.cli.{command}") == set()
 
 
-def test_the_measure_of_what_is_loaded_works() -> None:
+def test_measuring_loaded_modules_works() -> None:
     assert loaded_by("import openqasm3") == {"openqasm3"}
 
 
@@ -197,7 +197,7 @@ BENCHMARKS = sorted((PACKAGE.parent / "benchmarks").glob("*.py"))
 
 
 @pytest.mark.parametrize("path", BENCHMARKS, ids=lambda path: path.name)
-def test_a_benchmark_imports_what_is_there(path: Path) -> None:
+def test_benchmarks_import_existing_names(path: Path) -> None:
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("qcompile"):
             home = import_module(node.module or "")

@@ -1,4 +1,4 @@
-"""Native gates: what they prepare, by the simulator's matrices, and slots."""
+"""Native gates: the states they prepare, by the matrices of the simulator, and slots."""
 
 from __future__ import annotations
 

@@ -209,7 +209,7 @@ def test_the_extremes_stay_physical(error: float) -> None:
     for length_ns in (0.0, 1e5, 1e12):
         noise = noise_after("sx", a_qubit(error, length_ns))
         assert PTM(noise).is_cptp(atol=1e-9)
-    # After ever so long only |0> is left, whatever the stated error.
+    # After a very long time only |0> is left, whatever the stated error.
     np.testing.assert_allclose(noise[1:], [[0, 0, 0, 0], [0, 0, 0, 0], [1, 0, 0, 0]], atol=1e-15)
 
 
@@ -218,7 +218,7 @@ def test_a_gate_without_calibration_is_free_of_noise() -> None:
     np.testing.assert_array_equal(noise_after("sx", None), np.eye(4))
 
 
-def test_a_channel_names_what_it_leaves() -> None:
+def test_the_fields_of_a_channel() -> None:
     """T1 = 100 us, T2 = 50 us, 10 us: exp(-0.2) across, exp(-0.1) along, the rest to |0>."""
     qubit = a_qubit(0.0, 10_000.0, t1_us=100, t2_us=50)
     for channel in (relaxation(qubit, 10_000.0), channel_after("sx", qubit)):

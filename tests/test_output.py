@@ -1,4 +1,4 @@
-"""Files appear whole or not at all, where a user expects them and with the modes of a user."""
+"""Files appear whole or not at all, at the right path and with the right mode."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_a_file_that_is_replaced_keeps_its_mode(tmp_path: Path, old: int) -> Non
 
 
 @pytest.mark.parametrize("mask", [0o022, 0o077, 0o002, 0])
-def test_what_is_new_has_the_mode_the_user_asks_for(tmp_path: Path, mask: int) -> None:
+def test_new_files_have_the_users_mode(tmp_path: Path, mask: int) -> None:
     with umask(mask):
         write_file(tmp_path / "file", b"new")
         with new_folder(tmp_path / "folder"):
@@ -101,7 +101,7 @@ def test_a_folder_is_no_file(tmp_path: Path) -> None:
 
 
 def test_a_link_to_a_pipe_is_written_to(tmp_path: Path) -> None:
-    """/dev/stdout of a pipeline: what it links to is no path."""
+    """/dev/stdout of a pipeline, which does not link to a path."""
     read, write = os.pipe()
     link = tmp_path / "stdout"
     link.symlink_to(f"/proc/self/fd/{write}")
@@ -122,7 +122,7 @@ def test_a_reader_who_has_had_enough_is_no_error_of_the_file() -> None:
 
 
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT, errno.EIO])
-def test_what_stops_the_filling_of_a_folder_is_named(tmp_path: Path, number: int) -> None:
+def test_the_error_that_stops_filling_a_folder_is_named(tmp_path: Path, number: int) -> None:
     folder = tmp_path / "job"
 
     def fill() -> None:

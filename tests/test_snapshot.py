@@ -1,4 +1,4 @@
-"""Snapshots: what of a Qiskit backend becomes a device, what is flagged, what is left out."""
+"""Snapshots: the device made from a Qiskit backend, what is flagged, and what is left out."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def lima():
 
 
 @pytest.mark.parametrize("name", FAKES)
-def test_the_fakes_are_what_the_snapshot_gives_today(name: str) -> None:
+def test_the_shipped_fakes_match_new_snapshots(name: str) -> None:
     shipped, fresh = load_device(name), device_from_backend(find_backend(name), name)
     # The source names the version of qiskit-ibm-runtime, which may be another one today.
     assert fresh.model_copy(update={"source": shipped.source}) == shipped
@@ -89,7 +89,7 @@ def test_a_qubit_that_lacks_a_property_is_left_out(lima, missing: str) -> None:
     device = device_from_backend(_With(lima, properties), "broken")
     assert device.left_out == (3,)
     assert device.qubits[3].doubtful == (f"Qubit 3 has no {missing} in its calibration.",)
-    assert device.notes[-1] == "Left out, faulty or without all values: 3."
+    assert device.notes[-1] == "Left out because they are faulty or lack values: 3."
     assert sorted(usable(device)) == [0, 1, 2, 4]
 
 

@@ -1,4 +1,4 @@
-"""What reaches the terminal: no control character, no mark that turns or hides text."""
+"""Terminal output: no control characters, no bidirectional or invisible marks."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_other_text_stays_as_it_is(text: str) -> None:
     assert plain(text) == text
 
 
-def test_an_escape_that_is_not_ended_takes_nothing_of_what_follows() -> None:
+def test_an_unfinished_escape_removes_no_text() -> None:
     assert plain("backend \x1b] is allowed 60 s") == "backend ] is allowed 60 s"
 
 
@@ -96,7 +96,7 @@ def test_a_table_keeps_its_own_colours_and_none_of_a_cell(monkeypatch: pytest.Mo
 
 
 @pytest.mark.parametrize("words", [("show",), ("run",), ("export",), ("run", "--json")])
-def test_what_a_file_says_is_shown_plain(
+def test_text_of_files_is_shown_plain(
     qcompile: Callable[..., Any], tmp_path: Path, words: tuple[str, ...]
 ) -> None:
     """A policy's name and environment, in tables and in errors."""

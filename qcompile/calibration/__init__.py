@@ -1,4 +1,4 @@
-"""Calibrations: what was counted on the qubits of a device, what was fitted to it, their files."""
+"""Calibrations: the counts measured on the qubits of a device, their fits, and their files."""
 
 from qcompile.calibration.calibration import (
     Calibration,

@@ -1,4 +1,4 @@
-"""Calibrations: what was counted on the qubits of a device, what was fitted to it, and its file."""
+"""A calibration: the counts measured on the qubits of a device, their fits, and its file."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ if TYPE_CHECKING:
 
 
 class Calibration(Record):
-    """Measured on `qubits` of `device`; entry i of every list below belongs to qubits[i].
+    """A calibration of `qubits` of `device`; entry i of every list below belongs to qubits[i].
 
-    `kind` is that of the executor it was measured on, `created` when. `unfitted` says why counts
-    have no fit: they are kept all the same.
+    `kind` is that of the executor it was measured on, `created` the time. `unfitted` says why
+    counts could not be fitted; they are kept.
     """
 
     format: Literal["qcompile-calibration-1"] = "qcompile-calibration-1"
@@ -52,7 +52,7 @@ class Calibration(Record):
     def _check(self) -> Calibration:
         count = len(self.qubits)
         if not count or len(set(self.qubits)) < count:
-            raise ValueError("qubits must be there, each once")
+            raise ValueError("qubits must not be empty or repeated")
         if not self.device.is_ideal and max(self.qubits) >= len(self.device.qubits):
             raise ValueError(f"{self.device.name} has no qubit {max(self.qubits)}")
         if self.backend != self.device.name:
@@ -64,27 +64,27 @@ class Calibration(Record):
             if fit is not None and any(
                 len(column) != count for column in vars(fit).values() if isinstance(column, tuple)
             ):
-                raise ValueError(f"a fit has not one entry for each of {count} qubits")
+                raise ValueError(f"a fit needs one entry for each of {count} qubits")
             if fit is not None and (words := fit_problems(fit, self.qubits)):
                 raise ValueError(words[0])
         for counts in (self.readout_counts, self.response_counts):
             if counts is not None and any(len(row) != count for row in counts.ones):
-                raise ValueError(f"a row of counts has not one entry for each of {count} qubits")
+                raise ValueError(f"a row of counts needs one entry for each of {count} qubits")
         return self
 
     @cached_property
     def executions(self) -> int:
-        """Circuits times shots that were run for it."""
+        """The circuits times shots that were run for the calibration."""
         counts = (self.readout_counts, self.response_counts)
         return sum(len(c.ones) * (c.shots or 0) for c in counts if c is not None)
 
     @property
     def mitigation(self) -> str:
-        """The mitigation it serves: `readout`, unless it knows responses alone."""
+        """The mitigation it is for: `readout`, or `response` if it has only response curves."""
         return "response" if self.readout is None and self.response is not None else "readout"
 
     def rows(self, qubits: IntArray) -> IntArray:
-        """Where each of `qubits` (n,) stands in `self.qubits`.
+        """The index of each of `qubits` (n,) in `self.qubits`.
 
         Raises:
             CalibrationError: a qubit was not calibrated.
@@ -94,18 +94,18 @@ class Calibration(Record):
             raise CalibrationError(
                 f"Qubit {missing[0]} has no calibration.",
                 f"Calibrated on {self.backend}: {' '.join(map(str, self.qubits))}.",
-                "Calibrate it too (`qcompile calibrate --policy` measures a policy's qubits).",
+                "Calibrate it too (`qcompile calibrate --policy` measures the qubits of a policy).",
             )
         order = np.argsort(self.qubits)
         rows: IntArray = order[np.searchsorted(self.qubits, qubits, sorter=order)]
         return rows
 
     def age_hours(self, now: datetime) -> float:
-        """Hours from its creation to `now`, which has a time zone."""
+        """Hours from its creation to `now`, which must have a time zone."""
         return (now - self.created).total_seconds() / 3600
 
     def plot(self, style: AnyStyle = None) -> Figure:
-        """Response curves, residuals and readout errors of every qubit as a figure.
+        """A figure of the response curves, residuals and readout errors of every qubit.
 
         Raises:
             FigureError: the style cannot be read.
@@ -140,13 +140,13 @@ class Calibration(Record):
         return calibration_html(self)
 
     def to_dict(self) -> dict[str, Any]:
-        """The document that `qcompile calibrate` prints with --json, without its file."""
+        """The document that `qcompile calibrate --json` prints, without the name of its file."""
         from qcompile.report.calibration_values import calibration_values
 
         return calibration_values(self)
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write all of it as JSON, for `load_calibration`.
+        """Write the calibration as JSON, for `load_calibration`.
 
         Raises:
             OutputError: the file cannot be written.
@@ -155,7 +155,7 @@ class Calibration(Record):
 
 
 def load_calibration(path: str | PathLike[str]) -> Calibration:
-    """The calibration of a file.
+    """The calibration in a file.
 
     Raises:
         CalibrationError: there is no such file, or it is not a calibration.
@@ -168,18 +168,18 @@ def load_calibration(path: str | PathLike[str]) -> Calibration:
     except FileNotFoundError as error:
         raise CalibrationError(
             f"There is no calibration file {path}.",
-            "`qcompile calibrate --backend NAME` writes one; in Python the save(FILE) of a "
-            "Calibration does.",
+            "Make one with `qcompile calibrate --backend NAME`, or in Python with "
+            "calibration.save(FILE).",
         ) from error
     except (OSError, ContentsError, ValidationError) as error:
         raise CalibrationError(f"{path} is not a calibration.", *explain(error)) from error
 
 
 def load_counts(path: Path) -> Calibration:
-    """The calibration of a file without its fits: its counts, whatever became of them.
+    """The calibration in a file without its fits: only its counts.
 
     Raises:
-        CalibrationError: there is no such file, or it holds no counts of a calibration.
+        CalibrationError: there is no such file, or it has no counts of a calibration.
     """
     try:
         values = load_json(read_file(path))
@@ -189,25 +189,24 @@ def load_counts(path: Path) -> Calibration:
             }
         return Calibration.model_validate_json(json.dumps(values))
     except (OSError, ContentsError, ValidationError) as error:
-        raise CalibrationError(f"{path} holds no counts to fit.", *explain(error)) from error
+        raise CalibrationError(f"{path} has no counts to fit.", *explain(error)) from error
 
 
 def age_warnings(name: str, calibration: Calibration, now: datetime) -> list[str]:
-    """Warnings about the age of the calibration called `name`; none where it is fresh."""
+    """Warnings about the age of the calibration called `name`; none if it is recent."""
     age = calibration.age_hours(now)
     if age < -CLOCK_HOURS:
-        return [f"{name} is from the future, by {-age:.0f} hours: a clock is wrong."]
+        return [f"{name} is dated {-age:.0f} hours in the future: a clock is wrong."]
     if age > CALIBRATION_HOURS:
         return [
-            f"{name} is {age:.0f} hours old; `qcompile calibrate --check {name}` says whether it "
-            "still holds."
+            f"{name} is {age:.0f} hours old; check it with `qcompile calibrate --check {name}`."
         ]
     return []
 
 
 def is_calibration(path: Path) -> bool:
-    """Whether a file says that it is one, wherever in it."""
-    if not os.path.isfile(path):  # unlike Path.is_file, False for a name too long to be one
+    """Whether a file contains the format name of a calibration."""
+    if not os.path.isfile(path):  # unlike Path.is_file, False for too long a name
         return False
     try:
         return CALIBRATION_MARK in read_file(path)

@@ -1,4 +1,4 @@
-"""Counts: how often each qubit of a device showed a one, after what."""
+"""Counts: how often each qubit was measured as 1, and after which preparation."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ Shots = Annotated[int, Field(ge=1, le=MAX_SHOTS)]
 
 
 class ReadoutCounts(Record):
-    """Ones of each qubit after each pattern of prepared bits, (patterns, qubits) each.
+    """The ones of each qubit after each pattern of prepared bits, (patterns, qubits) each.
 
-    Without shots `ones` are probabilities.
+    If `shots` is None, `ones` are probabilities.
     """
 
     prepared: Many[Many[Annotated[int, Field(ge=0, le=1)]]]
@@ -30,7 +30,7 @@ class ReadoutCounts(Record):
     @model_validator(mode="after")
     def _check(self) -> ReadoutCounts:
         if [len(row) for row in self.prepared] != [len(row) for row in self.ones]:
-            raise ValueError("prepared and ones have not the same shape")
+            raise ValueError("prepared and ones have different shapes")
         if not self.ones or any(set(bits) != {0, 1} for bits in zip(*self.prepared, strict=False)):
             raise ValueError("a qubit was not prepared in both |0> and |1>")
         _check_ones(self.ones, self.shots)
@@ -38,10 +38,10 @@ class ReadoutCounts(Record):
 
 
 class ResponseCounts(Record):
-    """Ones of each qubit after sx rz(a) sx (rx(a) where it is native), (circuits, qubits).
+    """The ones of each qubit after sx rz(a) sx (rx(a) where it is native), (circuits, qubits).
 
-    `angles_rad` has the angle of each circuit and qubit, or of each circuit where all qubits were
-    turned alike, as earlier files have it. Without shots `ones` are probabilities.
+    `angles_rad` has the angle of each circuit and qubit, or, as in earlier files, one angle per
+    circuit for all qubits. If `shots` is None, `ones` are probabilities.
     """
 
     angles_rad: Many[Finite] | Many[Many[Finite]]
@@ -51,10 +51,10 @@ class ResponseCounts(Record):
     @model_validator(mode="after")
     def _check(self) -> ResponseCounts:
         if len(self.angles_rad) != len(self.ones) or not self.ones:
-            raise ValueError("ones has not one row for each angle, of which there is one at least")
+            raise ValueError("ones needs one row for each angle, and at least one angle")
         for angles, ones in zip(self.angles_rad, self.ones, strict=True):
             if isinstance(angles, tuple) and len(angles) != len(ones):
-                raise ValueError("a row of angles_rad has not one angle for each qubit")
+                raise ValueError("a row of angles_rad needs one angle for each qubit")
         _check_ones(self.ones, self.shots)
         return self
 

@@ -1,4 +1,4 @@
-"""Fits: what counts say of the readout and of the response of each qubit."""
+"""Fits of the readout and the response of each qubit."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from qcompile.device import Probability
 from qcompile.validation import Many, Record, listed
 
 INVERTIBLE_CONTRAST = 0.02
-"""A qubit that shows less of `<Z>` cannot be undone."""
+"""The errors of a qubit that preserves less of `<Z>` cannot be undone."""
 MAX_ERROR = 0.1
-"""A contrast, or an offset, that is known less well needs more shots."""
-_SURE = 3.0
-"""The sign of a contrast is known where it is so many standard errors."""
+"""The largest standard error of a contrast or an offset; above it more shots are needed."""
+_SIGN_KNOWN = 3.0
+"""The sign of a contrast counts as known if it is at least this many standard errors."""
 
 Bounded = Annotated[float, Field(ge=-1e6, le=1e6)]
 Triple = tuple[Bounded, Bounded, Bounded]
@@ -38,7 +38,7 @@ class ReadoutFit(Record):
 
     @property
     def contrast(self) -> FloatArray:
-        """How much of `<Z>` is left of each qubit, (qubits,); negative where 0 and 1 swap."""
+        """The fraction of `<Z>` that each qubit preserves, (qubits,); negative if 0 and 1 swap."""
         return np.asarray(1.0 - np.array(self.p10) - np.array(self.p01))
 
     @property
@@ -69,7 +69,7 @@ class ResponseFit(Record):
 
     @property
     def contrast(self) -> FloatArray:
-        """How much of `<Z>` is left of each qubit, (qubits,)."""
+        """The fraction of `<Z>` that each qubit preserves, (qubits,)."""
         _, c, s = np.array(self.curves).reshape(-1, 3).T
         return np.asarray(np.hypot(c, s))
 
@@ -94,24 +94,24 @@ def _is_covariance(matrix: FloatArray) -> bool:
 
 
 def fit_problems(fit: ReadoutFit | ResponseFit, qubits: Sequence[int]) -> list[str]:
-    """Why the fit of a qubit undoes nothing, and what to try; empty where every fit does.
+    """Why the fit of a qubit cannot be used, and what to try; empty if every fit can be used.
 
-    Numbers are rounded towards the failing side, so that they never read as the limit itself.
+    Numbers are rounded away from the limit, so that they never read as the limit itself.
     """
     part = "readout" if isinstance(fit, ReadoutFit) else "response"
-    kept, error = np.abs(fit.contrast), fit.error
+    contrast, error = np.abs(fit.contrast), fit.error
     weak = [
         f"{q} ({math.floor(1e4 * c) / 1e4:g})"
-        for q, c in zip(qubits, kept, strict=True)
+        for q, c in zip(qubits, contrast, strict=True)
         if c < INVERTIBLE_CONTRAST
     ]
     if weak:
         return [
-            f"The {part} of qubit {listed(weak)} shows less than {INVERTIBLE_CONTRAST} of <Z>: its "
-            "errors cannot be undone.",
-            "Leave it out (`left_out` in the device file), or run with --mitigation none.",
+            f"The {part} of qubit {listed(weak)} preserves less than {INVERTIBLE_CONTRAST} of <Z>, "
+            "so its errors cannot be undone.",
+            "Exclude it (`left_out` in the device file), or run with --mitigation none.",
         ]
-    limit = np.minimum(MAX_ERROR, kept / _SURE)
+    limit = np.minimum(MAX_ERROR, contrast / _SIGN_KNOWN)
     unknown = [
         f"{q} ({math.ceil(1e3 * e) / 1e3:g})"
         for q, e, most in zip(qubits, error, limit, strict=True)
@@ -119,9 +119,9 @@ def fit_problems(fit: ReadoutFit | ResponseFit, qubits: Sequence[int]) -> list[s
     ]
     if unknown:
         times = math.ceil(10 * ((error / limit) ** 2).max()) / 10
-        wanted = f"{MAX_ERROR} of <Z>" if error.max() > MAX_ERROR else "a third of what it shows"
+        wanted = f"{MAX_ERROR} of <Z>" if error.max() > MAX_ERROR else "a third of its contrast"
         return [
             f"Too few shots: the {part} of qubit {listed(unknown)} is not known to {wanted}.",
-            f"Take {times:g} times the shots or more.",
+            f"Use at least {times:g} times the shots.",
         ]
     return []

@@ -165,7 +165,7 @@ def command(
     With --within, the table shows the cheapest settings that keep the reward, and the command that
     plays with them. Several policies can be compared.
     """
-    from qcompile.policy.decision import held_words
+    from qcompile.policy.decision import hold_text
     from qcompile.report.tables import plural, print_table
     from qcompile.verbs.plan import plan
 
@@ -200,7 +200,7 @@ def command(
         steps = f"{values['env_steps']} steps"
         if values["hold"] > 1:
             decisions = plural(values["decisions"], "decision")
-            steps = f"{decisions}, each {held_words(values['hold'])}"
+            steps = f"{decisions}, each {hold_text(values['hold'])}"
         print_table(
             table.header,
             table.words,

@@ -1,21 +1,21 @@
 """Play episodes side by side, with several decisions of each measured in one job.
 
-A simulated environment can be run ahead. Which action a decision takes is a function of what is
-measured and of a uniform number that is known beforehand, so it can be predicted without measuring:
-a *scout*, a second environment of the episode, walks along the predicted actions, and all that it
-observes is measured in one job. Then the episode itself takes measured actions as long as they are
-the predicted ones. The first that is not still counts: it was measured on what the episode
-observes. What lies beyond is thrown away, and the scout is rebuilt by playing the accepted actions
-again.
+A simulated environment can be run ahead. The action of a decision is a function of the measurement
+and of a uniform number that is known in advance, so it can be predicted without measuring: a
+*scout*, a second copy of the episode's environment, follows the predicted actions, and everything
+it observes is measured in one job. Then the episode takes the measured actions as long as they
+equal the predicted ones. The first that differs still counts: it was measured on the episode's own
+observation. The rest is discarded, and the scout is rebuilt by replaying the accepted actions.
 
-Every decision that counts was measured on its own observation, by shots of its own, and decided by
-its own uniform number; the prediction only says what else is measured. So the episodes have the law
-of the ordinary closed loop, under conditions that are kept here: how many decisions a job measures
-depends on earlier jobs alone; counts serve once, those of a row that was thrown away never; rows of
-one episode share no execution, and where a row is measured follows from its episode and decision
-(`deploy/rows.py`); the environment that counts takes accepted actions alone; and whatever two
-environments of an episode show for the same actions is compared bit for bit. Where it differs, what
-was measured beyond does not count, and from then on a job measures one decision of each.
+Every decision that counts was measured on its own observation with its own shots, and decided by
+its own uniform number; the prediction only chooses what else is measured. So the episodes have the
+law of the ordinary closed loop, under conditions enforced here: the number of decisions in a job
+depends only on earlier jobs; counts are used once, those of discarded rows never; rows of one
+episode share no execution, and the place of a row follows from its episode and decision
+(`deploy/rows.py`); the episode's own environment takes only accepted actions; and everything the
+two environments of an episode return for the same actions is compared bit for bit. If it differs,
+measurements beyond that point do not count, and from then on a job measures one decision of each
+episode.
 
 Source: speculative decoding (Leviathan, Kalman, Matias, ICML 2023; Chen et al., arXiv 2302.01318),
 with a deterministic environment between the draws.
@@ -42,13 +42,14 @@ from qcompile.errors import EnvironmentStepError, OptionError
 
 @dataclass(frozen=True)
 class Foresight:
-    """What episodes are run ahead with.
+    """How episodes are run ahead.
 
-    `predict` maps observations and rows to actions, as `Act` does, and costs nothing; `scouts` are
-    environments like those of the episodes, one for each, or none where they cannot be made.
-    `depth` says, for the numbers of the living episodes, how many decisions of each the next job
-    measures; `note` is told after every job how many of its rows counted, and how many of these
-    were predicted right. `say` gets a line where an environment does not repeat itself.
+    `predict` maps observations and rows to actions, as `Act` does, at no cost; `scouts` are
+    environments like those of the episodes, one for each, or none if they cannot be made. `depth`
+    maps the numbers of the running episodes to the number of decisions of each in the next job;
+    `note` is called after every job with the number of its rows that counted and the number of
+    these that were predicted correctly. `say` gets a message if an environment does not repeat
+    itself.
     """
 
     predict: Act
@@ -71,15 +72,15 @@ def ahead(
     on_rewards: Callable[[list[float]], None] = lambda rewards: None,
     on_episode: Callable[[Episode], None] = lambda episode: None,
 ) -> None:
-    """Play one episode in every environment, as `lockstep`, whose law it has.
+    """Play one episode in every environment, with the same law as `lockstep`.
 
-    `act` gets the rows of a job, those of the first decision of each living episode first; of the
-    actions (B,) that it gives those are taken that count. `on_rewards` gets what these earned, one
-    episode after the other.
+    `act` gets the rows of a job, starting with the first decision of each running episode; of its
+    actions (B,) only those that count are taken. `on_rewards` gets their rewards, episode by
+    episode.
 
     Raises:
-        EnvironmentStepError: an environment fails, or gives what no policy can use; a scout that
-            does so only ends its chain.
+        EnvironmentStepError: an environment fails or returns unusable values; in a scout this only
+            ends its chain.
     """
     numbers = range(len(environments)) if episodes is None else episodes
     living = [
@@ -116,37 +117,37 @@ def ahead(
 
 
 def _end(foresight: Foresight, environments: list[Environment]) -> bool:
-    """Say that nothing is run ahead from now on; False."""
+    """Report that nothing is run ahead from now on; return False."""
     name = environment_name(environments[0])
     foresight.say(f"{name} does not repeat itself: steps are no longer measured ahead")
     return False
 
 
 def _chains(predict: Act, living: Sequence[_Pair], depth: int) -> tuple[FloatArray, Rows, IntArray]:
-    """What the next job measures: observations (B, features), rows, and predicted actions (B,).
+    """The next job's observations (B, features), rows and predicted actions (B,).
 
-    The scouts walk along the predictions, at most `depth` - 1 decisions: what the last action leads
-    to is not measured.
+    The scouts follow the predictions for at most `depth` - 1 decisions: the last action's outcome
+    is not measured.
     """
     parts: list[tuple[FloatArray, IntArray, IntArray, IntArray]] = []
-    walking = [(pair, pair.observation) for pair in living]
+    active = [(pair, pair.observation) for pair in living]
     first = 0
     for pair in living:
         pair.rows, pair.foreseen = [], []
     for further in reversed(range(depth)):
-        observations = np.stack([seen for _, seen in walking]).astype(np.float64)
-        numbers = np.array([pair.number for pair, _ in walking])
-        decisions = np.array([len(pair.actions) + len(pair.foreseen) for pair, _ in walking])
+        observations = np.stack([observation for _, observation in active]).astype(np.float64)
+        numbers = np.array([pair.number for pair, _ in active])
+        decisions = np.array([len(pair.actions) + len(pair.foreseen) for pair, _ in active])
         predicted = predict(observations, Rows(numbers, decisions))
         parts.append((observations, numbers, decisions, predicted))
-        for row, (pair, _) in enumerate(walking, first):
+        for row, (pair, _) in enumerate(active, first):
             pair.rows.append(row)
-        first += len(walking)
+        first += len(active)
         if further:
-            taken = zip(walking, predicted.tolist(), strict=True)
+            taken = zip(active, predicted.tolist(), strict=True)
             following = [(pair, pair.walk(action)) for (pair, _), action in taken]
-            walking = [(pair, seen) for pair, seen in following if seen is not None]
-        if not walking:
+            active = [(pair, observed) for pair, observed in following if observed is not None]
+        if not active:
             break
     observations, numbers, decisions, predicted = map(np.concatenate, zip(*parts, strict=True))
     return observations, Rows(numbers, decisions), predicted
@@ -155,10 +156,10 @@ def _chains(predict: Act, living: Sequence[_Pair], depth: int) -> tuple[FloatArr
 class _Pair:
     """An episode and its scout.
 
-    `actions` are the decisions that counted, `answers` what the reset and each of them led to, and
-    `observation` (features,) what the episode decides by next. `rows` are those of its chain in the
-    job at hand, `foreseen` what their predicted actions led the scout to, `rewards` what those that
-    counted earned.
+    `actions` are the decisions that counted, `answers` the environment's answers to the reset and
+    to each of them, and `observation` (features,) is the input of the next decision. `rows` are the
+    rows of its chain in the current job, `foreseen` the scout's answers to their predicted actions,
+    `rewards` the rewards of those that counted.
     """
 
     __slots__ = (
@@ -169,7 +170,7 @@ class _Pair:
     def __init__(self, number: int, played: Stepper, scout: Stepper):
         self.number, self.played, self.scout = number, played, scout
         self._walked: int | None = None
-        """How many of the actions the scout has taken; None where it took others."""
+        """The number of actions the scout has taken; None if it took different ones."""
         self.actions: list[int] = []
         self.answers: list[bytes] = []
         self.rows: list[int] = []
@@ -183,9 +184,9 @@ class _Pair:
         self.answers = [self.observation.tobytes()]
 
     def catch_up(self) -> bool:
-        """Lead the scout to where the episode is; False where it sees anything else on its way.
+        """Bring the scout to the episode's state; False if it observes anything different.
 
-        Where it fails it is lost, and a job measures one decision of the episode.
+        If it fails it is lost, and each job measures one decision of the episode.
         """
         if self._is_lost:
             return True
@@ -203,9 +204,9 @@ class _Pair:
         return True
 
     def walk(self, action: int) -> NDArray[Any] | None:
-        """Let the scout take a predicted action; what it observes then, None where its chain ends.
+        """Let the scout take a predicted action; return its observation, None if its chain ends.
 
-        It ends with the episode, or where the scout fails.
+        The chain ends with the episode, or if the scout fails.
         """
         if self._is_lost:
             return None
@@ -223,9 +224,9 @@ class _Pair:
         return answer
 
     def accept(self, actions: Sequence[int], agreed: Sequence[bool]) -> int:
-        """Take the measured actions, as far as they count; how many did.
+        """Take the measured actions that count; return their number.
 
-        `actions` and `agreed`, whether they are the predicted ones, are those of all rows.
+        `actions` has those of all rows, and `agreed` whether they equal the predicted ones.
         """
         self.rewards = []
         is_foreseen = True
@@ -242,24 +243,24 @@ class _Pair:
                 self.repeats = not is_foreseen or self.answers[-1] == self.foreseen[k]
             if self.is_over or not agreed[row] or not self.repeats:
                 break
-        kept = is_foreseen and len(self.rewards) >= len(self.foreseen)
+        is_in_step = is_foreseen and len(self.rewards) >= len(self.foreseen)
         if self._walked is not None:
-            self._walked = self._walked + len(self.foreseen) if kept else None
+            self._walked = self._walked + len(self.foreseen) if is_in_step else None
         return len(self.rewards)
 
 
 def _answer(observation: NDArray[Any], reward: float, terminated: bool, truncated: bool) -> bytes:
-    """What an action led to, to be compared bit for bit."""
+    """An environment's answer as bytes, for comparison bit for bit."""
     return observation.tobytes() + struct.pack("<d??", reward, terminated, truncated)
 
 
 def check_repeatable(environment: Environment) -> None:
-    """Nothing, if no wrapper of an environment normalises by statistics of what it has seen so far.
+    """Check that no wrapper of an environment normalises by running statistics.
 
-    A scout that is rebuilt would have seen other things than the episode.
+    A rebuilt scout would have statistics that differ from the episode's.
 
     Raises:
-        OptionError: one does, or the environment itself.
+        OptionError: a wrapper does, or the environment itself.
     """
     layer: Any = environment
     while layer is not None:
@@ -268,6 +269,6 @@ def check_repeatable(environment: Environment) -> None:
                 raise OptionError(
                     f"{environment_name(environment)} keeps running statistics "
                     f"({type(layer).__name__}): its steps cannot be measured ahead.",
-                    "Take speculate 1.",
+                    "Use speculate 1.",
                 )
         layer = vars(layer).get("env")

@@ -1,4 +1,4 @@
-"""What cut episodes would have earned: played on to their ends, where that costs nothing."""
+"""Rewards of cut episodes, completed on a simulation at no cost."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from qcompile.errors import QcompileError
 from qcompile.execution import OfflineExecutor, TwinExecutor
 
 MOST_STEPS = 10_000
-"""Environment steps that an episode is played on for; some environments never end one."""
+"""The most environment steps of a completion; some environments never end an episode."""
 
 
 def completed_rewards(player: Player, steppers: Sequence[Stepper]) -> FloatArray | None:
-    """The rewards (episodes,) of episodes played with `player`, those cut by `max_steps` completed.
+    """Rewards (episodes,) of the episodes of `player`, with those cut by `max_steps` completed.
 
-    They continue where they were cut, with their own streams: on a noise model, a twin or `ideal`
-    as if they had not been cut, elsewhere on the noise model of the device with the same settings.
-    None where no episode was cut, where one does not end within MOST_STEPS or its environment
-    fails, or after Ctrl-C.
+    They continue from the cut with their own streams: on a noise model, a twin or `ideal` as if
+    they had not been cut, otherwise on the device's noise model with the same settings. None if no
+    episode was cut, if one does not end within MOST_STEPS or its environment fails, or after
+    Ctrl-C.
     """
     cut = [stepper for stepper in steppers if stepper.is_cut]
     if not cut:
@@ -46,7 +46,7 @@ def completed_rewards(player: Player, steppers: Sequence[Stepper]) -> FloatArray
 
 
 def _free(player: Player) -> Player:
-    """The same player where playing costs nothing, or one on the noise model of its device."""
+    """The player itself if it costs nothing, else one on the noise model of its device."""
     if not isinstance(player, Deployment):
         return player
     if isinstance(player.executor, OfflineExecutor | TwinExecutor):

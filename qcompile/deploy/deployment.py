@@ -1,4 +1,4 @@
-"""A policy compiled for a backend: from observations to actions."""
+"""A policy compiled for a backend, which maps observations to actions."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ from qcompile.streams import Draws
 
 
 class Deployment:
-    """A policy compiled for a device: from observations to actions.
+    """A policy compiled for a device, which maps observations to actions.
 
-    `settings`, or the defaults, with `changes`; the deployment has them resolved. Shots and actions
-    are drawn from streams keyed by seed, episode and decision, so an episode repeats alone and
-    beside any others; a calibration that is measured first draws from a generator of the seed.
-    `misfits` are the fits of its calibration that contradict their own counts.
+    Plays with `settings`, or the defaults, with `changes`; its attribute `settings` has them
+    resolved. Shots and actions are drawn from streams keyed by seed, episode and decision, so an
+    episode repeats alone and alongside others; an initial calibration draws from a generator with
+    the seed. `misfits` are the fits of its calibration that contradict their own counts.
 
     Raises:
-        CalibrationError: there is no such mitigation, or a qubit cannot be calibrated.
+        CalibrationError: the mitigation is unknown, or a qubit cannot be calibrated.
         CircuitError: copies are out of range.
         CountsError: shots or steps are out of range.
         OptionError: settings contradict each other.
@@ -74,18 +74,19 @@ class Deployment:
 
     @property
     def kind(self) -> Kind:
-        """What its executor's counts are."""
+        """The kind of its executor's counts."""
         return self.executor.kind
 
     @property
     def copies(self) -> int:
-        """How many episodes share an execution."""
+        """The number of episodes that share an execution."""
         return 1 if self.settings.split else self.settings.copies or 1
 
     def expectation(self, observations: FloatArray, rows: Rows | None = None) -> FloatArray:
-        """`<Z>` of every circuit as measured and mitigated, (B, circuits).
+        """Measured and mitigated `<Z>` of every circuit, (B, circuits).
 
-        Without `rows` shots come from the executor's own generator.
+        Without `rows`, shots are
+        drawn from the executor's own generator.
         """
         return self._measure(self.policy.encode(observations), NO_THETA, rows, self._draws)
 
@@ -97,9 +98,9 @@ class Deployment:
     ) -> IntArray:
         """An action for each of the observations (B, features).
 
-        `rows` says which decision of which episode each is; without them row i is episode i, and
-        every call the next decision. `note` gets the `<Z>` (B, circuits) that the policy decides
-        by.
+        `rows` gives the episode and decision of each row; without it row i is episode i, and every
+        call is the next decision.
+        `note` gets the `<Z>` (B, circuits) that the policy decides by.
         """
         if rows is None:
             rows = Rows.of(len(observations), self._decisions)
@@ -112,28 +113,28 @@ class Deployment:
         return self.policy.decide(z, self._draws.actions(rows.episode, rows.decision))
 
     def predict(self, observations: FloatArray, rows: Rows) -> IntArray:
-        """The actions (B,) that `act` will most likely give for these rows; nothing is measured.
+        """The actions (B,) that `act` would most likely return for these rows, without measuring.
 
-        They are decided by the same uniform numbers, and by `<Z>` without shot noise: of the
-        executor where it has that, else of the twin of the settings' calibration, if that holds
-        response curves and the level is that of a twin, or of the noise model of the device.
+        They use the same uniform numbers, and `<Z>` without shot noise: from the executor if it has
+        expectations; else from the twin of the settings' calibration, if that has response curves
+        and the level is 2; else from the device's noise model.
         """
         return self._predictor.act(observations, rows)
 
     @cached_property
     def _predictor(self) -> Deployment:
-        """The deployment without shot noise, in the same places where its device is the same."""
+        """The deployment without shot noise, with the same placement if its device is the same."""
         settings, known = RunSettings.of(self.settings, shots=None), self.settings.calibration
         if self._measure.has_expectations:
             return Deployment(self.policy, self.executor, settings)
         if known is not None and known.response is not None and settings.level == 2:
             return Deployment(self.policy, TwinExecutor(known), settings)
-        # The noise model is not what a calibration of the machine undoes: it has one of its own.
+        # A calibration of the machine does not fit the noise model, which gets its own.
         model = OfflineExecutor(self.device)
         return Deployment(self.policy, model, settings, calibration=None, calibration_file=None)
 
     def executions(self, rows: Rows) -> int:
-        """How many executions of its program a step of these rows takes: those of its copies."""
+        """The executions of its program that a step with these rows takes."""
         return executions(rows, self.copies)
 
     def load(self, executions: int) -> Workload:
@@ -142,7 +143,7 @@ class Deployment:
         return Workload.of_batch(executions, self.executable.round_count, shots)
 
     def sizes(self) -> dict[str, Any]:
-        """The most gates of a circuit, circuits and rounds, as in `qcompile run --json`."""
+        """Largest gate counts of a circuit, circuits and rounds, as in `qcompile run --json`."""
         counts = self.executable.gate_counts()
         return {
             "gates_per_circuit": {

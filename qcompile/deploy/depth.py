@@ -1,4 +1,4 @@
-"""How many decisions of each episode one job measures: chosen before it from earlier jobs alone."""
+"""The number of decisions of each episode that a job measures, chosen from earlier jobs only."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from qcompile.execution.cost import qpu_seconds
 from qcompile.limits import MAX_EXECUTIONS_PER_JOB, MOST_AHEAD
 
 Speculate = int | Literal["auto"]
-"""Decisions of each episode that a job measures: their number, or as many as pay."""
+"""Decisions of each episode that a job measures: a number, or "auto" for the most efficient one."""
 
 _PRIOR_AGREED, _PRIOR_COMPARED = 9.0, 10.0
-"""Before anything is compared nine of ten predictions are taken to be right."""
+"""A prior: nine of ten predictions are assumed to be right before any comparison."""
 _DEPTHS = np.arange(1.0, MOST_AHEAD + 1)
 
 
 class Depth:
-    """The depth D of every job of a run: `speculate` itself, or with "auto" what pays best.
+    """The depth D of every job of a run: `speculate`, or with "auto" the most efficient one.
 
-    A row is the measurement of one decision. `note` tells after each job how many of its rows
-    counted, and of how many of these the measured action was the predicted one. With "auto" D is a
-    function of these tallies and of the load of the job alone: the same run has the same D again,
-    and no D depends on counts of its own job.
+    A row is the measurement of one decision. `note` records after each job how many of its rows
+    counted, and how many of these were predicted correctly. With "auto", D is a function of these
+    tallies and of the load of the job only: a repeated run has the same D, and no D depends on
+    counts of its own job.
     """
 
     def __init__(self, speculate: Speculate):
@@ -34,26 +34,26 @@ class Depth:
 
     @property
     def agreement(self) -> float:
-        """How probable it is that a prediction is right, as far as known."""
+        """The estimated probability that a prediction is right."""
         return self._agreed / self._compared
 
     def next(self, load: Workload) -> int:
-        """D of the next job; `load` is that of one row of each living episode."""
+        """D of the next job; `load` is the load of one row of each running episode."""
         if self.speculate == "auto":
             return deepest_that_pays(self.agreement, load)
         return self.speculate
 
     def note(self, compared: int, agreed: int) -> None:
-        """Of a job `compared` rows counted; in `agreed` of them the prediction was right."""
+        """Record that `compared` rows of a job counted, `agreed` of them predicted correctly."""
         self._compared += compared
         self._agreed += agreed
 
 
 def accepted(agreement: float, depths: FloatArray) -> FloatArray:
-    """The expected decisions of an episode that count, of jobs that measure `depths` of them.
+    """The expected number of decisions that count when a job measures `depths` of an episode.
 
-    The first always counts, the next as long as all predictions before were right:
-    1 + p + ... + p^(D - 1).
+    The first always counts, the next ones while all earlier predictions were right: 1 + p + ... +
+    p^(D - 1).
     """
     if agreement >= 1.0:
         return np.asarray(depths, dtype=np.float64)
@@ -61,9 +61,9 @@ def accepted(agreement: float, depths: FloatArray) -> FloatArray:
 
 
 def seconds(load: Workload, depths: FloatArray) -> FloatArray:
-    """The QPU seconds of jobs that measure `depths` rows of each episode, `load` being that of one.
+    """QPU seconds of jobs with `depths` rows of each episode, where `load` is for one row each.
 
-    A job that IBM does not take whole becomes several.
+    A job that is too large for IBM becomes several.
     """
     jobs = np.ceil(depths * load.executions / MAX_EXECUTIONS_PER_JOB)
     jobs = np.maximum(jobs, 1.0 if load.jobs <= 1 else depths * load.jobs)
@@ -71,10 +71,10 @@ def seconds(load: Workload, depths: FloatArray) -> FloatArray:
 
 
 def deepest_that_pays(agreement: float, load: Workload) -> int:
-    """D at which a job brings each living episode most expected decisions a QPU second.
+    """The D with the most expected decisions of each running episode per QPU second.
 
-    Episodes walk in lockstep, and the longest decides how many jobs there are: so what counts is
-    the progress of each, not the sum over them.
+    Episodes advance in lockstep, and the longest determines the number of jobs: so the progress of
+    each episode counts, not the sum over all.
     """
     gain = accepted(agreement, _DEPTHS) / seconds(load, _DEPTHS)
     return 1 + int(gain.argmax())

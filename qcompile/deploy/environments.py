@@ -1,4 +1,4 @@
-"""Gymnasium environments, checked against what a policy needs."""
+"""Gymnasium environments, checked against the needs of a policy."""
 
 from __future__ import annotations
 
@@ -33,21 +33,21 @@ def make_environments(
     bits: bool = False,
     arguments: Mapping[str, Any] | None = None,
 ) -> list[Environment]:
-    """`count` environments called `name`, made with `arguments`; with `film` they render frames.
+    """Make `count` environments `name` with `arguments`; with `film` they render frames.
 
-    Observations that are not vectors are flattened, Discrete ones to one-hot vectors, or with
-    `bits`, for policies that read the bits of a number, to that number alone.
+    Observations that are not vectors are flattened: Discrete ones to one-hot vectors, or with
+    `bits`, for policies that read the bits of a number, to the number itself.
 
     Raises:
-        EnvironmentMismatchError: no such environment, or it does not observe numbers, or has no
+        EnvironmentMismatchError: the environment is unknown, does not observe numbers, or has no
             finite set of actions.
     """
     if ":" in name:  # gymnasium would import the module before the colon
         raise EnvironmentMismatchError(
-            f"Environment {name!r} names a module to import.",
-            "A file may not load code; register the environment and give its plain name.",
+            f"Environment {name!r} would import a module.",
+            "A file may not load code: register the environment and use its plain name.",
         )
-    settings = dict(arguments or {})  # no render_mode without a film: not all environments take it
+    settings = dict(arguments or {})  # some environments accept no render_mode
     if film:
         os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # frames need no screen
         settings["render_mode"] = "rgb_array"
@@ -56,14 +56,14 @@ def make_environments(
             warnings.simplefilter("ignore")
             environments: list[Environment] = [
                 gymnasium.make(name, disable_env_checker=True, **settings)
-                for _ in range(count)  # that checker looks at one step; deploy/stepping.py at all
+                for _ in range(count)  # that checker sees one step; deploy/stepping.py sees all
             ]
     except (ImportError, gymnasium.error.DependencyNotInstalled) as error:
         raise EnvironmentMismatchError(
             f"Environment {name!r} needs a package that is not installed.",
             *_first_line(error),
         ) from error
-    except Exception as error:  # an environment is made by code of any kind
+    except Exception as error:  # environments run arbitrary code
         raise _not_made(name, error, film=film) from error
     if environments:
         environments = [
@@ -83,36 +83,37 @@ def _not_made(name: str, error: Exception, *, film: bool) -> EnvironmentMismatch
         return EnvironmentMismatchError(
             f"Environment {name!r} cannot be made.", *_first_line(error)
         )
-    # gymnasium suggests the likest name, however little it is like.
+    # gymnasium suggests the closest name, however distant.
     missing = (gymnasium.error.NameNotFound, gymnasium.error.NamespaceNotFound)
-    if not isinstance(error, missing):  # such as a version that is not there
+    if not isinstance(error, missing):  # such as a missing version
         return EnvironmentMismatchError(f"Unknown environment {name!r}.", *_first_line(error))
     close = close_names(name, gymnasium.registry)
     known = f"Did you mean {' or '.join(close)}?" if close else f"Known: {', '.join(_USUAL)}, ..."
     return EnvironmentMismatchError(
         f"Unknown environment {name!r}.",
         known,
-        "If a module of yours or of a package registers it: --import MODULE.",
+        "If one of your modules or a package registers it, add --import MODULE.",
     )
 
 
 def close_environments(environments: Iterable[Environment]) -> None:
-    """Close them; one that fails at it has done its work, so nothing is said."""
+    """Close the environments, ignoring errors: they have done their work."""
     for environment in environments:
         with contextlib.suppress(Exception):
             environment.close()
 
 
 def environment_name(environment: Environment) -> str:
-    """What an environment is called in messages."""
-    spec = environment.unwrapped.spec  # a wrapper may remember that of an environment within
+    """The name of an environment in messages."""
+    spec = environment.unwrapped.spec  # a wrapper may hold a wrapped environment's spec
     return spec.id if spec else str(environment)
 
 
 def _check_frames(name: str, settings: Mapping[str, Any]) -> None:
-    """Raise EnvironmentMismatchError where an environment renders no frames.
+    """Raise EnvironmentMismatchError if an environment renders no frames.
 
-    It is another one that is asked: the first frame may draw from the generator of its episode.
+    It checks a separate
+    environment: the first frame may draw from the generator of its episode.
     """
     try:
         with warnings.catch_warnings():
@@ -121,7 +122,7 @@ def _check_frames(name: str, settings: Mapping[str, Any]) -> None:
             environment.reset(seed=0)
             frame, rate = environment.render(), frames_per_second(environment)
             close_environments([environment])
-    except Exception as error:  # an environment renders by code of any kind
+    except Exception as error:  # environments run arbitrary code
         why = _first_line(error)
     else:
         if is_picture(frame) and 0 < rate < np.inf:
@@ -153,8 +154,8 @@ def _not_filmed(name: str, why: list[str]) -> EnvironmentMismatchError:
 
 
 def _first_line(error: Exception) -> list[str]:
-    said, _, _ = str(error).partition(" was raised from the environment creator for ")
-    return [line] if (line := first_line(said)) else []
+    message, _, _ = str(error).partition(" was raised from the environment creator for ")
+    return [line] if (line := first_line(message)) else []
 
 
 def features_and_actions(environment: Environment) -> tuple[int, int]:
@@ -168,12 +169,12 @@ def features_and_actions(environment: Environment) -> tuple[int, int]:
     name = environment_name(environment)
     if not isinstance(observed, Box) or observed.shape is None or len(observed.shape) != 1:
         raise EnvironmentMismatchError(
-            f"{name} observes {observed}.", "A policy needs a vector of features (a 1-D Box)."
+            f"{name} observes {observed}.", "A policy needs a feature vector (a 1-D Box)."
         )
     if isinstance(acted, Box):
         raise EnvironmentMismatchError(
             f"{name} acts in {acted}.",
-            "Continuous actions are not built yet: a policy chooses among numbered actions "
+            "Continuous actions are not supported yet: a policy chooses among numbered actions "
             "(Discrete).",
         )
     if not isinstance(acted, Discrete):
@@ -182,16 +183,16 @@ def features_and_actions(environment: Environment) -> tuple[int, int]:
         )
     if not observed.shape[0]:
         raise EnvironmentMismatchError(
-            f"{name} observes {observed}.", "A policy needs a feature at least to decide by."
+            f"{name} observes {observed}.", "A policy needs at least one feature."
         )
     return int(observed.shape[0]), int(acted.n)
 
 
 def policy_environments(policy: AnyPolicy, count: int, *, film: bool = False) -> list[Environment]:
-    """`count` environments that a policy acts in; with `film` the first renders frames.
+    """Make `count` environments for a policy; with `film` the first renders frames.
 
     Raises:
-        EnvironmentMismatchError: as `make_environments`, or where the policy cannot act in it.
+        EnvironmentMismatchError: as for `make_environments`, or the policy does not fit.
     """
     make = partial(
         make_environments,
@@ -210,9 +211,9 @@ def policy_environments(policy: AnyPolicy, count: int, *, film: bool = False) ->
 
 
 def check_fit(policy: AnyPolicy, environment: Environment) -> None:
-    """Raise EnvironmentMismatchError where `policy` cannot act in `environment`.
+    """Raise EnvironmentMismatchError if `policy` cannot act in `environment`.
 
-    It was made with `bits` if the policy reads bits.
+    The environment must be made with `bits` if the policy reads bits.
     """
     features, actions = features_and_actions(environment)
     name = environment_name(environment)
@@ -252,21 +253,21 @@ def _check_network(network: Network, name: str, features: int, actions: int) -> 
         raise EnvironmentMismatchError(
             f"Network {network.name!r} maps {network.features} features to {network.actions} "
             f"actions; {name} has {features} and {actions}.",
-            "Correct `environment`, or `layers`, in the file of the network.",
+            "Correct `environment`, or `layers`, in the network file.",
         )
 
 
 def reward_threshold(environment: Environment) -> float | None:
-    """The mean reward at which the environment counts as solved, if it has one."""
+    """The mean reward at which the environment counts as solved, if it defines one."""
     spec = environment.unwrapped.spec
     return spec.reward_threshold if spec else None
 
 
 def threshold_of(name: str, arguments: Mapping[str, Any]) -> float | None:
-    """`reward_threshold` of an environment by its name.
+    """The `reward_threshold` of an environment, by name.
 
     Raises:
-        EnvironmentMismatchError: it is unknown.
+        EnvironmentMismatchError: the environment is unknown.
     """
     if name in gymnasium.registry:
         return gymnasium.registry[name].reward_threshold
@@ -278,5 +279,5 @@ def threshold_of(name: str, arguments: Mapping[str, Any]) -> float | None:
 
 
 def frames_per_second(environment: Environment) -> float:
-    """The rate at which the environment's frames show it in real time."""
+    """The frame rate that shows the environment in real time."""
     return float(environment.metadata.get("render_fps", 30))

@@ -1,4 +1,4 @@
-"""Observations of any numbers as the vectors that policies read, by gymnasium's own wrappers."""
+"""Flattens numeric observations to the vectors that policies read, with gymnasium's wrappers."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ _COUNTED = (spaces.Discrete, spaces.MultiDiscrete, spaces.MultiBinary)
 _NUMBERS = (spaces.Box, *_COUNTED)
 
 _Keys = tuple[Any, ...]
-"""What leads to a part of an observation: keys of a Dict, indices of a Tuple."""
+"""The path to a part of an observation: keys of a Dict, indices of a Tuple."""
 
 
 def vector_observations(
     environment: gymnasium.Env[Any, Any], name: str, *, bits: bool = False
 ) -> gymnasium.Env[Any, Any]:
-    """The environment, whose observations are vectors; one that has such is given back as it is.
+    """The environment with vector observations; returned unchanged if it already has them.
 
-    Discrete parts become one-hot, or with `bits` a Discrete observation the one number that it is.
+    Discrete parts become one-hot; with `bits` a Discrete observation becomes its number.
 
     Raises:
-        EnvironmentMismatchError: a part is not made of numbers, or the vector would be too long.
+        EnvironmentMismatchError: a part is not numeric, or the vector would be too long.
     """
     space = getattr(environment, "observation_space", None)
     if isinstance(space, spaces.Box) and len(space.shape) == 1:
         return environment
     if not isinstance(space, spaces.Space):
         raise EnvironmentMismatchError(
-            f"{name} has no observation_space.", "An environment declares what it observes."
+            f"{name} has no observation_space.", "An environment must declare it."
         )
     if bits and isinstance(space, spaces.Discrete):
         return StateNumber(environment)
@@ -48,23 +48,23 @@ def vector_observations(
                 f"{name} observes a {type(part).__name__}{where}.",
                 "A policy reads numbers (Box, Discrete, MultiDiscrete, MultiBinary; Dict and Tuple "
                 "of these).",
-                "Leave the rest out with a wrapper (as minigrid's ImgObsWrapper does), registered "
-                "in a module of yours: --import MODULE.",
+                "Drop the rest with a wrapper (such as minigrid's ImgObsWrapper), registered "
+                "in a module of your own: --import MODULE.",
             )
     features = flatdim(space)
     if not 1 <= features <= MAX_FEATURES:
         raise EnvironmentMismatchError(
-            f"{name} observes {features:,} numbers, once they are in one vector.",
-            f"A policy reads {MAX_FEATURES:,} at most: crop, shrink or summarise them with a "
-            "wrapper, registered in a module of yours.",
+            f"{name} observes {features:,} numbers in total.",
+            f"A policy reads at most {MAX_FEATURES:,}: crop, shrink or summarise them with a "
+            "wrapper, registered in a module of your own.",
         )
     return _Flattened(environment)
 
 
 class StateNumber(gymnasium.ObservationWrapper[Any, Any, Any]):
-    """Observes the number of a Discrete observation, from 0 on, as a vector of one.
+    """Observes a Discrete observation as a vector with its number, counted from 0.
 
-    `states` says how many there are, `bits` how many bits tell them apart.
+    `states` is the number of states, `bits` the number of bits that distinguish them.
     """
 
     def __init__(self, environment: gymnasium.Env[Any, Any]):
@@ -81,7 +81,7 @@ class StateNumber(gymnasium.ObservationWrapper[Any, Any, Any]):
 
 
 class _Flattened(FlattenObservation[Any, Any, Any]):
-    """gymnasium's wrapper, which takes what it gets; here it is what the space declares."""
+    """gymnasium's wrapper, with observations checked against the declared space."""
 
     def __init__(self, env: gymnasium.Env[Any, Any]):
         super().__init__(env)
@@ -100,7 +100,7 @@ class _Flattened(FlattenObservation[Any, Any, Any]):
 
 
 def _check_part(part: Any, space: spaces.Space[Any], keys: _Keys) -> None:
-    """Raise ValueError where a part of an observation could be taken for another one."""
+    """Raise ValueError if a part of an observation does not match its space."""
     name = f"the observation's part {_path(keys)}" if keys else "the observation"
     if isinstance(space, _COUNTED):
         if not space.contains(part):
@@ -113,11 +113,11 @@ def _check_part(part: Any, space: spaces.Space[Any], keys: _Keys) -> None:
     if array.dtype.kind not in kinds:
         raise ValueError(f"{name} has numbers of type {array.dtype}, its space declares {dtype}")
     if dtype.kind != "f" and not np.array_equal(array.astype(dtype), array):  # 300 would be 44
-        raise ValueError(f"{name} has a number that its space's type {dtype} does not hold")
+        raise ValueError(f"{name} has a number that its space's type {dtype} cannot hold")
 
 
 def _parts(space: spaces.Space[Any], keys: _Keys = ()) -> Iterator[tuple[_Keys, spaces.Space[Any]]]:
-    """The parts of a space that are not made of others, and what leads to them."""
+    """The elementary parts of a space, with their paths."""
     if isinstance(space, spaces.Dict):
         for key, part in space.spaces.items():
             yield from _parts(part, (*keys, key))

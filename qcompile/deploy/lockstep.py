@@ -1,4 +1,4 @@
-"""Play episodes side by side: every decision serves all that still live."""
+"""Plays episodes in lockstep: each decision covers all running episodes."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Episode:
 
     @classmethod
     def of(cls, stepper: Stepper) -> Episode:
-        """The episode that a stepper has ended."""
+        """The finished episode of a stepper."""
         return cls(stepper.seed, stepper.reward, stepper.length)
 
 
@@ -43,15 +43,15 @@ def lockstep(
     on_rewards: Callable[[list[float]], None] = lambda rewards: None,
     on_episode: Callable[[Episode], None] = lambda episode: None,
 ) -> None:
-    """Play one episode in every environment: `episodes` by number, by default 0, 1, ...
+    """Play one episode in every environment, with the numbers `episodes`, by default 0, 1, ...
 
-    Episode i resets with `first_seed` + i. `act` maps the observations (B, features) of the living
-    episodes, and which decision of which episode each row is, to actions (B,). `on_begin` gets all
-    steppers; `on_rewards` what the episodes earned by a decision, which is held for `hold` steps of
-    the environment. After `max_steps` of its steps an episode ends, whatever the environment says.
+    Episode i resets with `first_seed` + i. `act` maps the observations (B, features) of the running
+    episodes, and the episode and decision of each row, to actions (B,). `on_begin` gets all
+    steppers; `on_rewards` the rewards of a decision, which is held for `hold` environment steps. An
+    episode is stopped after `max_steps` environment steps.
 
     Raises:
-        EnvironmentStepError: an environment fails, or gives what no policy can use.
+        EnvironmentStepError: an environment fails or returns unusable values.
     """
     living = [Stepper(environment, hold, max_steps) for environment in environments]
     numbers = np.arange(len(living)) if episodes is None else np.array(episodes)
@@ -72,12 +72,12 @@ def proceed(
     on_rewards: Callable[[list[float]], None] = lambda rewards: None,
     on_episode: Callable[[Episode], None] = lambda episode: None,
 ) -> None:
-    """Play the living episodes of these `numbers` on from `decision`, to their ends, as `lockstep`.
+    """Play the running episodes with these `numbers` from `decision` to their ends, as `lockstep`.
 
-    `observations` (B, features) are those they decide by next.
+    `observations` (B, features) are the inputs of their next decisions.
 
     Raises:
-        EnvironmentStepError: an environment fails, or gives what no policy can use.
+        EnvironmentStepError: an environment fails or returns unusable values.
     """
     observations = observations.astype(np.float64)
     while living:

@@ -1,4 +1,4 @@
-"""From inputs to the `<Z>` that a device shows: compiled once, run, mitigated."""
+"""Measures `<Z>` of a program on a device: compiled once, run and mitigated."""
 
 from __future__ import annotations
 
@@ -30,16 +30,17 @@ from qcompile.streams import Draws
 class Measurement:
     """A program compiled for an executor's device, with its mitigation.
 
-    `settings` are resolved, and fitted here. The calibration is measured first where one is needed
-    and not given. `importance` (circuits,) guides the placement. With copies, as many rows of
-    a batch run side by side in one execution; a split row has all of them, for some of its shots
-    each. `misfits` are the fits it stands on that contradict their own counts, `calibration_load`
-    and `calibration_shots` the jobs, executions and shots of what was measured.
+    `settings` are resolved, and fitted to the device here. The calibration is measured first if one
+    is needed and not given. `importance` (circuits,) guides the placement. With n copies, n rows of
+    a batch run side by side in one execution; a split row uses all copies, with a part of its shots
+    in each. `misfits` are the fits in use that contradict their own counts; `calibration_load` and
+    `calibration_shots` are the jobs, executions and shots of the calibration that was measured.
 
     Raises:
-        CalibrationError: the calibration is of another device, or a qubit cannot be calibrated.
+        CalibrationError: the calibration belongs to another device, or a qubit cannot be
+            calibrated.
         CircuitError: importance or copies are out of range.
-        OptionError: the device has no two places to split a row over.
+        OptionError: two copies to split a row over do not fit on the device.
     """
 
     def __init__(
@@ -74,28 +75,28 @@ class Measurement:
         self._prepared = executor.prepare(self.executable)
         if settings.split:
             self._weights = settings.place_weights
-            undoes = self._mitigation
-            self._of_mean = undoes if undoes is None else undoes.of_mean(self._weights)
+            mitigation = self._mitigation
+            self._of_mean = mitigation and mitigation.of_mean(self._weights)
 
     @property
     def has_expectations(self) -> bool:
-        """Whether its executor has expectations without shot noise."""
+        """Whether its executor provides expectations without shot noise."""
         return isinstance(self._prepared, ExactPrepared)
 
     def _note_misfits(self, calibration: Calibration, part: Part) -> None:
-        """Note the misfits of a part on the qubits of the executable, each once."""
+        """Record the misfits of a part on the executable's qubits, each once."""
         fits = misfits(calibration, [part], self.executable.qubits.tolist())
         self.misfits += [fit for fit in fits if fit not in self.misfits]
 
     def _calibration_of(self, part: Part) -> Calibration:
-        """The calibration given, that of the backend, or one that is measured now."""
+        """The given calibration, the backend's, or one that is measured now."""
         calibration = self.settings.calibration or self.executor.calibration
         if calibration is None:
             calibration = self._measure_calibration(part)
         name = self.executor.device.name
         if calibration.backend != name:
             raise CalibrationError(
-                f"The calibration is of {calibration.backend}, the backend is {name}.",
+                f"The calibration belongs to {calibration.backend}; the backend is {name}.",
                 f"Measure one with `qcompile calibrate --backend {name}`.",
             )
         self._note_misfits(calibration, part)
@@ -132,9 +133,8 @@ class Measurement:
     ) -> FloatArray:
         """Inputs (B, inputs) and theta (parameters,) to `<Z>` as measured, (B, circuits).
 
-        `rows` says which decision of which episode each is: its copy follows from that, and what is
-        drawn comes from `draws`, if they are given. These have all circuits of all places where
-        rows are split.
+        `rows` gives the episode and decision of each row, which determine its copy; random numbers
+        come from `draws`, if given. For split rows these cover all circuits of all copies.
         """
         copies = self.settings.copies or 1
         if self.settings.split:
@@ -156,7 +156,7 @@ class Measurement:
     def _measure(
         self, x: FloatArray, theta: FloatArray, rows: Rows | None, draws: Draws | None
     ) -> FloatArray:
-        """The `<Z>` that is seen, (executions, copies * circuits), for as many inputs."""
+        """The unmitigated `<Z>`, (executions, copies * circuits), for inputs of all copies."""
         if self.settings.shots is None:
             return require_exact(self._prepared).expectation(x, theta)
         rng = None if draws is None or rows is None else draws.rows(rows.episode, rows.decision)
@@ -169,7 +169,7 @@ class Measurement:
     def _measure_split(
         self, x: FloatArray, theta: FloatArray, rows: Rows | None, draws: Draws | None
     ) -> FloatArray:
-        """(B, circuits) for inputs that are there for each place: the mean, weighted by shots."""
+        """Mean `<Z>` (B, circuits) over copies, weighted by shots, for inputs repeated per copy."""
         z = self._measure(x, theta, rows, draws)
         if self._mitigation is not None:
             z = self._mitigation.tilted_cosine(z)

@@ -1,4 +1,4 @@
-"""A network that plays: no circuits, so nothing is compiled and nothing measured."""
+"""Plays a network: without circuits, nothing is compiled or measured."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ _SETTINGS: Mapping[str, Any] = {
     "calibration_shots": CALIBRATION_SHOTS,
     "speculate": 1,
 }
-"""The settings of circuits, as they are for a network."""
+"""The values of circuit settings for a network."""
 
 
 class NetworkPlayer:
     """A network with the settings it plays with.
 
-    `settings`, or the defaults, with `changes`; those of circuits are left at their defaults, or
-    say what is so: exact, without mitigation. Actions are drawn as those of circuits are.
+    Plays with `settings`, or the defaults, with `changes`. Settings for circuits must have their
+    defaults or a network's values: exact, without mitigation. Actions are drawn as for circuits.
 
     Raises:
         CountsError: steps are out of range.
-        OptionError: a setting of circuits says something else.
+        OptionError: a setting for circuits has another value.
     """
 
     backend: str = IDEAL_NAME
@@ -82,33 +82,33 @@ class NetworkPlayer:
         return self.policy.decide(observations, self._draws.actions(rows.episode, rows.decision))
 
     def predict(self, observations: FloatArray, rows: Rows) -> IntArray:
-        """Its actions are known."""
+        """The actions themselves, which need no measurement."""
         return self.act(observations, rows)
 
     def executions(self, rows: Rows) -> int:
-        """It has no program."""
+        """Always 0: it has no program."""
         return 0
 
     def load(self, executions: int) -> Workload:
-        """It sends no jobs."""
+        """No jobs and no executions."""
         return Workload()
 
     def sizes(self) -> dict[str, Any]:
-        """It has no circuits."""
+        """All 0: it has no circuits."""
         gates = dict.fromkeys(GATES, 0)
         return {"gates_per_circuit": gates, "circuits_per_step": 0, "rounds_per_step": 0}
 
 
 def refuse_options(network: Network, names: Sequence[str]) -> None:
-    """Nothing, if no option that only circuits have is named.
+    """Check that no option for circuits is named.
 
     Raises:
         OptionError: one is.
     """
     if names:
         *most, last = names
-        words = f"{', '.join(most)} or {last}" if most else last
+        listed = f"{', '.join(most)} or {last}" if most else last
         raise OptionError(
-            f"{network.name} is a network, not circuits: it takes no {words}.",
-            "A network plays on `ideal`, exactly: nothing is compiled or measured.",
+            f"{network.name} is a network, not circuits: it does not accept {listed}.",
+            "A network plays exactly, on `ideal`: nothing is compiled or measured.",
         )

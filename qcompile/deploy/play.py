@@ -1,4 +1,4 @@
-"""Play episodes with a policy on a backend, all in lockstep."""
+"""Plays episodes of a policy on a backend, in lockstep."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ from qcompile.policy import AnyPolicy, Policy
 def player(
     policy: AnyPolicy, backend: Any, settings: RunSettings | None = None, **changes: Any
 ) -> Player:
-    """What plays a policy: circuits on a backend, or a network, which plays on `ideal` alone.
+    """A player for a policy: circuits on a backend, or a network, which plays only on `ideal`.
 
     Raises:
-        OptionError: a backend, or a setting, that only circuits have.
-        QcompileError: as `Deployment`.
+        OptionError: a network is given a backend or setting for circuits.
+        QcompileError: as for `Deployment`.
     """
     if isinstance(policy, Policy):
         return Deployment(policy, backend, settings, **changes)
@@ -55,19 +55,19 @@ class Recorder(Protocol):
     """Records the steps of a run."""
 
     def act(self, act: Act, observations: FloatArray, rows: Rows) -> IntArray:
-        """The actions (B,) for observations (B, features), which `act` may be asked for."""
+        """The actions (B,) for observations (B, features), recorded or from `act`."""
         ...
 
     def rewards(self, rewards: list[float]) -> None:
-        """What the episodes of the last step earned by its actions: those that counted."""
+        """Record the rewards of the last step's actions that counted."""
         ...
 
     def depth(self, depth: int) -> int:
-        """How many decisions of each episode the next step measures; `depth` is what pays."""
+        """The number of decisions of each episode in the next step; `depth` is the suggestion."""
         return depth
 
     def predict(self, predict: Act, observations: FloatArray, rows: Rows) -> IntArray:
-        """The actions (B,) along which the next step is measured, which `predict` may be asked."""
+        """The predicted actions (B,) for the next step, recorded or from `predict`."""
         return predict(observations, rows)
 
 
@@ -78,7 +78,7 @@ class _Unrecorded(Recorder):
         return act(observations, rows)
 
     def rewards(self, rewards: list[float]) -> None:
-        """They are those of the episodes."""
+        """Ignored: the episodes have them."""
 
 
 def play(
@@ -91,26 +91,26 @@ def play(
     on_frame: Callable[[Frame], None] | None = None,
     on_note: Callable[[str], None] = lambda words: None,
 ) -> Run:
-    """Play so many episodes in lockstep, or those of these numbers, each once, in ascending order.
+    """Play a number of episodes in lockstep, or the episodes with these numbers, in order.
 
-    Episode i resets with the player's seed + i and draws from streams of its own. All living
-    episodes step together: of circuits one batch, one job. Ctrl-C ends the run and keeps what is
-    finished; `recorder` sees every step, `on_frame` the frames of the first episode. With
-    `complete` the episodes that `max_steps` cut are afterwards played on to their ends on the noise
-    model, for nothing. Where the player's settings speculate, a job measures more than one decision
-    of each (`deploy/ahead.py`); `on_note` is told where that ends.
+    Episode i resets with the player's seed + i and draws from its own streams. All running episodes
+    step together; for circuits a step is one batch and one job. Ctrl-C ends the run and keeps
+    finished episodes; `recorder` sees every step, and `on_frame` gets the frames of the first
+    episode. With `complete`, episodes that `max_steps` cut are then completed on the noise model,
+    at no cost. If the player's settings speculate, a job measures more than one decision of each
+    episode (`deploy/ahead.py`); `on_note` is called if that ends early.
 
     Raises:
         CountsError: the number of episodes lies outside [1, MAX_EPISODES].
         EnvironmentMismatchError: the environment is unknown or does not fit the policy.
-        EnvironmentStepError: it fails in an episode, or gives what no policy can use.
+        EnvironmentStepError: it fails in an episode or returns unusable values.
         OptionError: the settings speculate, and the environment keeps running statistics.
     """
     numbers = range(1) if isinstance(episodes, int) else sorted(set(episodes))
     count = episodes if isinstance(episodes, int) else len(numbers)
     if not 1 <= count <= MAX_EPISODES or numbers[0] < 0:
         raise CountsError(
-            f"{count} episodes cannot be played.", f"Their number lies in [1, {MAX_EPISODES}]."
+            f"The number of episodes cannot be {count}.", f"It must lie in [1, {MAX_EPISODES}]."
         )
     if isinstance(episodes, int):
         numbers = range(episodes)
@@ -135,7 +135,7 @@ def _foresight(
     recorder: Recorder,
     on_note: Callable[[str], None],
 ) -> Foresight:
-    """What the player's episodes in these environments are run ahead with.
+    """The foresight for the player's episodes in these environments.
 
     Raises:
         OptionError: the environment keeps running statistics.
@@ -146,7 +146,7 @@ def _foresight(
     except EnvironmentMismatchError:
         scouts = []
         name = environment_name(environments[0])
-        on_note(f"{name} cannot be made twice: its steps are not measured ahead")
+        on_note(f"{name} cannot be created twice: its steps are not measured ahead")
     depth = Depth(player.settings.speculate)
 
     def next_depth(living: IntArray) -> int:
@@ -178,7 +178,7 @@ def _play(
 
     def act(observations: FloatArray, rows: Rows) -> IntArray:
         actions = taken(observations, rows)
-        result.count_step(rows)  # as they were measured: a recorder may have changed their order
+        result.count_step(rows)  # in measured order: a recorder may have changed it
         return actions
 
     def note(episode: Episode) -> None:
@@ -201,7 +201,7 @@ def _play(
         )
     except KeyboardInterrupt:
         result.interrupted = True
-    if foresight is None:  # all that was measured counts, and what Ctrl-C kept from being taken
+    if foresight is None:  # every measured row counts, even if Ctrl-C came before its step
         result.decisions = result.measured_rows
     else:
         hold = player.policy.hold

@@ -1,4 +1,4 @@
-"""What plays episodes: circuits on a backend, or a network."""
+"""The protocol of what plays episodes: circuits on a backend, or a network."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ GATES = ("sx", "rz", "x", "rx")
 
 
 class Player(Protocol):
-    """A policy with all that its actions depend on; its settings are resolved."""
+    """A policy with everything its actions depend on; its settings are resolved."""
 
     settings: RunSettings
 
     @property
     def policy(self) -> AnyPolicy:
-        """What decides."""
+        """The policy that decides."""
         ...
 
     @property
     def backend(self) -> str:
-        """The name of what it plays on."""
+        """The name of the backend it plays on."""
         ...
 
     @property
     def kind(self) -> Kind:
-        """What its results are."""
+        """The kind of its results."""
         ...
 
     @property
@@ -43,12 +43,12 @@ class Player(Protocol):
 
     @property
     def calibration_load(self) -> Workload:
-        """Jobs and executions of what was measured before the first episode."""
+        """Jobs and executions of the calibration before the first episode."""
         ...
 
     @property
     def calibration_shots(self) -> int | None:
-        """Shots of the calibration that was measured before the first episode, if one was."""
+        """Shots of the calibration before the first episode, if one was measured."""
         ...
 
     def act(
@@ -66,15 +66,15 @@ class Player(Protocol):
         ...
 
     def predict(self, observations: FloatArray, rows: Rows) -> IntArray:
-        """The actions (B,) that `act` will most likely give for these rows; nothing is measured."""
+        """The actions (B,) that `act` would most likely return for these rows, unmeasured."""
         ...
 
     def executions(self, rows: Rows) -> int:
-        """How many executions of its program a step of these rows takes."""
+        """The executions of its program that a step with these rows takes."""
         ...
 
     def load(self, executions: int) -> Workload:
-        """Jobs and executions of a step that takes so many executions of its program."""
+        """Jobs and executions of a step that takes this many executions of its program."""
         ...
 
     def sizes(self) -> dict[str, Any]:

@@ -1,7 +1,6 @@
-"""Environments of one's own: modules that register them, classes and functions, worker processes.
+"""User environments: modules that register them, classes and functions, worker processes.
 
-Nothing here is asked by a file. A user names a module or hands over a class, and that is his word
-that its code may run.
+No file can trigger this. A user names a module or passes a class, and so permits its code to run.
 """
 
 from __future__ import annotations
@@ -33,21 +32,21 @@ C = TypeVar("C")
 R = TypeVar("R")
 
 _imported: dict[str, None] = {}
-"""The modules that were asked for in this process, by their names."""
+"""The names of the modules imported in this process."""
 _registered: dict[str, EnvSpec] = {}
-"""The classes and functions that `environment_id` registered, which it may replace."""
+"""The environments that `environment_id` registered and may replace."""
 _PROCESS = uuid4().hex
-"""Unlike that of any other process, on whatever machine."""
+"""A unique ID of this process, across machines."""
 
 
 def import_modules(modules: Iterable[str | os.PathLike[str]]) -> None:
-    """Import modules, each once, so that the environments they register are known.
+    """Import modules, each once, to register their environments.
 
-    A module is a dotted name, found in the working folder too, or a file FILE.py, whose neighbours
-    it can import. What it prints goes to standard error.
+    A module is a dotted name, also searched for in the working folder, or a file FILE.py, which can
+    import its neighbours. Its output goes to standard error.
 
     Raises:
-        EnvironmentMismatchError: there is no such module, or it fails.
+        EnvironmentMismatchError: the module does not exist, or fails.
     """
     for named in modules:
         module = os.fspath(named)
@@ -68,22 +67,22 @@ def import_modules(modules: Iterable[str | os.PathLike[str]]) -> None:
 
 
 def _module_of_file(file: str) -> str:
-    """The name by which the module of a file is imported from now on."""
+    """The name to import a file's module by; its folder is added to the path."""
     path = Path(file).resolve()
     if not path.is_file():
         raise EnvironmentMismatchError(f"There is no file {file} to import.")
     if path.stem.isidentifier():
         if path.stem == "__main__":
             raise EnvironmentMismatchError(
-                f"{file} cannot be imported: Python's own program has this name.",
-                "Give your file another name, or name its folder as a module.",
+                f"{file} cannot be imported: Python reserves this name.",
+                "Rename the file, or import its folder as a module.",
             )
         known = find_spec(path.stem)
-        # a folder without __init__.py has no origin, and any file comes before it
+        # a folder without __init__.py has no origin, and any file takes precedence
         if known is not None and known.origin and Path(known.origin).resolve() != path:
             raise EnvironmentMismatchError(
-                f"{file} cannot be imported: there is another module {path.stem!r}.",
-                f"It is {known.origin}. Give your file another name.",
+                f"{file} cannot be imported: another module is called {path.stem!r}.",
+                f"It is {known.origin}. Rename your file.",
             )
     _append_path(str(path.parent))
     return path.stem
@@ -99,42 +98,42 @@ def _not_imported(module: str, name: str, error: BaseException) -> EnvironmentMi
     if isinstance(error, ModuleNotFoundError) and f"{name}.".startswith(f"{error.name}."):
         return EnvironmentMismatchError(
             f"There is no module {module!r}.",
-            f"It is looked for among the installed packages and in {os.getcwd()}.",
+            f"Searched the installed packages and {os.getcwd()}.",
         )
     frames = traceback.extract_tb(error.__traceback__)
     *_, last = (frame for frame in frames if not frame.filename.startswith("<"))
-    line, file, said = last.lineno, last.filename, first_line(str(error))
+    line, file, message = last.lineno, last.filename, first_line(str(error))
     if isinstance(error, SyntaxError):
-        line, file, said = error.lineno, error.filename or module, error.msg
+        line, file, message = error.lineno, error.filename or module, error.msg
     kind = type(error).__name__
-    words = f"{kind}: {said}" if said and not isinstance(error, SystemExit) else kind
+    cause = f"{kind}: {message}" if message and not isinstance(error, SystemExit) else kind
     return EnvironmentMismatchError(
-        f"Module {module!r} fails when it is imported.", f"{words} (line {line} of {file})"
+        f"Importing module {module!r} failed.", f"{cause} (line {line} of {file})"
     )
 
 
 def environment_id(environment: str | EnvSpec | Callable[..., Any]) -> str:
-    """The id of an environment; one that is not registered is, and stays so.
+    """The id of an environment, which is registered if it is not yet.
 
     A class is registered as CLASS-v0, a function that makes an environment as FUNCTION-v0, a lambda
-    or any other callable as CLASS-v0 of what it makes. What was registered so before is replaced: a
-    notebook defines it again. Anything else that is registered stays.
+    or any other callable as CLASS-v0 of the environment it makes. An environment registered here
+    before is replaced, as a notebook redefines it. Other registrations stay.
 
     Raises:
-        EnvironmentMismatchError: the id names a module, or the callable fails.
-        OptionError: it is none of these, or another environment has its id.
+        EnvironmentMismatchError: the id would import a module, or the callable fails.
+        OptionError: it has another type, or another environment has its id.
     """
     if isinstance(environment, str):
         if environment.endswith(".py"):
             raise EnvironmentMismatchError(
-                f"{environment} is a file, found where the id of an environment is needed.",
-                f"Say --import {environment}, and the id that it registers.",
+                f"{environment} is a file; the id of an environment is needed.",
+                f"Use --import {environment} and the id that it registers.",
             )
         module, colon, name = environment.rpartition(":")
         if colon:
             raise EnvironmentMismatchError(
-                f"Environment {environment!r} names a module to import.",
-                f"Say it apart: --import {module}, and the plain id {name}.",
+                f"Environment {environment!r} would import a module.",
+                f"Use --import {module} and the plain id {name}.",
             )
         return environment
     if isinstance(environment, EnvSpec):
@@ -144,17 +143,17 @@ def environment_id(environment: str | EnvSpec | Callable[..., Any]) -> str:
         replaced = _registered.get(spec.id)
     else:
         raise OptionError(
-            "An environment is an id, an EnvSpec or what makes one (a class, a function), found "
+            "An environment is an id, an EnvSpec, or a class or function that makes one, not "
             f"{type(environment).__name__}.",
-            "gymnasium.register gives an environment of yours an id.",
+            "Give your environment an id with gymnasium.register.",
         )
     known = gymnasium.registry.get(spec.id)
     if known is not None and _are_equal(known, spec):
         return spec.id
     if known is not None and known is not replaced:
         raise OptionError(
-            f"Another environment is registered as {spec.id!r}, or the same with other arguments.",
-            "Register yours under an id of its own, and give that.",
+            f"{spec.id!r} is already registered, with another environment or other arguments.",
+            "Register yours under a different id and use that.",
         )
     gymnasium.registry[spec.id] = spec
     if callable(environment):
@@ -163,7 +162,7 @@ def environment_id(environment: str | EnvSpec | Callable[..., Any]) -> str:
 
 
 def _are_equal(spec: EnvSpec, other: EnvSpec) -> bool:
-    """Whether two say the same; not of arguments that cannot be compared, such as arrays."""
+    """Whether two specs are equal; False if their arguments cannot be compared, such as arrays."""
     try:
         return spec == other
     except Exception:  # whatever an argument's == raises
@@ -173,23 +172,23 @@ def _are_equal(spec: EnvSpec, other: EnvSpec) -> bool:
 def _name_of(make: Callable[..., Any]) -> str:
     if isinstance(make, type) or (isinstance(make, FunctionType) and make.__name__ != "<lambda>"):
         return make.__name__
-    what = f"A {type(make).__name__} was given that does not make an environment."
+    what = f"The {type(make).__name__} does not make an environment."
     try:
         environment = make()
     except Exception as error:  # whatever a user's code raises
-        said = first_line(f"{type(error).__name__}: {error}")
-        raise EnvironmentMismatchError(what, said) from error
+        cause = first_line(f"{type(error).__name__}: {error}")
+        raise EnvironmentMismatchError(what, cause) from error
     if not isinstance(environment, gymnasium.Env):
-        raise EnvironmentMismatchError(what, f"It makes {describe(environment)}.")
+        raise EnvironmentMismatchError(what, f"It returns {describe(environment)}.")
     environment.close()
     return type(environment.unwrapped).__name__
 
 
 @dataclass(frozen=True)
 class _KnownEnvironments:
-    """What is known in one process of environments that are not gymnasium's own.
+    """The environments known in one process that are not gymnasium's own.
 
-    `specs` are pairs of an id and its pickled EnvSpec; a worker needs those of `names`.
+    `specs` are pairs of an id and a pickled EnvSpec; a worker needs those in `names`.
     """
 
     process: str
@@ -200,10 +199,11 @@ class _KnownEnvironments:
 
 
 def with_environments(run: Callable[[C], R], names: Iterable[str]) -> Callable[[C], R]:
-    """`run`, which in a worker process knows the environments that are known here.
+    """`run`, wrapped to register this process's environments when it runs in a worker.
 
-    The worker imports what `import_modules` did, and registers what is registered here; classes
-    and functions of a notebook travel with it. `names` are the environments that cells need.
+    The worker imports the same modules as `import_modules` and registers the same environments;
+    classes and functions of a notebook are sent along. `names` are the environments that cells
+    need.
 
     Raises:
         EnvironmentMismatchError: one of them cannot be sent to another process.
@@ -221,7 +221,7 @@ def with_environments(run: Callable[[C], R], names: Iterable[str]) -> Callable[[
                 raise EnvironmentMismatchError(
                     f"Environment {spec.id!r} cannot be sent to worker processes.",
                     first_line(str(error)),
-                    "Register it in a module, which they import: --import MODULE.",
+                    "Register it in a module that they import: --import MODULE.",
                 ) from error
     path = tuple(folder or os.getcwd() for folder in sys.path)
     known = _KnownEnvironments(_PROCESS, needed, tuple(_imported), path, tuple(specs))
@@ -236,14 +236,14 @@ def _run_with_environments(known: _KnownEnvironments, run: Callable[[C], R], cel
 
 @lru_cache(maxsize=1)  # a worker has many cells, and may outlive a definition
 def _register_known(known: _KnownEnvironments) -> None:
-    """Raise EnvironmentMismatchError where an environment cannot be had here."""
+    """Register the environments; raise EnvironmentMismatchError if a needed one is unavailable."""
     for folder in known.path:
         _append_path(folder)
     failure = None
     for module in known.modules:
         try:
             import_modules([module])
-        except EnvironmentMismatchError as error:  # it may be one that these cells do not need
+        except EnvironmentMismatchError as error:  # these cells may not need it
             failure = error
     for name, pickled in known.specs:
         try:
@@ -251,9 +251,9 @@ def _register_known(known: _KnownEnvironments) -> None:
         except Exception as error:  # whatever importing its code raises
             if name in known.names:
                 raise failure or EnvironmentMismatchError(
-                    f"Environment {name!r} is not known to a worker process.",
+                    f"A worker process does not know environment {name!r}.",
                     first_line(f"{type(error).__name__}: {error}"),
-                    "Register it in a module, which workers import: --import MODULE.",
+                    "Register it in a module that workers import: --import MODULE.",
                 ) from error
     if failure is not None and not {*known.names} <= {*gymnasium.registry}:
         raise failure

@@ -1,4 +1,4 @@
-"""What a run found, and what it takes on a machine."""
+"""The result of a run, and its load on a machine."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ _LEAST_FOR_SOLVED = 100
 
 @dataclass
 class Run:
-    """Episodes played; `episodes` are those that finished, `cut_episodes` of them by `max_steps`.
+    """The finished `episodes` of a run, `cut_episodes` of them stopped by `max_steps`.
 
-    `threshold` is the mean reward at which the environment counts as solved, if it has one;
-    `decisions` and `env_steps` count those of every episode, finished or not, `measured_rows` what
-    was measured for decisions, with what did not count where steps are measured ahead. `completed`
-    (episodes,) are the rewards with cut episodes played on to their ends; None where none was.
+    `threshold` is the mean reward at which the environment counts as solved, if it defines one.
+    `decisions` and `env_steps` cover every episode, finished or not; `measured_rows` counts all
+    measured rows, including those discarded when steps are measured ahead. `completed` (episodes,)
+    are the rewards with cut episodes completed; None if none was.
     """
 
     player: Player
     threshold: float | None = None
     episodes: list[Episode] = field(default_factory=list)
     programs: Counter[int] = field(default_factory=Counter)
-    """How many steps took so many executions of the program, by that number."""
+    """The number of steps for each number of program executions."""
     measured_rows: int = 0
     decisions: int = 0
     env_steps: int = 0
@@ -42,13 +42,13 @@ class Run:
     interrupted: bool = False
 
     def count_step(self, rows: Rows) -> None:
-        """Count a step of these episodes: one job, or more where a job cannot hold it."""
+        """Count a step with these rows: one job, or several if it is too large for one."""
         self.measured_rows += len(rows.episode)
         self.programs[self.player.executions(rows)] += 1
 
     @property
     def steps(self) -> int:
-        """The steps of the lockstep."""
+        """The number of lockstep steps."""
         return self.programs.total()
 
     @property
@@ -73,9 +73,9 @@ class Run:
         player, rewards = self.player, self.rewards
         policy, settings = player.policy, player.settings
         shots, load, completed = settings.shots, self.total_load, self.completed
-        # Of an interrupted run the shortest episodes ended first: their mean is biased.
-        judged = not self.interrupted and settings.max_steps is None
-        # And of one that measured ahead, those whose measurements were as predicted.
+        # In an interrupted run the shortest episodes finish first, which biases their mean.
+        is_unbiased = not self.interrupted and settings.max_steps is None
+        # When measuring ahead, so do episodes whose predictions were right.
         has_mean = len(rewards) > 0 and not (self.interrupted and settings.speculate != 1)
         arguments = dict(policy.environment_kwargs)
         return {
@@ -99,7 +99,7 @@ class Run:
             "mean_reward": float(rewards.mean()) if has_mean else None,
             "std_reward": float(rewards.std()) if has_mean else None,
             "ci95": None if self.interrupted else bootstrap_ci95(rewards, settings.seed),
-            "solved": is_solved(rewards, self.threshold) if judged else None,
+            "solved": is_solved(rewards, self.threshold) if is_unbiased else None,
             **player.sizes(),
             "max_steps": settings.max_steps,
             "cut_episodes": self.cut_episodes,
@@ -121,7 +121,7 @@ class Run:
 
 
 def is_solved(rewards: FloatArray, threshold: float | None) -> bool | None:
-    """Whether their mean reaches the threshold; None without one, or where they are too few."""
+    """Whether the mean reward reaches the threshold; None without one, or with too few rewards."""
     if threshold is None or len(rewards) < _LEAST_FOR_SOLVED:
         return None
     return float(rewards.mean()) >= threshold

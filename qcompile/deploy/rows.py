@@ -1,4 +1,4 @@
-"""Which decision of which episode the rows of a batch are, and where each is measured."""
+"""The episode, decision and place of each row of a batch."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from qcompile.arrays import IntArray
 
 
 class Rows(NamedTuple):
-    """The episode and the decision of each row, two integer arrays of one shape, both from 0.
+    """The episode and decision of each row: integer arrays of one shape, counted from 0.
 
-    `order` is what a row's copy follows from: its episode, unless it is said otherwise.
+    `order` determines a row's copy; by default it is the episode.
     """
 
     episode: IntArray
@@ -21,23 +21,23 @@ class Rows(NamedTuple):
 
     @classmethod
     def of(cls, count: int, decision: int = 0) -> Rows:
-        """One decision of each of the first `count` episodes."""
+        """Rows with one decision of each of the first `count` episodes."""
         return cls(np.arange(count), np.full(count, decision))
 
     def copy(self, copies: int) -> IntArray:
-        """The number of the copy that each row is measured in."""
+        """The copy in which each row is measured."""
         return (self.episode if self.order is None else self.order) % copies
 
     def at(self, places: IntArray) -> Rows:
-        """The rows by number, in any shape; where that is -1 it does not matter which."""
+        """The rows with these numbers, in any shape; -1 gives an arbitrary row."""
         return Rows(self.episode[places], self.decision[places])
 
 
 def packed(rows: Rows, copies: int) -> IntArray:
-    """The numbers of the rows in each place, (executions, copies), -1 where a place is empty.
+    """The row number in each place, (executions, copies); -1 where a place is empty.
 
-    A row is always measured in the copy of its episode, episode modulo `copies`, whatever else is
-    measured: so an episode repeats alone. Within a copy rows come in their order.
+    A row is always measured in the copy given by its episode modulo `copies`, so an episode repeats
+    alone. Within a copy rows keep their order.
     """
     copy = rows.copy(copies)
     by_copy = np.argsort(copy, kind="stable")
@@ -49,7 +49,7 @@ def packed(rows: Rows, copies: int) -> IntArray:
 
 
 def executions(rows: Rows, copies: int) -> int:
-    """How many executions it takes to measure the rows: those of the fullest copy."""
+    """The executions needed to measure the rows: the number of rows in the fullest copy."""
     if copies == 1:
         return len(rows.episode)
     return int(np.bincount(rows.copy(copies), minlength=copies).max(initial=0))

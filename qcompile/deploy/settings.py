@@ -1,4 +1,4 @@
-"""How a policy is played: one frozen record, which everything that plays reads."""
+"""How a policy is played: one frozen record that every player reads."""
 
 from __future__ import annotations
 
@@ -23,106 +23,106 @@ MITIGATIONS: tuple[str, ...] = get_args(MitigationName)
 
 
 class RunSettings(BaseModel):
-    """All that a run depends on besides its policy, its backend and its number of episodes.
+    """Everything a run depends on besides policy, backend and number of episodes.
 
-    Command line, Python, cells of an evaluation, journals and results read the same names and
-    defaults. `resolved` fills in what depends on the backend.
+    Command line, Python, evaluation cells, journals and results use the same names and defaults.
+    `resolved` fills in what depends on the backend.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     shots: int | None = 8192
-    """Shots of each circuit for each row; None takes expectations without shot noise."""
+    """Shots of each circuit for each row; None uses expectations without shot noise."""
     level: int = 2
     """Optimisation level of `qcompile.compile`."""
     mitigation: str | None = None
-    """A name of MITIGATIONS; None: that of the calibration, `readout` where one has to be measured,
-    `none` on a device without errors or with `predistort`."""
+    """A name in MITIGATIONS. None means that of the calibration, `readout` if one must be measured,
+    and `none` on a device without errors or with `predistort`."""
     calibration: Calibration | None = None
-    """What mitigates; None: that of the backend, or one measured first."""
+    """The calibration used for mitigation; None means the backend's, or one measured first."""
     calibration_file: str | None = None
-    """The file of `calibration`, as results name it."""
+    """The file of `calibration`, as named in results."""
     calibration_shots: int | Literal["auto"] = CALIBRATION_SHOTS
-    """Shots of a calibration that is measured first; "auto": as few as the shots of a row ask for
-    (`mitigation.enough_shots`)."""
+    """Shots of a calibration that is measured first; "auto" takes the fewest that suit the shots of
+    a row (`mitigation.enough_shots`)."""
     predistort: bool = False
-    """Change the angles by the response curves, so that the device shows the ideal `<Z>`."""
+    """Adjust angles by the response curves so that the device shows the ideal `<Z>`."""
     greedy: bool = False
     """Take the most probable action instead of sampling one."""
     seed: Annotated[int, Field(ge=0)] = 0
     """Episode i resets with seed + i; shots and actions are drawn from streams of the seed."""
     copies: int | None = None
-    """Copies of the circuits side by side on the device, for episodes that share an execution;
-    None: one, or with `split` as many as fit."""
+    """Copies of the circuits side by side on the device, for episodes that share an execution; None
+    means one, or with `split` as many as fit."""
     split: bool = False
-    """Spread the shots of a row over the copies: its executions are fewer, and errors average."""
+    """Spread the shots of a row over the copies: fewer executions, and errors average out."""
     speculate: Speculate = 1
-    """Decisions of each episode that a job measures, along predicted steps; "auto": as many as pay.
-    Where nothing is measured, with exact expectations, one."""
+    """Decisions of each episode that a job measures, along predicted steps; "auto" chooses the most
+    efficient number. It is one with exact expectations, where nothing is measured."""
     max_steps: int | None = None
-    """Environment steps after which each episode is stopped; None: play it to its end."""
+    """Environment steps after which each episode is stopped; None plays it to its end."""
 
     @classmethod
     def of(cls, settings: RunSettings | None = None, **changes: Any) -> RunSettings:
         """`settings`, or the defaults, with `changes`.
 
         Raises:
-            OptionError: there is no such setting, or its value is of another type.
+            OptionError: a setting is unknown, or its value has the wrong type.
         """
         values = {} if settings is None else settings.values
         try:
             return cls(**(values | changes))
         except ValidationError as error:
-            raise OptionError("These settings cannot be used.", *explain(error)) from error
+            raise OptionError("These settings are not valid.", *explain(error)) from error
 
     @property
     def values(self) -> dict[str, Any]:
-        """The settings by name."""
+        """The settings as a dict by name."""
         return {name: getattr(self, name) for name in RunSettings.model_fields}
 
     @property
     def calibrates(self) -> bool:
-        """Whether a calibration is used; only for resolved settings."""
+        """Whether a calibration is used; valid only for resolved settings."""
         return self.predistort or self.mitigation != "none"
 
     @property
     def places(self) -> int:
-        """The copies that share the shots of a row; only for settings that are filled in."""
+        """The copies that share the shots of a row; valid only for fitted settings."""
         return (self.copies or 1) if self.split else 1
 
     @property
     def program_shots(self) -> int:
-        """Shots of an execution of the program for a row: those of the place with the most."""
+        """Shots of an execution of the program: those of the copy with the most."""
         return -(-(self.shots or 0) // self.places)
 
     @property
     def place_shots(self) -> CountArray:
-        """The shots of a row in each place, (places,): the first ones have one more.
+        """The shots of a row in each copy, (places,); the first ones may have one more.
 
-        Exact expectations count alike in all places.
+        Exact expectations have equal weight in all copies.
         """
         fewer, more = divmod(self.shots or self.places, self.places)
         return fewer + (np.arange(self.places) < more)
 
     @property
     def place_weights(self) -> FloatArray:
-        """The share of a row's shots that each place has, (places,)."""
+        """The share of a row's shots in each copy, (places,)."""
         shots = self.place_shots
         return np.asarray(shots / shots.sum())
 
     def circuit_shots(self, circuits: int) -> CircuitShots:
-        """The shots of each circuit of the program, which has `circuits` in each place."""
+        """The shots of each circuit of the program, with `circuits` circuits in each copy."""
         if not self.split:
             return self.shots or 0
         return np.repeat(self.place_shots, circuits)
 
     def resolved(self, device: Device, known: Calibration | None = None) -> Self:
-        """The settings for a backend of `device` whose own calibration is `known`.
+        """The settings for a backend with `device` and its own calibration `known`.
 
-        All are filled in but what depends on the circuits: see `fitted`.
+        Fills in everything except what depends on the circuits: see `fitted`.
 
         Raises:
-            CalibrationError: no such mitigation, or level and calibration do not go together.
+            CalibrationError: the mitigation is unknown, or does not work at this level.
             CircuitError: copies are out of range.
             CountsError: shots are out of range.
             OptionError: settings contradict each other.
@@ -144,22 +144,22 @@ class RunSettings(BaseModel):
         return settings
 
     def check_shared(self, episodes: int) -> None:
-        """Nothing, if each copy has an episode, or a share of the shots.
+        """Check that each copy has an episode, or a share of the shots.
 
         Raises:
             OptionError: there are more copies than episodes.
         """
         if not self.split and self.copies is not None and self.copies > episodes:
             raise OptionError(
-                f"copies {self.copies} are more than the {count(episodes, 'episode')} there are "
-                "to share an execution.",
-                "--split spreads the shots of an episode over them.",
+                f"copies {self.copies} exceeds the {count(episodes, 'episode')} that share an "
+                "execution.",
+                "--split spreads the shots of an episode over copies.",
             )
 
     def fitted(self, fit: int) -> Self:
-        """Resolved settings for circuits of which `fit` copies fit side by side on the device.
+        """Resolved settings for circuits of which `fit` copies fit on the device.
 
-        A split row takes all of them, as long as each has a shot.
+        A split row uses all of them, as long as each gets a shot.
 
         Raises:
             OptionError: fewer than two fit.
@@ -171,9 +171,9 @@ class RunSettings(BaseModel):
             shots = "" if self.shots is None else f", and a row has {self.shots} shots"
             shots = shots.removesuffix("s") if self.shots == 1 else shots
             raise OptionError(
-                "There is nothing to split: the circuits fit on the device "
+                "There is nothing to split over: the circuits fit on the device "
                 f"{'once' if fit == 1 else f'{fit} times'}{shots}.",
-                "Remove split; it is for devices with several times as many qubits as circuits.",
+                "Remove split; it is for devices with several times more qubits than circuits.",
             )
         return self.model_copy(update={"copies": copies})
 
@@ -186,21 +186,19 @@ class RunSettings(BaseModel):
             )
         if self.predistort and self.mitigation != "none":
             raise OptionError(
-                f"predistort and mitigation {self.mitigation} exclude each other.",
-                "Predistorted angles make the device show the ideal <Z>: take mitigation none.",
+                f"predistort cannot be combined with mitigation {self.mitigation}.",
+                "Predistorted angles make the device show the ideal <Z>: use mitigation none.",
             )
         if self.calibration is not None and not self.calibrates:
             raise OptionError(
                 "A calibration needs mitigation readout or response, or predistort.",
-                "Nothing else reads it.",
+                "Nothing else uses it.",
             )
         if self.predistort or self.mitigation == "response":
             # Refused before anything is measured.
             check_response_level(self.level, predistort=self.predistort)
         if self.copies is not None and self.copies < 1:
-            raise CircuitError(
-                f"{self.copies} copies of a program cannot be placed.", "One is the least."
-            )
+            raise CircuitError(f"copies cannot be {self.copies}.", "It must be at least 1.")
         if self.speculate != "auto" and not 1 <= self.speculate <= MOST_AHEAD:
             raise OptionError(
                 f"speculate cannot be {self.speculate}.",
@@ -211,18 +209,16 @@ class RunSettings(BaseModel):
         if self.calibration_shots != "auto":
             check_shots(self.calibration_shots)
         if self.max_steps is not None and self.max_steps < 1:
-            raise CountsError(
-                f"Episodes of {self.max_steps} steps cannot be played.", "One step is the least."
-            )
+            raise CountsError(f"max_steps cannot be {self.max_steps}.", "It must be at least 1.")
 
     def _check_split(self) -> None:
         if self.copies == 1:
             raise OptionError(
-                "split spreads the shots of a row over several copies, found one.",
-                "Give more copies, or none: as many as fit.",
+                "split spreads the shots of a row over several copies; copies is 1.",
+                "Set more copies, or leave copies out to use as many as fit.",
             )
         if self.copies is not None and self.shots is not None and self.copies > self.shots:
             raise OptionError(
                 f"{self.shots} shots cannot be split over {self.copies} copies.",
-                "Each of them needs a shot.",
+                "Each copy needs a shot.",
             )

@@ -1,7 +1,7 @@
-"""The one gate to environments: actions by their own numbers, observations and rewards checked.
+"""The only access to environments: maps actions, and checks observations and rewards.
 
-Gymnasium's checker looks at the first step alone and warns; here every step is checked, and what no
-policy can use ends the episode with an error in words.
+Gymnasium's checker only warns, and only on the first step; here every step is checked, and unusable
+values end the episode with an explained error.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ from qcompile.terminal import first_line
 _NUMBERS = "biuf"
 """The kinds of numpy types that are real numbers."""
 _LARGEST_REWARD = 1e150
-"""The squares of larger ones overflow, so that they have no deviation."""
+"""Squares of larger rewards overflow, so that no standard deviation exists."""
 
 
 class Stepper:
     """An environment as a policy sees it.
 
-    Actions count from 0, whatever number the environment gives its first one. Observations are
-    vectors of the declared number of features, in `dtype`: float32 where that holds every number of
-    the declared type, float64 elsewhere. An action is held for `hold` steps, but not beyond the end
-    of an episode nor beyond `max_steps` of its steps. `seed` is that of the last reset, `length`
-    the environment's steps since, `action` the last one taken and `reward` what they earned;
-    `is_over` says that the environment ended the episode. `on_step` is called after each step.
+    Actions count from 0, whatever the environment's first number. Observations are vectors with the
+    declared number of features, in `dtype`: float32 if that holds every number of the declared
+    type, else float64. An action is held for `hold` steps, but not beyond the end of an episode or
+    `max_steps` steps. `seed` is the seed of the last reset, `length` the number of environment
+    steps since, `action` the last one taken and `reward` the total; `is_over` says whether the
+    environment ended the episode. `on_step` is called after each step.
     """
 
     __slots__ = (
@@ -60,10 +60,10 @@ class Stepper:
         self.action, self._left = 0, 0
 
     def reset(self, seed: int) -> NDArray[Any]:
-        """Begin an episode; its first observation (features,).
+        """Begin an episode; return its first observation (features,).
 
         Raises:
-            EnvironmentStepError: the reset fails, or gives no such observation.
+            EnvironmentStepError: the reset fails or returns another observation.
         """
         self.seed, self.length, self.reward, self.is_over = seed, 0, 0.0, False
         try:
@@ -72,28 +72,28 @@ class Stepper:
             raise self._failed(error) from error
         if not isinstance(answer, tuple) or len(answer) != 2:
             raise self.error(
-                f"reset gave {_described(answer)}.", "It must give (observation, info)."
+                f"reset returned {_described(answer)}.", "It must return (observation, info)."
             )
         observation = self._vector(answer[0])
         check_finite([self], observation[None])
         return observation
 
     def step(self, action: int) -> tuple[NDArray[Any], float, bool, bool]:
-        """Hold an action, 0 the first: observation (features,), reward, terminated, truncated.
+        """Hold an action, counted from 0; return observation, reward, terminated and truncated.
 
-        The reward is the finite sum over the steps of the hold; whether the observation after the
-        last of them is finite, `check_finite` tells for many at once.
+        The reward is the finite sum over the held steps. The observation (features,) after the last
+        one is not checked to be finite: `check_finite` does that for many at once.
 
         Raises:
-            EnvironmentStepError: a step fails, or gives anything else.
+            EnvironmentStepError: a step fails or returns anything else.
         """
         return self._hold(action, self._held)
 
     def lengthen(self, most_steps: int) -> None:
-        """Let a cut episode go on to `most_steps` steps, unfilmed; first what is left of its hold.
+        """Extend a cut episode to `most_steps` steps, unfilmed, and finish its held action.
 
         Raises:
-            EnvironmentStepError: as `step`.
+            EnvironmentStepError: as for `step`.
         """
         self.max_steps, self.on_step = most_steps, None
         if self._left:
@@ -101,12 +101,12 @@ class Stepper:
 
     @property
     def has_ended(self) -> bool:
-        """Whether the episode is over, by the environment or by `max_steps`."""
+        """Whether the environment or `max_steps` ended the episode."""
         return self.is_over or self.length == self.max_steps
 
     @property
     def is_cut(self) -> bool:
-        """Whether `max_steps` ended the episode, and not the environment."""
+        """Whether `max_steps`, not the environment, ended the episode."""
         return self.length == self.max_steps and not self.is_over
 
     def _hold(self, action: int, steps: int) -> tuple[NDArray[Any], float, bool, bool]:
@@ -126,7 +126,7 @@ class Stepper:
                 or observation.dtype != self.dtype
             ):
                 observation = self._vector(observation)
-            if type(reward) is not float:  # numpy's own double is a float too, and the usual one
+            if type(reward) is not float:  # numpy's double, the usual type, is a float too
                 reward = float(reward) if isinstance(reward, float) else self._number(reward)
             earned += reward
             self.reward += reward
@@ -147,40 +147,42 @@ class Stepper:
         return observation, earned, terminated, truncated
 
     def error(self, what: str, *hints: str) -> EnvironmentStepError:
-        """An error that names the environment, the episode and the step."""
+        """An error naming the environment, the episode and the step."""
         where = f"step {self.length}" if self.length else "its reset"
         name = environment_name(self.environment)
         return EnvironmentStepError(f"{name}, episode of seed {self.seed}, {where}: {what}", *hints)
 
     def _failed(self, error: Exception) -> EnvironmentStepError:
-        # a wrapper took the answer apart
+        # a wrapper unpacked the answer
         if isinstance(error, ValueError | TypeError) and "unpack" in str(error):
             return self._wrong_step(None)
         if isinstance(error, TypeError) and "'seed'" in str(error):
             return self.error(
-                "reset takes no seed.", "It must be reset(*, seed=None, options=None)."
+                "reset does not accept a seed.",
+                "Its signature must be reset(*, seed=None, options=None).",
             )
-        said = first_line(str(error)) or type(error).__name__
-        return self.error(f"the environment failed: {said}")
+        message = first_line(str(error)) or type(error).__name__
+        return self.error(f"the environment failed: {message}")
 
     def _wrong_step(self, answer: Any) -> EnvironmentStepError:
-        answered = "another number of values" if answer is None else _described(answer)
+        returned = "a wrong number of values" if answer is None else _described(answer)
         return self.error(
-            f"step gave {answered}.",
-            "It must give (observation, reward, terminated, truncated, info); four values are the "
+            f"step returned {returned}.",
+            "It must return (observation, reward, terminated, truncated, info); four values are "
+            "the "
             "API of gym before 0.26.",
         )
 
     def _vector(self, observation: Any) -> NDArray[Any]:
         try:
             array = np.asarray(observation)
-        except Exception as error:  # a ragged list, or whatever an object raises
+        except Exception as error:  # a ragged list, or an object that raises
             raise self.error(
                 f"the observation is {_described(observation)}.", self._needed()
             ) from error
         if array.shape != self._shape or array.dtype.kind not in _NUMBERS:
             raise self.error(f"the observation is {_described(observation)}.", self._needed())
-        with np.errstate(over="ignore"):  # what becomes infinite is told by check_finite
+        with np.errstate(over="ignore"):  # check_finite reports infinite values
             return array.astype(self.dtype)
 
     def _needed(self) -> str:
@@ -196,18 +198,16 @@ class Stepper:
     def _flag(self, flag: Any) -> bool:
         if isinstance(flag, int | np.bool_ | np.integer) and flag in (0, 1):
             return bool(flag)
-        raise self.error(
-            f"terminated and truncated must be true or false, found {_described(flag)}."
-        )
+        raise self.error(f"terminated and truncated must be true or false, not {_described(flag)}.")
 
 
 def check_finite(steppers: Sequence[Stepper], observations: NDArray[Any]) -> None:
-    """Nothing, if the observations (n, features) of these n environments are finite.
+    """Check that the observations (n, features) of these n environments are finite.
 
     Raises:
-        EnvironmentStepError: one is not; the message names the first, and its feature.
+        EnvironmentStepError: one is not; the message names the first and its feature.
     """
-    if math.isfinite(np.vdot(observations, observations)):  # the quickest look; it may overflow
+    if math.isfinite(np.vdot(observations, observations)):  # the fastest check; it may overflow
         return
     for row, feature in np.argwhere(~np.isfinite(observations)):
         value = observations[row, feature]
@@ -217,7 +217,7 @@ def check_finite(steppers: Sequence[Stepper], observations: NDArray[Any]) -> Non
 
 
 def _described(value: Any) -> str:
-    """What a value is, in a few words."""
+    """A short description of a value."""
     if value is None:
         return "None"
     if isinstance(value, tuple):

@@ -1,4 +1,4 @@
-"""Whether a twin still shows what its machine does: fresh counts of a policy's circuits.
+"""Checks whether a twin still matches its machine, with fresh counts of a policy's circuits.
 
 Source: the chi-square test of residuals with a known covariance.
 """
@@ -34,10 +34,10 @@ _STRETCHES = (1, 3, 10, 30)
 class TwinCheck:
     """Chi-square of each qubit's fresh `<Z>` against the twin's, with its p-value.
 
-    `qubits`, `chi_square` and `p_value` are (qubits,), `degrees` (qubits,) the numbers of `<Z>`;
-    `failed` are the qubits that are `contradicted`. `largest` is the largest difference of a
-    `<Z>`, in units of `<Z>`. `power` (qubits,) is how often a p01 of that qubit is found that is
-    raised by `effect`; `misfits` are the curves that contradict the counts they were fitted to.
+    `qubits`, `chi_square` and `p_value` are (qubits,); `degrees` (qubits,) are the numbers of `<Z>`
+    values; `failed` are the qubits that are `contradicted`. `largest` is the largest difference in
+    `<Z>`. `power` (qubits,) is the probability of detecting a p01 of that qubit raised by `effect`;
+    `misfits` are the curves that contradict the counts they were fitted to.
     """
 
     qubits: IntArray
@@ -55,7 +55,7 @@ class TwinCheck:
         return contradicted(self.qubits, self.p_value)
 
     def values(self) -> dict[str, Any]:
-        """As plain values."""
+        """The check as plain values."""
         return {
             "passed": not self.failed,
             "failed": self.failed,
@@ -82,18 +82,18 @@ def check_twin(
 ) -> TwinCheck:
     """Run the policy's circuits for observations (B, features) and compare with the twin.
 
-    The residuals of a qubit have the covariance of shot noise and of its curve, which they share:
-    r' C^-1 r is chi-square distributed where the twin is right. The power is stated for `effect`.
+    The residuals of a qubit have the covariance of shot noise plus that of their common curve: r'
+    C^-1 r is chi-square distributed if the twin is right. The power refers to `effect`.
 
     Raises:
-        CalibrationError: the executor is one of another device, or a circuit lies on no curve.
+        CalibrationError: the executor has another device, or a circuit has no response curve.
     """
     from scipy.stats import chi2
 
     device = executor.device
     if (device.name, len(device.qubits)) != (calibration.backend, len(calibration.device.qubits)):
         raise CalibrationError(
-            f"The calibration is of {calibration.backend}, the backend is {device.name}.",
+            f"The calibration belongs to {calibration.backend}; the backend is {device.name}.",
             "Compare a twin with its own device.",
         )
     prediction = TwinPrediction.of(calibration, policy, observations)
@@ -130,10 +130,10 @@ def _chi_square(
 
 
 def wide_observations(policy: Policy, calibration: Calibration, seed: int) -> FloatArray:
-    """(rows, features): steps of episodes that the policy plays on the twin, and mixtures of them.
+    """Observations (rows, features) of episodes on the twin, and mixtures of them.
 
-    A mixture takes every feature from another step, times one of _STRETCHES: so qubits show parts
-    of their curves that they rarely show while the policy plays.
+    A mixture takes every feature from another step, times one of _STRETCHES. So qubits cover parts
+    of their curves that they rarely reach while the policy plays.
     """
     twin = TwinExecutor(calibration, seed)
     deployment = Deployment(policy, twin, shots=1024, predistort=True, seed=seed, max_steps=_STEPS)
@@ -147,7 +147,7 @@ def wide_observations(policy: Policy, calibration: Calibration, seed: int) -> Fl
 
 
 class _Observations(Recorder):
-    """Records the observations of a run alone."""
+    """Records only the observations of a run."""
 
     def __init__(self) -> None:
         self.observations: list[FloatArray] = []
@@ -157,4 +157,4 @@ class _Observations(Recorder):
         return act(observations, rows)
 
     def rewards(self, rewards: list[float]) -> None:
-        """They do not matter here."""
+        """Ignored: only observations are recorded."""

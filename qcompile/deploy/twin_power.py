@@ -1,9 +1,9 @@
-"""How likely a check of a twin finds a readout that changed, and what it takes to find it.
+"""The power of a twin check to detect a changed readout, and the measurements it needs.
 
-A p01 = P(0 | 1) that is raised by an effect moves the `<Z>` of its qubit by effect (1 - u), where
-u = cos(w - tilt) is the `<Z>` before the readout: a move of (b, c, s) of its curve. The chi-square
-of `check_twin` is then noncentral, by v' (A^-1 + C)^-1 v = v' A (1 + C A)^-1 v, where v is that
-move, A the information of the shots and C the covariance of the calibrated curve.
+Raising p01 = P(0 | 1) by `effect` moves the `<Z>` of its qubit by effect (1 - u), where u = cos(w -
+tilt) is the `<Z>` before readout: a move of its curve's (b, c, s). The chi-square of `check_twin`
+then has the noncentrality v' (A^-1 + C)^-1 v = v' A (1 + C A)^-1 v, where v is that move, A the
+information of the shots and C the covariance of the calibrated curve.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from qcompile.policy import Policy
 from qcompile.policy.policy import NO_THETA
 
 EFFECT = 0.05
-"""Validation by default looks for a p01 of a qubit that is raised by as much."""
+"""The default increase of a qubit's p01 that validation should detect."""
 POWER = 0.9
-"""It finds that on any one qubit at least this often."""
+"""The default probability of detecting it on any one qubit."""
 _LEAST_ROWS, _MOST_ROWS = 4, 16
 _LEAST_SHOTS = 256
 _MOST_SHOTS = 4
-"""Times the shots of the calibration: beyond that its own errors are all that is seen."""
+"""A multiple of the calibration's shots, beyond which its own errors dominate."""
 _MOST_EXECUTIONS = 60_000
-"""Of a round: 21 seconds. More are not chosen unasked."""
+"""Executions of a round, 21 seconds; more are never chosen automatically."""
 _WITHIN_REACH = 0.95
 
 
@@ -41,7 +41,7 @@ def twin_program(calibration: Calibration, policy: Policy) -> tuple[TwinExecutor
     """The twin, and the policy compiled for it at level 2.
 
     Raises:
-        CalibrationError: the calibration has no curves, or not enough qubits.
+        CalibrationError: the calibration has no response curves, or too few qubits.
     """
     twin = TwinExecutor(calibration)
     return twin, compile(policy.trained_program, twin.device, 2, policy.importance)
@@ -49,12 +49,12 @@ def twin_program(calibration: Calibration, policy: Policy) -> tuple[TwinExecutor
 
 @dataclass(frozen=True, eq=False)
 class TwinPrediction:
-    """What a twin predicts of a policy's circuits for some observations, a row for each.
+    """A twin's prediction for a policy's circuits, one row per observation.
 
-    `expected` (rows, circuits) are the `<Z>`, `design` (rows, circuits, 3) the (1, cos a, sin a) of
-    their angles. `qubits` are those of the circuits, each once; that of circuit i is
-    qubits[qubit_of[i]]. `covariance` (qubits, 3, 3) is that of the curves, `moves` (qubits, 3) how
-    (b, c, s) moves where p01 is raised by 1.
+    `expected` (rows, circuits) are the `<Z>`; `design` (rows, circuits, 3) is (1, cos a, sin a) of
+    their angles. `qubits` are the circuits' qubits, each once; circuit i is on qubits[qubit_of[i]].
+    `covariance` (qubits, 3, 3) belongs to the curves; `moves` (qubits, 3) is the change of (b, c,
+    s) when p01 is raised by 1.
     """
 
     expected: FloatArray
@@ -68,10 +68,10 @@ class TwinPrediction:
     def of(
         cls, calibration: Calibration, policy: Policy, observations: FloatArray
     ) -> TwinPrediction:
-        """That of the policy's circuits for observations (rows, features).
+        """The prediction for the policy's circuits and observations (rows, features).
 
         Raises:
-            CalibrationError: the calibration has no curves, or a circuit lies on none.
+            CalibrationError: the calibration or a circuit has no response curve.
         """
         twin, executable = twin_program(calibration, policy)
         _check_curves(executable)
@@ -94,11 +94,11 @@ class TwinPrediction:
         )
 
     def variance(self, shots: int) -> FloatArray:
-        """The variance of each `<Z>` by shot noise, (rows, circuits)."""
+        """The shot-noise variance of each `<Z>`, (rows, circuits)."""
         return np.asarray(np.maximum(1.0 - self.expected**2, 1.0 / shots) / shots)
 
     def powers(self, shots: int, effect: float) -> FloatArray:
-        """How often a check of the first row, the first two, ... finds `effect`, (rows, qubits)."""
+        """The power for `effect` of a check with the first 1, 2, ... rows, (rows, qubits)."""
         from scipy.stats import chi2, ncx2
 
         weighted = self.design / self.variance(shots)[..., None]
@@ -112,7 +112,7 @@ class TwinPrediction:
         return np.asarray(ncx2.sf(critical, degrees, np.maximum(noncentrality, 0.0)))
 
     def visibility(self) -> FloatArray:
-        """How well each row shows a p01 that is raised, (rows, qubits): chi-square of one shot."""
+        """How well each row shows a raised p01, (rows, qubits): chi-square of one shot."""
         moves = np.einsum("rci,ci->rc", self.design, self.moves[self.qubit_of])
         return self._sum_by_qubit(moves**2 / np.maximum(1.0 - self.expected**2, 1e-3))
 
@@ -123,9 +123,9 @@ class TwinPrediction:
 
 
 def choose_rows(visibility: FloatArray, rows: int) -> IntArray:
-    """The numbers of the rows of `visibility` (n, qubits) that show all qubits best, greedily.
+    """The rows of `visibility` (n, qubits) that cover all qubits best, chosen greedily.
 
-    No row comes twice before all came once.
+    No row is repeated before all are used.
     """
     chosen: list[int] = []
     total, free = np.zeros(visibility.shape[1]), np.ones(len(visibility), dtype=bool)
@@ -149,15 +149,14 @@ def choose_check(
     power: float = POWER,
     effect: float = EFFECT,
 ) -> tuple[FloatArray, int, float]:
-    """Observations (rows, features) out of `candidates`, and shots, that find `effect`.
+    """Choose observations (rows, features) from `candidates`, and shots, that detect `effect`.
 
-    They do so with `power` on every qubit, with the fewest executions; rows or shots that are given
-    stay. Where _MOST_EXECUTIONS or the calibration's own errors do not allow for that power, it is
-    nearly the most that can be had. The third is the power they have, on the qubit where it is
-    least.
+    They reach `power` on every qubit with the fewest executions; given rows or shots are kept. If
+    _MOST_EXECUTIONS or the calibration's own errors rule out that power, they come close to the
+    most possible. The third value is their power on the qubit where it is smallest.
 
     Raises:
-        CalibrationError: the calibration has no curves, or a circuit lies on none.
+        CalibrationError: the calibration or a circuit has no response curve.
     """
     visibility = TwinPrediction.of(calibration, policy, candidates).visibility()
     order = choose_rows(visibility, rows or min(_MOST_ROWS, len(candidates)))
@@ -177,7 +176,7 @@ def choose_check(
 
 
 def _shot_counts(calibration: Calibration) -> IntArray:
-    """Numbers of shots to choose from, each a tenth more than the last."""
+    """The numbers of shots to choose from, each a tenth more than the last."""
     counts = calibration.response_counts
     measured = CALIBRATION_SHOTS if counts is None or counts.shots is None else counts.shots
     most = max(min(_MOST_SHOTS * measured, MAX_SHOTS), _LEAST_SHOTS)
@@ -188,6 +187,6 @@ def _check_curves(executable: Executable) -> None:
     for index, gates in enumerate(executable.gate_counts()):
         if not (gates["rz"] or gates["rx"]):
             raise CalibrationError(
-                f"Circuit {index} has no rotation: it lies on no curve.",
-                "Validate with another policy.",
+                f"Circuit {index} has no rotation, so it has no response curve.",
+                "Validate with a different policy.",
             )

@@ -1,4 +1,4 @@
-"""Backends: what an executor is opened from, in plain values that travel to other processes."""
+"""Backends: descriptions from which executors are opened, which can be sent to other processes."""
 
 from __future__ import annotations
 
@@ -20,45 +20,45 @@ Seed = int | np.random.SeedSequence | None
 
 
 class Backend(Protocol):
-    """What an executor is opened from; it can be pickled."""
+    """A picklable description from which an executor is opened."""
 
     @property
     def name(self) -> str:
-        """What tells it apart from other backends, those of the same device included."""
+        """A name that is unique among backends, including those of the same device."""
         ...
 
     @property
     def device(self) -> Device:
-        """What programs are compiled for: the device of the executor."""
+        """The device of the executor, for which programs are compiled."""
         ...
 
     @property
     def contents(self) -> str:
-        """A text that changes with whatever the results depend on."""
+        """A text that changes whenever something changes that results depend on."""
         ...
 
     @property
     def packages(self) -> tuple[str, ...]:
-        """The packages, besides numpy, whose versions the results depend on."""
+        """The packages besides numpy whose versions affect the results."""
         ...
 
     @property
     def calibration(self) -> Calibration | None:
-        """What mitigates where no other calibration is given; None where one is measured."""
+        """The default calibration for mitigation; None if one has to be measured."""
         ...
 
     def cannot_play(self, shots: int | None, level: int) -> str | None:
-        """Why it has no results with these shots (None: exact) at this level; None where it has."""
+        """Why it cannot run with these shots (None: exact) at this level; None if it can."""
         ...
 
     def open(self, seed: Seed = None) -> Executor:
-        """A new executor: the same seed and the same calls give the same counts."""
+        """A new executor; the same seed and the same calls give the same counts."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class DeviceBackend:
-    """A device, played on its noise model."""
+    """A device, simulated by its noise model."""
 
     device: Device
 
@@ -82,10 +82,10 @@ class DeviceBackend:
 
 @dataclass(frozen=True, eq=False)
 class TwinBackend:
-    """A calibration, played as the twin of its device; `name` is that of its file.
+    """A calibration, run as the twin of its device; `name` is that of its file.
 
     Raises:
-        CalibrationError: the calibration holds no response curves.
+        CalibrationError: the calibration has no response curves.
     """
 
     name: str
@@ -107,7 +107,7 @@ class TwinBackend:
     def cannot_play(self, shots: int | None, level: int) -> str | None:
         if level == 2:
             return None
-        return f"level {level} on {self.name}: a twin has the response curves of level 2 alone"
+        return f"level {level} on {self.name}: a twin only supports level 2"
 
     def open(self, seed: Seed = None) -> Executor:
         return TwinExecutor(self.calibration, seed)
@@ -115,7 +115,7 @@ class TwinBackend:
 
 @dataclass(frozen=True, eq=False)
 class SamplerBackend:
-    """A fake backend of qiskit-ibm-runtime, by the name of its class, run through its sampler."""
+    """A fake backend of qiskit-ibm-runtime, by class name, run through its sampler."""
 
     fake: str
 
@@ -137,7 +137,7 @@ class SamplerBackend:
     def cannot_play(self, shots: int | None, level: int) -> str | None:
         if shots is not None:
             return None
-        return f"shots exact on {self.name}: it runs through a sampler, which only has shots"
+        return f"shots exact on {self.name}: it runs through a sampler, which needs shots"
 
     def open(self, seed: Seed = None) -> Executor:
         return PrimitiveExecutor(find_backend(self.fake), seed=seed)
@@ -145,9 +145,9 @@ class SamplerBackend:
 
 @dataclass(frozen=True, eq=False)
 class ObjectBackend:
-    """A Qiskit backend object, played through a SamplerV2 of the user's.
+    """A Qiskit backend object, run through the user's SamplerV2.
 
-    It is named after the backend; it can be pickled where both objects can.
+    It has the name of the backend, and can be pickled if both objects can.
     """
 
     backend: Any
@@ -172,7 +172,7 @@ class ObjectBackend:
     def cannot_play(self, shots: int | None, level: int) -> str | None:
         if shots is not None:
             return None
-        return f"shots exact on {self.name}: it runs through a sampler, which only has shots"
+        return f"shots exact on {self.name}: it runs through a sampler, which needs shots"
 
     def open(self, seed: Seed = None) -> Executor:
         return PrimitiveExecutor(self.backend, sampler=self.sampler, seed=seed)

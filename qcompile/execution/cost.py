@@ -1,4 +1,4 @@
-"""What a run costs on a machine of IBM's: jobs, executions, seconds.
+"""The cost of a run on an IBM machine: jobs, executions, seconds.
 
 Sources: IBM Quantum documentation, "Workload usage" (estimate job run time) and "Job limits".
 """
@@ -18,23 +18,23 @@ Number = TypeVar("Number", float, FloatArray)
 
 
 def qpu_seconds(jobs: Number, executions: Number) -> Number:
-    """IBM's published estimate; executions = circuits after packing times shots."""
+    """IBM's published estimate of QPU seconds; executions = circuits after packing times shots."""
     return SECONDS_PER_JOB * jobs + SECONDS_PER_EXECUTION * executions
 
 
 @dataclass(frozen=True)
 class Portion:
-    """What of a PUB one job holds: some rows of its parameter values."""
+    """The part of a PUB in one job: some rows of its parameter values."""
 
     pub: int
     rows: range
 
 
 def portions(rows: Sequence[int], shots: int) -> list[list[Portion]]:
-    """The jobs of PUBs, each with its number of `rows` of parameter values, `shots` of each row.
+    """The jobs for PUBs with these numbers of `rows` of parameter values, `shots` per row.
 
-    One job, as long as it has at most MAX_EXECUTIONS_PER_JOB executions; else each job is filled
-    with rows before the next begins.
+    It is one job if that has at most MAX_EXECUTIONS_PER_JOB executions; otherwise each job is
+    filled with rows before the next begins.
     """
     jobs: list[list[Portion]] = []
     room = 0
@@ -51,23 +51,23 @@ def portions(rows: Sequence[int], shots: int) -> list[list[Portion]]:
 
 
 def job_counts(circuits: IntArray, shots: int) -> IntArray:
-    """How many jobs `portions` makes of `circuits` rows of values, for an array of any shape.
+    """The number of jobs that `portions` makes for `circuits` rows, an array of any shape.
 
-    Exact expectations, without shots, count as one shot each.
+    An exact expectation counts as one shot.
     """
     return np.asarray(-(-circuits // (MAX_EXECUTIONS_PER_JOB // max(shots, 1))))
 
 
 @dataclass(frozen=True)
 class Workload:
-    """Jobs and their executions; workloads add up."""
+    """A number of jobs and their executions; workloads can be added."""
 
     jobs: int = 0
     executions: int = 0
 
     @classmethod
     def of_batch(cls, rows: int, rounds: int, shots: int) -> Workload:
-        """That of `rounds` circuits, each with `rows` rows of values, by `portions`."""
+        """The workload of `rounds` circuits, each with `rows` rows of values, by `portions`."""
         circuits = rows * rounds
         return cls(int(job_counts(np.array(circuits), shots)), circuits * shots)
 

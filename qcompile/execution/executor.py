@@ -1,4 +1,4 @@
-"""What an executor is, and the arithmetic of shots that all of them share."""
+"""The base class of executors, and the arithmetic of shots that they share."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from qcompile.passes import Executable
 
 
 class Executor(ABC):
-    """Runs executables; `kind` says what the results are worth.
+    """Runs executables; `kind` says what the results were measured on.
 
-    `device` is what programs are compiled for. `calibration` mitigates where no other one is given;
-    None where one is measured.
+    Programs are compiled for `device`. `calibration` is the default for mitigation; None if one has
+    to be measured.
     """
 
     device: Device
@@ -28,10 +28,10 @@ class Executor(ABC):
 
     @abstractmethod
     def prepare(self, executable: Executable) -> Prepared:
-        """The executable ready to be run, often.
+        """The executable, prepared to be run repeatedly.
 
         Raises:
-            DeviceError: it was compiled for another device.
+            DeviceError: the executable was compiled for another device.
         """
 
     def run(
@@ -40,8 +40,8 @@ class Executor(ABC):
         """The number of ones of each circuit in `shots` shots, (B, circuits), for x (B, inputs).
 
         Raises:
-            CircuitError: x or theta has another shape.
-            CountsError: shots out of range.
+            CircuitError: x or theta has the wrong shape.
+            CountsError: shots are out of range.
             DeviceError: the executable was compiled for another device.
         """
         return self._prepared(executable).ones(x, theta, check_shots(shots))
@@ -50,14 +50,14 @@ class Executor(ABC):
         """The measured `<Z>` of each circuit without shot noise, (B, circuits).
 
         Raises:
-            CircuitError: x or theta has another shape.
-            CountsError: the executor only has shots.
+            CircuitError: x or theta has the wrong shape.
+            CountsError: the executor needs shots.
             DeviceError: the executable was compiled for another device.
         """
         return require_exact(self._prepared(executable)).expectation(x, theta)
 
     def _prepared(self, executable: Executable) -> Prepared:
-        """The executable prepared, or what was prepared last if it is that."""
+        """The executable, prepared; the last one is cached."""
         if self._last is None or self._last.executable is not executable:
             self._last = self.prepare(executable)
         return self._last
@@ -67,10 +67,10 @@ class Executor(ABC):
 
 
 def check_device(executable: Executable, device: Device) -> None:
-    """Nothing, if an executor of `device` can run the executable.
+    """Check that an executor of `device` can run the executable.
 
     Raises:
-        DeviceError: it was compiled for another device.
+        DeviceError: the executable was compiled for another device.
     """
     if executable.device is not device and executable.device != device:
         raise DeviceError(
@@ -87,19 +87,19 @@ def expectation_from_ones(ones: CountArray, shots: int) -> FloatArray:
     shape, in [-1, 1]. Its standard error is sqrt((1 - z**2) / shots).
 
     Raises:
-        CountsError: an entry is no integer, or lies outside [0, shots]; the message names the first
-            one.
+        CountsError: an entry is not an integer, or lies outside [0, shots]; the message names the
+            first one.
     """
     check_shots(shots)
     try:
         ones = np.asarray(ones)
     except ValueError as error:
-        raise CountsError("Counts have no shape.", "They are an array of integers.") from error
+        raise CountsError("Counts must form an array.", "Give an array of integers.") from error
     if ones.dtype.kind not in "iu" and ones.size:
-        raise CountsError(f"Counts have type {ones.dtype}.", "They are integers.")
-    outside = ones.astype(np.uint64) > shots  # a negative number wraps to a huge one
+        raise CountsError(f"Counts have type {ones.dtype}.", "Give integers.")
+    outside = ones.astype(np.uint64) > shots  # a negative number becomes a huge one
     if np.count_nonzero(outside):
         raise CountsError(
-            f"{ones[outside][0]} ones in {shots} shots.", f"Ones lie in [0, {shots}]."
+            f"{ones[outside][0]} ones in {shots} shots.", f"Give counts from 0 to {shots}."
         )
     return np.asarray(1.0 - ones * (2.0 / shots), dtype=np.float64)

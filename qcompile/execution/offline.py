@@ -1,4 +1,4 @@
-"""The executor that needs no machine: a device's noise model, exact, and binomial shots."""
+"""The offline executor: the exact noise model of a device, and binomial shots."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ class OfflineExecutor(Executor):
     The same seed and the same calls give the same counts.
 
     Raises:
-        DeviceError: `device` is no Device.
+        DeviceError: `device` is not a Device.
     """
 
     def __init__(self, device: Device, seed: int | np.random.SeedSequence | None = None):
         if not isinstance(device, Device):
             raise DeviceError(
-                f"OfflineExecutor takes a Device; this is {describe(device)}.",
-                "load_backend(name_or_object).device is one.",
+                f"OfflineExecutor takes a Device, found {describe(device)}.",
+                "Use load_backend(name_or_object).device.",
             )
         self.device = device
         self.kind: Kind = "ideal" if device.is_ideal else "noise-model"
@@ -38,7 +38,7 @@ class OfflineExecutor(Executor):
         """The executable with the noise of its qubits.
 
         Raises:
-            DeviceError: it was compiled for another device.
+            DeviceError: the executable was compiled for another device.
         """
         check_device(executable, self.device)
         return _PreparedNoise(executable, self.rng)

@@ -1,4 +1,4 @@
-"""From a backend, in any form that a user has it, to the executor that runs it."""
+"""Opening backends: from a name, a file or an object to the executor that runs it."""
 
 from __future__ import annotations
 
@@ -30,19 +30,19 @@ def load_backend(backend: Any, *, sampler: Any = None) -> Backend: ...
 
 
 def load_backend(backend: Any, *, sampler: Any = None) -> Any:
-    """The backend that a name, a file or an object stands for.
+    """The backend with a name, from a file, or for an object.
 
-    A name or a path is that of a device or its file, of a calibration file, which is played as the
-    twin of its device, or `qiskit:FakeLimaV2`, a fake backend of qiskit-ibm-runtime that is run
-    through its sampler. A Device is played on its noise model, a Calibration as a twin. The
-    calibration of a Qiskit BackendV2 is read now and played as a noise model, in arrays; with
-    `sampler`, a SamplerV2, the circuits go through that sampler instead, and its counts are of the
-    kind that `sampler_kind` says. A backend or an executor is given back as it is.
+    A name or a path is that of a device or its file; of a calibration file, which is run as the
+    twin of its device; or `qiskit:FakeLimaV2`, a fake backend of qiskit-ibm-runtime that is run
+    through its sampler. A Device is run on its noise model, a Calibration as a twin. The
+    calibration of a Qiskit BackendV2 is read now and run as a noise model, in arrays; with
+    `sampler`, a SamplerV2, circuits run through that sampler instead, and `sampler_kind` is the
+    kind of its counts. A backend or an executor is returned unchanged.
 
     Raises:
-        CalibrationError: a calibration with wrong contents, or without response curves.
-        DeviceError: no such device or fake backend (the message has the nearest names), a Qiskit
-            backend that cannot be made a device, or a sampler without one.
+        CalibrationError: the calibration is invalid, or has no response curves.
+        DeviceError: there is no such device or fake backend (the message suggests similar names),
+            a Qiskit backend cannot be turned into a device, or a sampler has no backend.
         MissingExtraError: `qiskit:NAME` without qiskit-ibm-runtime.
     """
     if is_qiskit_backend(backend):
@@ -52,7 +52,7 @@ def load_backend(backend: Any, *, sampler: Any = None) -> Any:
     if sampler is not None:
         raise DeviceError(
             f"sampler= needs the Qiskit backend it runs on, found {describe(backend)}.",
-            "load_backend(backend, sampler=sampler) with a BackendV2.",
+            "Use load_backend(backend, sampler=sampler) with a BackendV2.",
         )
     if isinstance(backend, str | Path):
         return _named(str(backend))
@@ -63,7 +63,7 @@ def load_backend(backend: Any, *, sampler: Any = None) -> Any:
     if isinstance(backend, Executor) or (hasattr(backend, "open") and hasattr(backend, "device")):
         return backend
     raise DeviceError(
-        f"load_backend found {describe(backend)}.",
+        f"load_backend cannot take {describe(backend)}.",
         "It takes a name, a file, a Device, a Calibration, an executor or a Qiskit BackendV2.",
     )
 
@@ -78,10 +78,10 @@ def _named(name: str) -> Backend:
 
 
 def open_executor(backend: Any, seed: Seed = None) -> Executor:
-    """The executor of whatever `load_backend` takes; an executor is given back as it is.
+    """The executor of anything that `load_backend` takes; an executor is returned unchanged.
 
     Raises:
-        CalibrationError, DeviceError: what `load_backend` raises.
+        CalibrationError, DeviceError: as in `load_backend`.
         MissingExtraError: `qiskit:NAME` without Qiskit, Aer and qiskit-ibm-runtime.
     """
     backend = load_backend(backend)
@@ -90,5 +90,5 @@ def open_executor(backend: Any, seed: Seed = None) -> Executor:
 
 
 def open_device(backend: str) -> Device:
-    """The device of a backend that `load_backend` finds; raises what that raises."""
+    """The device of the backend that `load_backend` finds, with the same errors."""
     return load_backend(backend).device

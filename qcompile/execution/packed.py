@@ -1,4 +1,4 @@
-"""Executables as circuits for a sampler: one for each round, packed side by side on the device.
+"""Executables as circuits for a sampler: each round is one circuit on the whole device.
 
 Source: qiskit.primitives, SamplerV2 and BitArray.
 """
@@ -25,9 +25,9 @@ REGISTER = "c"
 class PackedRound:
     """A parametrised circuit; bit i of its register is circuit `circuits[i]` of the executable.
 
-    The metadata of the circuit say so too, as "circuits".
-    Parameter k is slot `slots[k]`. Where no angle is open the global phase is the only parameter:
-    some samplers take the number of observations from parameters alone.
+    The metadata of the circuit also have this list, as "circuits". Parameter k is slot `slots[k]`.
+    If no angle is open, the global phase is the only parameter, because some samplers derive the
+    number of observations from parameters.
     """
 
     circuit: Any
@@ -36,7 +36,7 @@ class PackedRound:
     slots: IntArray
 
     def pub(self, angles: FloatArray) -> tuple[Any, dict[tuple[Any, ...], FloatArray]]:
-        """The circuit and its values (B, parameters), of angles (B, slots)."""
+        """The circuit and its values (B, parameters), for angles (B, slots)."""
         values = angles[:, self.slots] if self.slots.size else np.zeros((len(angles), 1))
         return self.circuit, {self.parameters: values}
 
@@ -46,14 +46,14 @@ class PackedExecutable(Prepared):
 
     @cached_property
     def rounds(self) -> list[PackedRound]:
-        """Its rounds, packed when they are first needed."""
+        """The rounds, packed when they are first needed."""
         return [pack_round(self.executable, k) for k in range(self.executable.round_count)]
 
 
 def pack_round(executable: Executable, index: int) -> PackedRound:
     """Round `index` of the executable as one circuit on all qubits of its device.
 
-    The ideal device has as many as the executable uses.
+    The ideal device has as many qubits as the executable uses.
     """
     from qiskit.circuit import ClassicalRegister, Parameter, QuantumCircuit, QuantumRegister
 
@@ -62,28 +62,28 @@ def pack_round(executable: Executable, index: int) -> PackedRound:
     chosen = np.isin(executable.slot_circuits[executable.open_slots], circuits)
     names = [template.inputs[k] for k in np.flatnonzero(chosen)]
     parameters = {name: Parameter(name) for name in names}
-    built = QuantumCircuit(
+    packed = QuantumCircuit(
         QuantumRegister(len(executable.device.qubits) or len(executable.native), "q"),
         ClassicalRegister(len(circuits), REGISTER),
         metadata={"circuits": circuits.tolist()},
     )
     qubits = executable.qubits[circuits].tolist()
     for circuit, qubit in zip(circuits, qubits, strict=True):
-        _append(built, template.circuits[circuit], qubit, parameters)
-    built.measure(qubits, range(len(qubits)))
+        _append(packed, template.circuits[circuit], qubit, parameters)
+    packed.measure(qubits, range(len(qubits)))
     if not parameters:
-        built.global_phase = parameters["phase"] = Parameter("phase")
+        packed.global_phase = parameters["phase"] = Parameter("phase")
     slots = executable.open_slots[chosen]
-    return PackedRound(built, tuple(parameters.values()), circuits, slots)
+    return PackedRound(packed, tuple(parameters.values()), circuits, slots)
 
 
-def _append(built: Any, circuit: Circuit, qubit: int, parameters: dict[str, Any]) -> None:
+def _append(packed: Any, circuit: Circuit, qubit: int, parameters: dict[str, Any]) -> None:
     for gate in circuit.gates:
         angles = []
         if gate.angle is not None:
             open_slot = not gate.angle.is_constant
             angles = [parameters[gate.angle.symbols[0]] if open_slot else gate.angle.constant]
-        getattr(built, gate.name)(*angles, qubit)
+        getattr(packed, gate.name)(*angles, qubit)
 
 
 def count_ones(
@@ -92,10 +92,10 @@ def count_ones(
     circuits: IntArray,
     shots: CircuitShots,
 ) -> CountArray:
-    """The ones of `circuits`, (B, circuits), of the packed bits of rounds that hold just them.
+    """The ones of `circuits`, (B, circuits), from the packed bits of rounds with just these.
 
-    Bits are (B, shots, bytes) for each round; `circuits` is sorted. Of each circuit of the
-    executable the first `shots` count.
+    Bits are (B, shots, bytes) for each round; `circuits` is sorted. For each circuit of the
+    executable the first `shots` are counted.
     """
     ones = np.zeros((len(bits[0]), len(circuits)), dtype=np.int64)
     for packed, of_round in zip(rounds, bits, strict=True):
@@ -108,9 +108,9 @@ def count_ones(
 def ones_of_bits(
     packed: NDArray[np.uint8], width: int, counted: CountArray | None = None
 ) -> CountArray:
-    """In how many shots each bit is 1, (..., width), of packed bits (..., shots, bytes).
+    """The number of shots in which each bit is 1, (..., width), of packed bits (..., shots, bytes).
 
-    Of each bit the first `counted` (width,) shots count, without it all.
+    For each bit the first `counted` (width,) shots are counted, by default all.
     """
     bits = np.unpackbits(packed, axis=-1)[..., : -width - 1 : -1]  # bit 0 comes last
     if counted is not None:

@@ -1,4 +1,4 @@
-"""Executables made ready for an executor, and the counts that are drawn from probabilities."""
+"""Executables prepared for an executor, and drawing counts from probabilities."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from qcompile.passes import Executable
 
 
 class Binomial(Protocol):
-    """Where counts are drawn from: the draws of a batch's rows. p may pass [0, 1] by rounding."""
+    """A source of counts, one draw per row of a batch; rounding may take p beyond [0, 1]."""
 
     def binomial(self, n: CircuitShots, p: FloatArray, /) -> CountArray: ...
 
 
 class Prepared(ABC):
-    """An executable on its executor: what does not depend on inputs is done.
+    """An executable prepared for an executor: the work that does not depend on inputs is done.
 
-    `shots_only` says in words why there are no expectations without shot noise; it is empty where
-    there are, in an `ExactPrepared`.
+    `shots_only` says why there are no expectations without shot noise; it is empty if there are, in
+    an `ExactPrepared`.
     """
 
     shots_only: tuple[str, ...] = ()
@@ -40,13 +40,13 @@ class Prepared(ABC):
     ) -> CountArray:
         """The number of ones of each circuit in its `shots`, (B, circuits), for x (B, inputs).
 
-        What runs shots takes the most that any circuit wants, and leaves out the last ones of a
-        circuit that wants fewer. Where counts are drawn here they come from `rng`, by default the
-        executor's own generator; a sampler and a machine have their own.
+        A sampler runs the largest number of shots of any circuit, and ignores the last shots of
+        circuits with fewer. Counts drawn from probabilities use `rng`, by default the generator of
+        the executor; samplers and machines do not use it.
 
         Raises:
-            CircuitError: x or theta has another shape.
-            CountsError: shots out of range.
+            CircuitError: x or theta has the wrong shape.
+            CountsError: shots are out of range.
         """
 
 
@@ -65,7 +65,7 @@ class ExactPrepared(Prepared):
         """The measured `<Z>` of each circuit without shot noise, (B, circuits).
 
         Raises:
-            CircuitError: x or theta has another shape.
+            CircuitError: x or theta has the wrong shape.
         """
         return 1.0 - 2.0 * self.p_one(x, theta)
 
@@ -80,7 +80,7 @@ class ExactPrepared(Prepared):
 
 
 def draw_ones(rng: np.random.Generator, shots: CircuitShots, p_one: FloatArray) -> CountArray:
-    """Ones in `shots` shots, of the shape of `p_one`: binomial draws, as nothing is entangled."""
+    """The ones in `shots` shots, in the shape of `p_one`: binomial, as nothing is entangled."""
     return rng.binomial(shots, np.minimum(np.maximum(p_one, 0.0), 1.0))
 
 
@@ -88,7 +88,7 @@ def require_exact(prepared: Prepared) -> ExactPrepared:
     """`prepared`, if it has expectations without shot noise.
 
     Raises:
-        CountsError: it only has shots; the message says why.
+        CountsError: it needs shots; the message says why.
     """
     if isinstance(prepared, ExactPrepared):
         return prepared
@@ -96,7 +96,7 @@ def require_exact(prepared: Prepared) -> ExactPrepared:
 
 
 def largest_shots(shots: CircuitShots) -> int:
-    """The shots that it takes to give each circuit its own.
+    """The number of shots to run so that each circuit gets its `shots`: the largest of them.
 
     Raises:
         CountsError: the shots of a circuit are out of range.
@@ -111,13 +111,13 @@ def check_shots(shots: int) -> int:
     """`shots`, if an executor can take them.
 
     Raises:
-        CountsError: shots are no whole number in [1, MAX_SHOTS].
+        CountsError: shots are not a whole number in [1, MAX_SHOTS].
     """
     is_whole = isinstance(shots, int | np.integer) and not isinstance(shots, bool)
     if not is_whole or not 1 <= shots <= MAX_SHOTS:
         raise CountsError(
             f"{shots!s:.60} shots cannot be run.",
-            f"The number of shots lies in [1, {MAX_SHOTS}]; 1024 and 8192 are usual.",
-            "For expectations without shot noise say `--shots exact`.",
+            f"Use 1 to {MAX_SHOTS} shots; 1024 and 8192 are typical.",
+            "For expectations without shot noise use `--shots exact`.",
         )
     return shots

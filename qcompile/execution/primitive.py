@@ -1,4 +1,4 @@
-"""The executor that hands circuits to a Qiskit sampler: by default the noise of a backend in Aer.
+"""The executor that runs circuits through a Qiskit sampler, by default Aer with a backend's noise.
 
 Source: qiskit.primitives, SamplerV2 and BitArray; qiskit_aer.noise.device for the noise.
 """
@@ -29,25 +29,24 @@ _SIMULATORS = (
     "qiskit.providers.fake_provider.",
     "qiskit.primitives.statevector_sampler.",
 )
-"""Where the classes of samplers and backends that simulate are at home."""
+"""The modules that define samplers and backends which simulate."""
 _WIDEST_DENSITY_MATRIX = 9
-"""Circuits side by side up to which one density matrix is faster than a product state per shot."""
+"""Up to this many circuits side by side, a density matrix is faster than a state per shot."""
 
 
 class PrimitiveExecutor(Executor):
     """Runs executables on `backend`, a Qiskit BackendV2 or its Device, through a SamplerV2.
 
-    Every call is one job with one pub for each round: its circuits side by side on their physical
-    qubits, its angles as arrays over the observations. Without a `sampler` nothing leaves this
-    machine: qiskit-ibm-runtime's SamplerV2 plays the noise of the backend's calibration in Aer,
-    the noise that `device` holds, asymmetric readout included. The same seed and the same calls
-    then give the same counts. A `sampler` (anything with the `run` of SamplerV2) has its own noise
-    and its own seed; it should accept the native gates of `backend` on all of its qubits. It is
-    needed where `backend` is a Device. `kind` is that of `sampler_kind`, unless it is given.
+    Every call is one job with one pub for each round, whose circuits are side by side on their
+    physical qubits, and whose angles are arrays over the observations. Without a `sampler` the job
+    runs on this machine: qiskit-ibm-runtime's SamplerV2 simulates the noise of `device`, the
+    calibration of the backend, in Aer, including asymmetric readout. The same seed and the same
+    calls then give the same counts. A `sampler` (any object with the `run` of SamplerV2) has its
+    own noise and seed; it should accept the native gates of `backend` on all of its qubits. It is
+    required if `backend` is a Device. `kind` is by default that of `sampler_kind`.
 
     Raises:
-        DeviceError: the calibration of the backend cannot be made a device, or a Device has no
-            sampler.
+        DeviceError: the backend cannot be turned into a device, or a Device has no sampler.
         MissingExtraError: Qiskit, Aer or qiskit-ibm-runtime is not installed.
     """
 
@@ -61,7 +60,7 @@ class PrimitiveExecutor(Executor):
     ):
         if isinstance(backend, Device) and sampler is None:
             raise DeviceError(
-                f"{backend.name} is a Device, and there is no sampler for it.",
+                f"{backend.name} is a Device, which needs sampler=.",
                 "OfflineExecutor(device) runs its noise model.",
             )
         self.device = backend if isinstance(backend, Device) else device_from_backend(backend)
@@ -74,7 +73,7 @@ class PrimitiveExecutor(Executor):
         """The executable with its rounds as circuits.
 
         Raises:
-            DeviceError: it was compiled for another device.
+            DeviceError: the executable was compiled for another device.
         """
         check_device(executable, self.device)
         return _PreparedSampler(executable, self)
@@ -85,8 +84,8 @@ class PrimitiveExecutor(Executor):
         """The packed bits of each round from one job, (B, shots, bytes) each.
 
         Raises:
-            DeviceError: the sampler refuses the job or fails; the message has its words.
-            QcompileError: one of ours raises it: a live run says itself what happened.
+            DeviceError: the sampler refuses the job or fails; the message quotes it.
+            QcompileError: raised by a sampler of qcompile, such as that of a live run.
         """
         from qiskit.exceptions import QiskitError
 
@@ -110,20 +109,20 @@ class PrimitiveExecutor(Executor):
             if of_round.shape[:2] != (len(angles), shots):
                 raise DeviceError(
                     f"The sampler of {self.device.name} gave bits of shape {of_round.shape[:2]}.",
-                    f"Asked for were {(len(angles), shots)}: observations, shots.",
+                    f"Expected {(len(angles), shots)}: observations, shots.",
                 )
         return bits
 
     def _simulation(self, width: int) -> Any:
-        """A sampler with a new seed for jobs of up to `width` circuits side by side."""
+        """A sampler with a new seed, for jobs of up to `width` circuits side by side."""
         from qiskit_ibm_runtime import SamplerV2
 
         dense = width <= _WIDEST_DENSITY_MATRIX
         method = "density_matrix" if dense else "matrix_product_state"
         self._simulator.set_options(method=method)
-        seed = int(self.rng.integers(1, 2**31))  # the runtime takes 0 for no seed
+        seed = int(self.rng.integers(1, 2**31))  # the runtime treats 0 as no seed
         with warnings.catch_warnings():
-            # Its successor in 0.51 plays every pub with one seed: rounds would not be independent.
+            # Its successor in 0.51 gives every pub the same seed, so rounds would be dependent.
             warnings.simplefilter("ignore", DeprecationWarning)
             return SamplerV2(mode=self._simulator, options={"simulator": {"seed_simulator": seed}})
 
@@ -133,9 +132,9 @@ class _PreparedSampler(PackedExecutable):
         super().__init__(executable)
         self._executor = executor
         self.shots_only = (
-            f"{executor.device.name} runs through a sampler, which only has shots.",
-            "Give a number of shots, 8192 say.",
-            "Expectations without shot noise need a device file: `qcompile backends` lists them.",
+            f"{executor.device.name} runs through a sampler, which needs shots.",
+            "Give a number of shots, for example 8192.",
+            "For expectations without shot noise use a device of `qcompile backends`.",
         )
 
     def ones(
@@ -151,23 +150,25 @@ class _PreparedSampler(PackedExecutable):
 
 
 def sampler_kind(sampler: Any, backend: Any) -> Kind:
-    """What the counts of a sampler for `backend` are worth: "noise-model" or "hardware".
+    """The kind of the counts of a sampler for `backend`: "noise-model" or "hardware".
 
-    They are those of a noise model where there is no sampler, where it simulates by itself, or
-    where its own backend (without one, `backend`) is a simulator or a fake backend of Aer, Qiskit
-    or qiskit-ibm-runtime, whose local testing mode is one. Anything else may be a machine that
-    somebody pays for, and is called hardware.
+    They come from a noise model if there is no sampler, if the sampler simulates by itself, or if
+    its backend (by default `backend`) is a simulator or a fake backend of Aer, Qiskit or
+    qiskit-ibm-runtime, including its local testing mode. Anything else may be a paid machine, and
+    counts as hardware.
     """
-    own = getattr(sampler, "backend", None)
-    own = own() if callable(own) else own
+    sampler_backend = getattr(sampler, "backend", None)
+    sampler_backend = sampler_backend() if callable(sampler_backend) else sampler_backend
     simulated = sampler is None or _is_simulator(sampler)
     return (
-        "noise-model" if simulated or _is_simulator(backend if own is None else own) else "hardware"
+        "noise-model"
+        if simulated or _is_simulator(backend if sampler_backend is None else sampler_backend)
+        else "hardware"
     )
 
 
 def _is_simulator(thing: Any) -> bool:
-    """Whether one of the classes of `thing` is at home where nothing leaves this machine."""
+    """Whether a class of `thing` is defined in a module that only simulates."""
     homes = (f"{base.__module__}." for base in type(thing).__mro__)
     return any(home.startswith(_SIMULATORS) for home in homes)
 
@@ -176,7 +177,7 @@ def _simulator(backend: Any, device: Device) -> Any:
     """Aer with the noise of the backend's calibration.
 
     `AerSimulator.from_backend` reads the target, which has one readout error for both states; the
-    properties, where there are any, have both.
+    properties, if the backend has them, have both.
     """
     try:
         import qiskit_ibm_runtime  # noqa: F401

@@ -1,4 +1,4 @@
-"""The executor that plays a device's measured response curves: its twin."""
+"""The twin executor, which simulates a device by its measured response curves."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ class TwinExecutor(Executor):
     """Runs executables of level 2 on the response curves of a calibration.
 
     The measured `<Z>` of sx rz(a) sx, or rx(a), is b + c cos(a) + s sin(a). The empty circuit and x
-    show what the readout was calibrated with; sx alone, and those two where no readout was
-    calibrated, are taken to lie on the curve. A twin is no hardware: it has the noise that was
-    measured, not what comes since. The same seed and the same calls give the same counts.
+    show the calibrated readout; sx alone, and those two if no readout was calibrated, are assumed
+    to lie on the curve. A twin is not hardware: it has the noise at the time of the calibration,
+    not later changes. The same seed and the same calls give the same counts.
 
     Raises:
-        CalibrationError: the calibration holds no response curves.
+        CalibrationError: the calibration has no response curves.
     """
 
     kind: Kind = "measured-response"
@@ -34,9 +34,9 @@ class TwinExecutor(Executor):
     def __init__(self, calibration: Calibration, seed: int | np.random.SeedSequence | None = None):
         if calibration.response is None:
             raise CalibrationError(
-                f"The calibration of {calibration.backend} holds no response curves.",
+                f"The calibration of {calibration.backend} has no response curves.",
                 *calibration.unfitted,
-                "`qcompile calibrate` measures them; without them there is nothing to play.",
+                "A twin needs them: measure them with `qcompile calibrate`.",
             )
         self.calibration: Calibration = calibration
         left_out = set(range(len(calibration.device.qubits))) - set(calibration.qubits)
@@ -49,7 +49,7 @@ class TwinExecutor(Executor):
         """The executable with the response curves of its qubits.
 
         Raises:
-            CalibrationError: another level than 2, or a qubit without a curve.
+            CalibrationError: the level is not 2, or a qubit has no curve.
             DeviceError: the executable was compiled for another device.
         """
         check_device(executable, self.device)
@@ -85,11 +85,9 @@ class _PreparedTwin(ExactPrepared):
 
 
 def _polar_rad(circuit: Circuit, native: NativeGates) -> float:
-    """The polar angle that a circuit without a rotation makes of |0>; nan for one with its own."""
+    """The polar angle of the state of a circuit without a rotation; nan for one with a rotation."""
     polar_rad = native.polar_angle_rad(circuit)
     if polar_rad is None:
         gates = " ".join(gate.name for gate in circuit.gates)
-        raise CalibrationError(
-            f"A measured response knows sx rz sx, found {gates!r}.", "Use level 2."
-        )
+        raise CalibrationError(f"A twin runs sx rz sx, found {gates!r}.", "Use level 2.")
     return polar_rad

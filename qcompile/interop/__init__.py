@@ -1,5 +1,5 @@
-"""Circuits of other packages in and out: Qiskit, PennyLane and OpenQASM.
+"""Conversion of circuits from and to Qiskit, PennyLane and OpenQASM.
 
-`Program.from_qiskit`, `Program.from_pennylane`, `Program.from_qasm` and `Executable.to_qiskit` are
-the doors; those packages are loaded when a door is used.
+The entry points are `Program.from_qiskit`, `Program.from_pennylane`, `Program.from_qasm` and
+`Executable.to_qiskit`; each loads the package it needs when it is called.
 """

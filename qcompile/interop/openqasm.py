@@ -1,4 +1,4 @@
-"""Programs of OpenQASM text and files."""
+"""Programs from OpenQASM text and files."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from qcompile.qasm import Source, read, read_file
 
 
 def program_of(text_or_path: str | Path, inputs: Inputs = None) -> Program:
-    """The program of OpenQASM 2 or 3; what `Program.from_qasm` says."""
+    """The program of OpenQASM 2 or 3; see `Program.from_qasm`."""
     return _read(text_or_path, inputs, products=False).program
 
 
 def uploads_of(text_or_path: str | Path, inputs: Inputs = None) -> Uploads:
-    """The same, with products of inputs and parameters; what `Ansatz.from_qasm` says."""
+    """The same, with products of inputs and parameters; see `Ansatz.from_qasm`."""
     return _read(text_or_path, inputs, products=True)
 
 
@@ -34,9 +34,11 @@ def _read(text_or_path: str | Path, inputs: Inputs, products: bool) -> Uploads:
     }
     order = measured_in_order(bits, len(program))
     declared = program.inputs[: len(program.inputs) - len(source.products)]
-    own, trained = ({name: name for name in names} for names in split(declared, inputs))
+    input_names, parameter_names = (
+        {name: name for name in names} for names in split(declared, inputs)
+    )
     circuits = [program.circuits[i] for i in order]
-    return Uploads.of(circuits, own, trained, source.products)
+    return Uploads.of(circuits, input_names, parameter_names, source.products)
 
 
 def _source(text_or_path: str | Path, products: bool) -> Source:

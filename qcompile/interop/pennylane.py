@@ -1,7 +1,7 @@
-"""PennyLane's quantum functions, QNodes and tapes as programs.
+"""Programs from PennyLane's quantum functions, QNodes and tapes.
 
-A function is called once, with symbols instead of numbers; what it does with them is read from the
-tape. Source: pennylane.tape, pennylane.ops.
+A function is called once, with symbols instead of numbers, and the resulting tape is read.
+Source: pennylane.tape, pennylane.ops.
 """
 
 from __future__ import annotations
@@ -39,18 +39,18 @@ _GATES = {
     "U2": "u2",
     "U3": "u3",
 }
-"""PennyLane's names of gates of `qasm.gates`; angles come in the same order."""
+"""PennyLane's names for the gates of `qasm.gates`, with their angles in the same order."""
 
 _WITHOUT_EFFECT = ("Identity", "GlobalPhase", "Barrier", "Snapshot", "WireCut")
 
 
 def program_of(function: Any, inputs: Shape = 0, parameters: Shape = 0) -> Program:
-    """The program of a quantum function, a QNode or a tape; what `Program.from_pennylane` says."""
+    """The program of a quantum function, a QNode or a tape; see `Program.from_pennylane`."""
     return _read(function, inputs, parameters, products=False).program
 
 
 def uploads_of(function: Any, inputs: Shape = 0, parameters: Shape = 0) -> Uploads:
-    """The same, with products of inputs and parameters; what `Ansatz.from_pennylane` says."""
+    """The same, with products of inputs and parameters; see `Ansatz.from_pennylane`."""
     return _read(function, inputs, parameters, products=True)
 
 
@@ -64,8 +64,8 @@ def _read(function: Any, inputs: Shape, parameters: Shape, products: bool) -> Up
     if isinstance(function, qml.tape.QuantumScript):
         if inputs != 0 or parameters != 0:
             raise CircuitError(
-                "A tape holds numbers, so it has no inputs and no parameters.",
-                "Give the quantum function that makes the tape instead.",
+                "A tape contains only numbers, so it has no inputs or parameters.",
+                "Pass the quantum function that makes the tape instead.",
             )
     else:
         tape = _traced_tape(function, inputs, parameters, products)
@@ -75,14 +75,18 @@ def _read(function: Any, inputs: Shape, parameters: Shape, products: bool) -> Up
             gates[wire].append(gate)
     circuits = [Circuit(tuple(gates[wire])) for wire in _measured(tape)]
     symbols = (("x", inputs), ("theta", parameters))
-    own, trained = ([f"{name}{i}" for i in range(_size(shape))] for name, shape in symbols)
+    input_names, parameter_names = (
+        [f"{name}{i}" for i in range(_size(shape))] for name, shape in symbols
+    )
     return Uploads.of(
-        circuits, dict(zip(own, own, strict=True)), dict(zip(trained, trained, strict=True))
+        circuits,
+        dict(zip(input_names, input_names, strict=True)),
+        dict(zip(parameter_names, parameter_names, strict=True)),
     )
 
 
 def _shape(name: str, shape: Any) -> Shape:
-    """The shape, or the number, in Python's integers.
+    """The shape, or the number of angles, as Python integers.
 
     Raises:
         CircuitError: it is neither.
@@ -98,7 +102,7 @@ def _shape(name: str, shape: Any) -> Shape:
         numbers = [-1]
     if any(not 0 <= number <= MAX_VALUES for number in numbers):
         raise CircuitError(
-            f"{name} cannot be {shape!r:.60}.", "It is a number of angles, or a shape like (2, 3)."
+            f"{name} cannot be {shape!r:.60}.", "Give a number of angles, or a shape like (2, 3)."
         )
     return checked
 
@@ -108,7 +112,7 @@ def _size(shape: Shape) -> int:
 
 
 def _traced_tape(function: Any, inputs: Shape, parameters: Shape, products: bool) -> Any:
-    """The tape of one call, with symbols for every input and parameter."""
+    """The tape of one call, with a symbol for every input and parameter."""
     import autoray
     import pennylane as qml
 
@@ -129,15 +133,15 @@ def _traced_tape(function: Any, inputs: Shape, parameters: Shape, products: bool
     except (TypeError, ValueError, AttributeError, IndexError, ImportError) as error:
         shapes = " and ".join(f"{name} of shape {shape}" for name, shape in named if shape != 0)
         raise CircuitError(
-            "The quantum function cannot be called with symbols for numbers.",
+            "The quantum function cannot be called with symbols in place of numbers.",
             f"It was given {shapes or 'no arguments'}: {str(error)[:200]}",
-            "inputs= and parameters= say how many numbers its arguments hold, or their shapes.",
-            "Only + and - of them, and * and / by numbers, make angles.",
+            "Set inputs= and parameters= to the sizes or shapes of its arguments.",
+            "Angles may be computed from these only with + and -, and * and / by numbers.",
         ) from error
 
 
 def _expanded(operation: Any, within: tuple[str, ...] = ()) -> Iterator[tuple[Any, Gate]]:
-    """Wire and gate of everything that an operation does, in order."""
+    """The wire and gate of each step of an operation, in order."""
     name, wires = operation.name, list(operation.wires)
     if name in _WITHOUT_EFFECT:
         return
@@ -156,7 +160,7 @@ def _expanded(operation: Any, within: tuple[str, ...] = ()) -> Iterator[tuple[An
 
 
 def _of_one_wire(operation: Any) -> Sequence[Gate] | None:
-    """The gates of a known operation on one wire; None where its decomposition says more."""
+    """The gates of a known operation on one wire; None if it must be decomposed."""
     name = operation.name
     if name.startswith("Adjoint("):
         base = [gate for _, gate in _expanded(operation.base)]
@@ -182,14 +186,14 @@ def _angle(value: Any, gate: str) -> Angle:
     if array.shape != ():
         raise CircuitError(
             f"{gate} has an array of angles of shape {array.shape}.",
-            "A gate takes one angle: give each its entry, such as x[0].",
+            "A gate takes one angle: index the array, as in x[0].",
         )
     item = array.item()
     return item.angle if isinstance(item, TracedAngle) else Angle.of(float(item))
 
 
 def _measured(tape: Any) -> list[Any]:
-    """The wires that become circuits: those measured, in this order; all where none is."""
+    """The wires that become circuits: the measured ones, in that order, or all if none is."""
     import pennylane as qml
 
     wires: list[Any] = []
@@ -199,18 +203,16 @@ def _measured(tape: Any) -> list[Any]:
             if not isinstance(observable, qml.Z):
                 raise CircuitError(
                     f"expval({observable}) is not the Z of one wire.",
-                    "Circuits are measured in Z, one by one: return [qml.expval(qml.Z(0)), ...].",
-                    "Turn other axes to Z by a gate, such as qml.Hadamard for X.",
+                    "Measure Z of single wires: return [qml.expval(qml.Z(0)), ...].",
+                    "Rotate another axis to Z first, X with qml.Hadamard for instance.",
                 )
         elif observable is not None:
             raise CircuitError(
-                f"{measurement} is not a measurement that a circuit has here.",
+                f"The measurement {measurement} is not supported.",
                 "Return expectation values of qml.Z, or counts, samples or probabilities.",
             )
         wires += list(measurement.wires) or list(tape.wires)
     repeated = [wire for wire in wires if wires.count(wire) > 1]
     if repeated:
-        raise CircuitError(
-            f"Wire {repeated[0]} is measured twice.", "A circuit gives one value; measure it once."
-        )
+        raise CircuitError(f"Wire {repeated[0]} is measured twice.", "Measure each wire once.")
     return wires or list(tape.wires)

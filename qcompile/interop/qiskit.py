@@ -1,7 +1,7 @@
-"""Qiskit circuits as programs, and executables as Qiskit circuits.
+"""Programs from Qiskit circuits, and Qiskit circuits from executables.
 
 Source: qiskit.circuit, QuantumCircuit and ParameterExpression; the gates are those of
-`qasm.gates`, which files of Qiskit name alike.
+`qasm.gates`, where they have the same names.
 """
 
 from __future__ import annotations
@@ -34,16 +34,16 @@ from qcompile.qasm.gates import KNOWN_GATES, standard
 _WITHOUT_EFFECT = ("barrier", "delay")
 _STANDARD = "qiskit.circuit.library.standard_gates"
 _PROBES = (0.7390851332151607, -1.3247179572447460)
-"""Where an angle that claims to be affine is checked."""
+"""The points at which an angle is checked to be affine."""
 
 
 def program_of(circuit: Any, inputs: Inputs = None) -> Program:
-    """The program of a QuantumCircuit; what `Program.from_qiskit` says."""
+    """The program of a QuantumCircuit; see `Program.from_qiskit`."""
     return _read(circuit, inputs, products=False).program
 
 
 def uploads_of(circuit: Any, inputs: Inputs = None) -> Uploads:
-    """The same, with products of inputs and parameters; what `Ansatz.from_qiskit` says."""
+    """The same, with products of inputs and parameters; see `Ansatz.from_qiskit`."""
     return _read(circuit, inputs, products=True)
 
 
@@ -57,15 +57,15 @@ def _read(circuit: Any, inputs: Inputs, products: bool) -> Uploads:
             f"{'Ansatz' if products else 'Program'}.from_qiskit takes a QuantumCircuit, "
             f"found {describe(circuit)}."
         )
-    own, trained = split(natural(p.name for p in circuit.parameters), inputs)
-    names = symbols([*own, *trained])
+    input_names, parameter_names = split(natural(p.name for p in circuit.parameters), inputs)
+    names = symbols([*input_names, *parameter_names])
     reader = _Reader(circuit.num_qubits, names, products)
     reader.read(circuit, range(circuit.num_qubits), range(circuit.num_clbits))
     order = measured_in_order(reader.bits, circuit.num_qubits)
     return Uploads.of(
         [Circuit(tuple(reader.gates[qubit])) for qubit in order],
-        {names[name]: name for name in own},
-        {names[name]: name for name in trained},
+        {names[name]: name for name in input_names},
+        {names[name]: name for name in parameter_names},
     )
 
 
@@ -80,7 +80,7 @@ class _Reader:
     def read(
         self, circuit: Any, qubits: Sequence[int], bits: Sequence[int], within: tuple[str, ...] = ()
     ) -> None:
-        """Add what `circuit` does to these qubits and bits; `within` names what it defines."""
+        """Add the gates of `circuit` to these qubits; `within` names the gates it is part of."""
         for instruction in circuit.data:
             operands = [qubits[circuit.find_bit(q).index] for q in instruction.qubits]
             targets = [bits[circuit.find_bit(c).index] for c in instruction.clbits]
@@ -97,7 +97,7 @@ class _Reader:
             if qubit in self.bits:
                 raise CircuitError(
                     f"{where} comes after the measurement of qubit {qubit}.",
-                    "Circuits are measured once, at their end; remove the first measurement.",
+                    "A qubit is measured once, at the end; remove the first measurement.",
                 )
         if name == "measure":
             self._measure(qubits[0], bits[0])
@@ -116,8 +116,8 @@ class _Reader:
     def _measure(self, qubit: int, bit: int) -> None:
         if bit in self.bits.values():
             raise CircuitError(
-                f"measure of qubit {qubit} writes bit {bit}, which another qubit has written.",
-                "Measure every qubit into a bit of its own.",
+                f"measure of qubit {qubit} writes bit {bit}, which another qubit wrote already.",
+                "Measure each qubit into a separate bit.",
             )
         self.bits[qubit] = bit
 
@@ -129,7 +129,7 @@ def _is_gate(operation: Any) -> bool:
 
 
 def _definition(operation: Any) -> Any:
-    """The circuit that an operation stands for; None for standard gates and what has none."""
+    """The circuit that defines an operation; None for standard gates and undefined ones."""
     from qiskit.circuit import ControlFlowOp
 
     home = getattr(operation, "base_class", type(operation)).__module__
@@ -139,9 +139,9 @@ def _definition(operation: Any) -> Any:
 
 
 def _angle(value: Any, names: Mapping[str, str], products: bool) -> Angle:
-    """A number, or a ParameterExpression that is affine, or with `products` bilinear, as an angle.
+    """The angle of a number or an affine ParameterExpression, bilinear too with `products`.
 
-    Slopes are derivatives at 0; two probes show that nothing else is in the expression.
+    Slopes are derivatives at 0; two probe points check that the expression has no other terms.
     """
     if not hasattr(value, "parameters"):
         return Angle.of(float(value))
@@ -207,7 +207,7 @@ def circuits_of(
     *,
     measure: bool = True,
 ) -> list[Any]:
-    """A QuantumCircuit for each round; what `Executable.to_qiskit` says."""
+    """A QuantumCircuit for each round; see `Executable.to_qiskit`."""
     try:
         import qiskit  # noqa: F401
     except ImportError as error:
@@ -215,7 +215,7 @@ def circuits_of(
     if (x is None) != (theta is None):
         raise CircuitError(
             f"{'theta' if x is None else 'x'} was given without {'x' if x is None else 'theta'}.",
-            "Give both for a circuit of numbers, or neither for one with parameters.",
+            "Give both for circuits with numbers, or neither for circuits with parameters.",
         )
     angles = None
     if x is not None and theta is not None:

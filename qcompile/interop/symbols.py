@@ -1,4 +1,4 @@
-"""Names of other packages as symbols, split into inputs and parameters."""
+"""Turning names of other packages into symbols, split into inputs and parameters."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from typing import Any
 from qcompile.errors import CircuitError
 
 INPUT_PREFIX = "x"
-"""Names that start like this are inputs unless one says otherwise."""
+"""By default, names with this prefix are inputs."""
 
 Inputs = str | Iterable[Any] | None
-"""Which names are inputs: a prefix, or names and objects with a `name`; None is INPUT_PREFIX."""
+"""Which names are inputs: a prefix, or names and objects with a `name`; None: INPUT_PREFIX."""
 
 
 def natural(names: Iterable[str]) -> list[str]:
@@ -26,11 +26,11 @@ def natural(names: Iterable[str]) -> list[str]:
 
 
 def split(names: Sequence[str], inputs: Inputs = None) -> tuple[list[str], list[str]]:
-    """`names` as inputs and parameters, both in their order.
+    """`names` split into inputs and parameters, both in their order.
 
-    A text is a prefix; underscores before a name are passed over. Of a list, inputs have the order
-    of the list: an object with a `name` (a Parameter) that no circuit uses stays an input, so that
-    x keeps its width. The name of a vector stands for its elements.
+    A text is a prefix; leading underscores of names are ignored. If `inputs` is a list, inputs have
+    its order, and an object with a `name` (a Parameter) that no circuit uses is still an input, so
+    that x keeps its width. The name of a vector includes its elements.
 
     Raises:
         CircuitError: no name starts with the prefix, or a text of the list is not among `names`.
@@ -54,10 +54,10 @@ def _named(entry: Any, names: Sequence[str]) -> list[str]:
         return [element.name for element in entry.params]
     if hasattr(entry, "name"):
         return [str(entry.name)]
-    found = [name for name in names if name == entry or name.startswith(f"{entry}[")]
-    if not found:
+    matches = [name for name in names if name == entry or name.startswith(f"{entry}[")]
+    if not matches:
         raise _unknown(f"inputs names {str(entry)!r}, which the circuit does not have.", names)
-    return found
+    return matches
 
 
 def _unknown(what: str, names: Sequence[str]) -> CircuitError:
@@ -67,10 +67,10 @@ def _unknown(what: str, names: Sequence[str]) -> CircuitError:
 
 
 def symbols(names: Iterable[str]) -> dict[str, str]:
-    """A symbol for each name: itself where it can be one, x3 for x[3], else with underscores."""
-    given = list(names)
-    result = {name: name for name in given if re.fullmatch(r"[^\W\d]\w*", name) and name != "pi"}
-    for name in given:
+    """A symbol for each name: the name if it is valid, x3 for x[3], else with underscores."""
+    names = list(names)
+    result = {name: name for name in names if re.fullmatch(r"[^\W\d]\w*", name) and name != "pi"}
+    for name in names:
         if name in result:
             continue
         element = re.fullmatch(r"(.*)\[([0-9]+)\]", name)
@@ -85,19 +85,19 @@ def symbols(names: Iterable[str]) -> dict[str, str]:
 
 
 def not_affine(angle: str) -> CircuitError:
-    """The refusal of an angle that is no sum of multiples of symbols."""
+    """The error for an angle that is not affine in the symbols."""
     return CircuitError(
         f"{angle[:80]} is not an affine angle.",
-        "An angle is a sum of numbers times inputs or parameters, and of numbers: 0.5*x0+theta0.",
-        "An Ansatz, which is trained, takes an input times one parameter too: theta1*x0.",
-        "Other scales of inputs, and functions such as arctan, belong in the policy's Encoder.",
+        "An angle is a sum of numbers, and numbers times inputs or parameters: 0.5*x0+theta0.",
+        "An Ansatz, for training, may also contain an input times one parameter: theta1*x0.",
+        "Put other scales of inputs, and functions such as arctan, into the policy's Encoder.",
     )
 
 
 def at(gate: str, what: str, operands: Sequence[Any], within: Sequence[str]) -> str:
-    """A gate and its operands in words; `within` names the gates that define it, outermost first.
+    """A gate and its operands as text; `within` names the gates it is part of, outermost first.
 
-    `what` is what the package calls its operands: "qubit" or "wire".
+    `what` is the package's word for an operand: "qubit" or "wire".
     """
     plural = "s" if len(operands) > 1 else ""
     inside = f" (within {' > '.join(within)})" if within else ""
@@ -105,20 +105,20 @@ def at(gate: str, what: str, operands: Sequence[Any], within: Sequence[str]) -> 
 
 
 def unknown(gate: str, where: str) -> CircuitError:
-    """The refusal of a gate that is neither known nor defined; `where` is what `at` says of it."""
+    """The error for a gate that is neither known nor defined; `where` is the text of `at`."""
     advice = {
         "reset": "Qubits start in |0>; remove the reset.",
         "if_else": "Keep only the branch that runs.",
-    }.get(gate, "Remove it, or replace it with gates of one qubit.")
+    }.get(gate, "Remove it, or replace it with one-qubit gates.")
     return CircuitError(
         f"{where} is not a gate that qcompile can compile.",
-        "Circuits hold gates of one qubit, and measurements at their end.",
+        "Circuits may contain one-qubit gates, and measurements at the end.",
         advice,
     )
 
 
 def entangles(gate: str, where: str) -> CircuitError:
-    """The refusal of a gate that joins qubits; `where` is what `at` says of it."""
+    """The error for a gate that entangles qubits; `where` is the text of `at`."""
     verb = "exchanges" if gate.lower() in ("swap", "permutation") else "entangles"
     return CircuitError(
         f"{where} {verb} them.",
@@ -128,8 +128,8 @@ def entangles(gate: str, where: str) -> CircuitError:
 
 
 def measured_in_order(bits: Mapping[int, Any], qubits: int) -> list[int]:
-    """The qubits that become circuits: those measured, by bit; all in order where none is.
+    """The qubits that become circuits: the measured ones, by bit, or all if none is measured.
 
-    `bits` holds what each measured qubit is sorted by.
+    `bits` has the sort key of each measured qubit.
     """
     return sorted(bits, key=bits.__getitem__) if bits else list(range(qubits))

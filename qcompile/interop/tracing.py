@@ -1,4 +1,4 @@
-"""Angles that Python code computes with, so that what it makes of its arguments can be read."""
+"""Symbolic angles that Python code can compute with, which records the angles of its gates."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ _FUNCTIONS = (
 
 
 class TracedAngle:
-    """An input, a parameter, or a sum of multiples of them; numpy arrays hold it as an object.
+    """An affine expression of inputs and parameters; numpy arrays hold it as an object.
 
-    With `products` two of them can be multiplied: see `ir.products`.
+    With `products` inputs and parameters can be multiplied: see `ir.products`.
 
     Raises:
-        CircuitError: it is used as a number whose value is known, or in what is not affine.
+        CircuitError: it is used where a number is needed, or in an expression that is not affine.
     """
 
     __slots__ = ("_products", "angle")
@@ -90,8 +90,8 @@ class TracedAngle:
 
     def _unknown(self, *_: Any) -> Any:
         raise CircuitError(
-            f"The function asks for the value of {self.angle}, which is a symbol here.",
-            "Its gates may not depend on the values of inputs and parameters, only their angles.",
+            f"The function uses the value of {self.angle}, which is not known yet.",
+            "Only angles may depend on inputs and parameters, not the choice of gates.",
         )
 
     __float__ = __int__ = __complex__ = __bool__ = __index__ = _unknown
@@ -108,12 +108,12 @@ def _refusal(function: str) -> Any:
     return refuse
 
 
-for _function in _FUNCTIONS:  # what numpy calls on objects
+for _function in _FUNCTIONS:  # the methods that numpy calls on objects
     setattr(TracedAngle, _function, _refusal(_function))
 
 
 def _value(other: Any) -> Angle | None:
-    """What is computed with as an angle; None where it is an array, or no number at all."""
+    """The operand of a computation as an angle; None if it is an array or not a number."""
     if isinstance(other, TracedAngle):
         return other.angle
     if getattr(other, "shape", None) == () and hasattr(other, "item"):
@@ -124,7 +124,7 @@ def _value(other: Any) -> Angle | None:
 
 
 def traced(name: str, shape: int | tuple[int, ...], products: bool = False) -> Any:
-    """An array of `shape` of the symbols name0, name1, ..., in C order; one alone for ()."""
+    """An array of `shape` of the symbols name0, name1, ... in C order; a single one for ()."""
     size = int(np.prod(shape, dtype=int))
     array = np.empty(size, dtype=object)
     array[:] = [TracedAngle(Angle.symbol(f"{name}{i}"), products) for i in range(size)]

@@ -1,4 +1,4 @@
-"""Circuits as another package has them, with products of an input and a trained factor."""
+"""Circuits of another package, whose angles may be products of an input and a parameter."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from qcompile.ir.products import separated
 
 @dataclass(frozen=True)
 class Uploads:
-    """A program whose last inputs are products, and the names of its symbols where it comes from.
+    """A program whose last inputs are products, and the original names of its symbols.
 
-    `inputs` and `parameters` name the program's symbols in order. Further inputs of the program are
-    products: `products` has the numbers of the input and of the parameter of each.
+    `inputs` and `parameters` name the program's symbols in order. The remaining inputs of the
+    program are products: `products` has the indices of the input and the parameter of each.
     """
 
     program: Program
@@ -31,9 +31,9 @@ class Uploads:
         parameters: Mapping[str, str],
         pairs: Mapping[str, tuple[str, str]] | None = None,
     ) -> Uploads:
-        """Those of circuits whose angles may hold products; `inputs` has names by symbol.
+        """The uploads of circuits whose angles may contain products; `inputs` has names by symbol.
 
-        Where products have names already, `pairs` has the two symbols of each.
+        If products have names already, `pairs` has the two symbols of each.
 
         Raises:
             CircuitError: a product is not one of an input and a parameter.

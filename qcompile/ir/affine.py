@@ -1,4 +1,4 @@
-"""Affine expressions, such as "0.5*x1+theta2-pi/2": their texts and their arithmetic."""
+"""Affine expressions, such as "0.5*x1+theta2-pi/2": parsing and arithmetic."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ class NotAffineError(ValueError):
 
 
 def affine(text: str) -> Affine:
-    """The affine expression that `text` is; names stand for symbols, but for pi.
+    """The affine expression written in `text`; every name but pi is a symbol.
 
     Raises:
-        NotAffineError: it is not an affine expression.
+        NotAffineError: the text is not an affine expression.
         ZeroDivisionError: it divides by zero.
         RecursionError: its brackets are nested too deeply.
     """
     tokens, position, end = [], 0, len(text.rstrip())
     while position < end:
-        found = _TOKEN.match(text, position)
-        if found is None:
+        match = _TOKEN.match(text, position)
+        if match is None:
             raise NotAffineError(text)
-        tokens.append(found[1])
-        position = found.end()
+        tokens.append(match[1])
+        position = match.end()
     reader = _Reader(tokens)
     value = reader.sum()
     if reader.token:
@@ -42,7 +42,7 @@ def affine(text: str) -> Affine:
 
 
 def add_terms(terms: dict[str, float], more: Iterable[tuple[str, float]], sign: float) -> None:
-    """Add `sign` times `more` to `terms`; what cancels but for its rounding becomes 0."""
+    """Add `sign` times `more` to `terms`; terms that cancel up to rounding become 0."""
     for symbol, coefficient in more:
         before, added = terms.get(symbol, 0.0), sign * coefficient
         total = before + added
@@ -51,10 +51,10 @@ def add_terms(terms: dict[str, float], more: Iterable[tuple[str, float]], sign: 
 
 
 def multiply(left: Affine, right: Affine) -> Affine:
-    """Their product.
+    """The product of two affine expressions.
 
     Raises:
-        NotAffineError: both have symbols.
+        NotAffineError: both contain symbols.
     """
     if not left[1]:
         left, right = right, left
@@ -65,11 +65,11 @@ def multiply(left: Affine, right: Affine) -> Affine:
 
 
 def divide(left: Affine, right: Affine) -> Affine:
-    """Their quotient.
+    """The quotient of two affine expressions.
 
     Raises:
-        NotAffineError: the divisor has symbols.
-        ZeroDivisionError: it is zero.
+        NotAffineError: the divisor contains symbols.
+        ZeroDivisionError: the divisor is zero.
     """
     if right[1]:
         raise NotAffineError

@@ -23,8 +23,8 @@ _SYMBOL = re.compile(r"[^\W\d]\w*\Z")
 class Angle:
     """constant + sum of coefficient * symbol, in radians.
 
-    `terms` is sorted by symbol, holds each symbol once and no coefficient of zero; make one with
-    `Angle.of` or by arithmetic and this is so.
+    `terms` is sorted by symbol, with each symbol once and no zero coefficient. `Angle.of` and
+    arithmetic guarantee that.
     """
 
     constant: float = 0.0
@@ -32,7 +32,7 @@ class Angle:
 
     @classmethod
     def of(cls, value: Angle | float | int | str) -> Angle:
-        """The angle that a number, a text such as "0.5*x1+theta2-pi/2", or an Angle stands for.
+        """The angle given as a number, a text such as "0.5*x1+theta2-pi/2", or an Angle.
 
         Raises:
             CircuitError: the text is not affine, or a number is not finite.
@@ -44,7 +44,7 @@ class Angle:
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise CircuitError(
                 f"{value!r} is not an angle.",
-                "An angle is a number or an affine text like 'x0+0.5'.",
+                "An angle is a number or an affine expression like 'x0+0.5'.",
             )
         try:
             return cls._checked(float(value), {})
@@ -63,7 +63,7 @@ class Angle:
             return cls(constant)
         for value in (constant, *terms.values()):
             if not math.isfinite(value):
-                raise CircuitError("An angle is not finite.", f"Found {value} in it.")
+                raise CircuitError("An angle is not finite.", f"It contains {value}.")
         return cls(constant, tuple(sorted((s, c) for s, c in terms.items() if c)))
 
     @property
@@ -85,7 +85,7 @@ class Angle:
         return Angle._checked(self.constant + other.constant, terms)
 
     def __mul__(self, factor: Angle | float) -> Angle:
-        """Their product, one of which is constant."""
+        """The product of two angles, one of which must be constant."""
         factor = Angle.of(factor)
         try:
             return Angle._checked(*multiply(self._affine, factor._affine))
@@ -93,7 +93,7 @@ class Angle:
             raise _not_affine(f"({self})*({factor})") from error
 
     def __truediv__(self, divisor: Angle | float) -> Angle:
-        """Their quotient, of which the divisor is constant."""
+        """The quotient of two angles, the divisor of which must be constant."""
         divisor = Angle.of(divisor)
         try:
             return Angle._checked(*divide(self._affine, divisor._affine))
@@ -107,7 +107,7 @@ class Angle:
         return self + -Angle.of(other)
 
     def wrapped(self) -> Angle:
-        """The same rotation with its constant in (-pi, pi] (equal up to global phase)."""
+        """The same rotation, up to global phase, with its constant in (-pi, pi]."""
         constant = _within_a_turn(self.constant)
         if constant <= -math.pi + NEGLIGIBLE_RAD:
             constant += 2 * math.pi
@@ -116,21 +116,21 @@ class Angle:
         return Angle(constant, self.terms)
 
     def equals(self, constant: float) -> bool:
-        """Whether this is `constant` up to whole turns and NEGLIGIBLE_RAD, for all symbols."""
+        """Whether it has no symbols and is `constant`, up to whole turns and NEGLIGIBLE_RAD."""
         distance = math.remainder(self.moderate().constant - constant, 2 * math.pi)
         return self.is_constant and abs(distance) <= NEGLIGIBLE_RAD
 
     def moderate(self) -> Angle:
-        """The same rotation with a constant that can be added to others without loss.
+        """The same rotation with a constant small enough to be added to others without loss.
 
-        A constant above MODERATE_RAD is wrapped, exactly; one below stays as it is.
+        A constant above MODERATE_RAD is wrapped, exactly; a smaller one is unchanged.
         """
         return self if abs(self.constant) <= MODERATE_RAD else self.wrapped()
 
     def substitute(self, values: Mapping[str, float]) -> Angle:
-        """The angle with the symbols named in `values` replaced by their numbers.
+        """The angle with the symbols in `values` replaced by their numbers.
 
-        Where they make it larger than MODERATE_RAD its constant is kept modulo 2 pi, exactly.
+        A constant that becomes larger than MODERATE_RAD is reduced modulo 2 pi, exactly.
         """
         products = [c * values[s] for s, c in self.terms if s in values]
         constant = self.constant + sum(products)
@@ -145,7 +145,7 @@ class Angle:
         return Angle._checked(constant, {s: c for s, c in self.terms if s not in values})
 
     def rename(self, names: Mapping[str, str]) -> Angle:
-        """The angle with the symbols named in `names` called what it says."""
+        """The angle with its symbols renamed according to `names`."""
         return Angle._checked(self.constant, {names.get(s, s): c for s, c in self.terms})
 
     def __str__(self) -> str:
@@ -163,10 +163,11 @@ def _within_a_turn(angle: float) -> float:
 
 
 def check_symbol(name: str) -> None:
-    """Raise CircuitError where `name` cannot name a symbol."""
+    """Raise CircuitError unless `name` can be the name of a symbol."""
     if not _SYMBOL.match(name) or name == "pi":
         raise CircuitError(
-            f"{name!r} is not a symbol.", "A symbol is letters, digits and _; 'pi' is taken."
+            f"{name!r} is not a symbol.",
+            "A symbol consists of letters, digits and _, and is not 'pi'.",
         )
 
 

@@ -1,4 +1,4 @@
-"""Circuits of one qubit, and angles that follow from one when it is bound."""
+"""Circuits of one qubit, and angles that are computed from a circuit when it is bound."""
 
 from __future__ import annotations
 
@@ -51,34 +51,34 @@ class Circuit:
 
     @property
     def angles(self) -> tuple[Angle, ...]:
-        """The angles of its gates, in order."""
+        """The angles of the gates, in order."""
         return tuple(gate.angle for gate in self.gates if gate.angle is not None)
 
     @property
     def symbols(self) -> tuple[str, ...]:
-        """Every symbol that occurs, in order of first use."""
+        """Every symbol in the circuit, in order of first use."""
         late = (g.angle.terms for g in self.gates if g.angle is not None and g.angle.terms)
         return tuple(dict.fromkeys(symbol for terms in late for symbol, _ in terms))
 
     def with_angles(self, angles: Iterable[Angle]) -> Circuit:
-        """The circuit with other angles, in order: as many as it has."""
+        """The circuit with its angles replaced, in order, by as many others."""
         others = iter(angles)
         return Circuit(
             tuple(g if g.angle is None else Gate(g.name, next(others)) for g in self.gates)
         )
 
     def substitute(self, values: Mapping[str, float]) -> Circuit:
-        """The circuit with the symbols named in `values` replaced by their numbers."""
+        """The circuit with the symbols in `values` replaced by their numbers."""
         return Circuit(
             tuple(Gate(g.name, g.angle and g.angle.substitute(values)) for g in self.gates)
         )
 
     def rename(self, names: Mapping[str, str]) -> Circuit:
-        """The circuit with the symbols named in `names` called what it says."""
+        """The circuit with its symbols renamed according to `names`."""
         return Circuit(tuple(Gate(g.name, g.angle and g.angle.rename(names)) for g in self.gates))
 
     def to_lists(self) -> list[list[str | float]]:
-        """The policy-file form; `Circuit.of` reads it back to an equal circuit."""
+        """The policy-file form, from which `Circuit.of` makes an equal circuit."""
         return [
             [g.name]
             if g.angle is None
@@ -104,8 +104,8 @@ class LateAngle:
     """A symbol whose value is known only when a program is bound.
 
     The unitary of `block` is Rz(last) Ry(polar) Rz(first) up to global phase, polar in [0, pi];
-    the symbol `name` is the one of these three angles that `part` names. Only the parts of a
-    program's late angles may be left over: cos(polar) is the `<Z>` of the block from |0>.
+    the symbol `name` is the one of these three angles that `part` names. cos(polar) is the `<Z>`
+    of the block from |0>.
     """
 
     name: str

@@ -63,7 +63,7 @@ class Gate:
     """One gate of a circuit: a name of the gate table, and its angle if it has one.
 
     Raises:
-        CircuitError: the name is not in the table, or an angle is missing or too many.
+        CircuitError: the name is not in the table, or the angle is missing or not allowed.
     """
 
     name: str
@@ -92,7 +92,7 @@ class Gate:
 
     @property
     def rotations(self) -> tuple[Rotation, ...]:
-        """The z and y rotations this gate is, up to global phase; the first acts first."""
+        """The z and y rotations equal to the gate, up to global phase; the first acts first."""
         if self.angle is None:
             return FIXED_GATES[self.name]
         return ROTATION_GATES[self.name](self.angle)

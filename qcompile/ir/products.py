@@ -1,7 +1,7 @@
-"""Products of two symbols: what becomes of an angle such as "scale*x" until x is encoded.
+"""Products of two symbols, such as "scale*x", in angles that are not affine.
 
-A product stands in an angle as a symbol "a*b", which no program declares; `separated` gives each a
-name of its own.
+In an angle a product is a symbol "a*b", which no program declares; `separated` gives each product
+a name of its own.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ MARK = "*"
 
 
 def product(left: Angle, right: Angle) -> Angle:
-    """Their product, in which that of two symbols is a symbol.
+    """The product of two angles, with each product of two symbols as a symbol.
 
     Raises:
-        CircuitError: it has a product of three symbols.
+        CircuitError: the result contains a product of three symbols.
     """
     total = (left - left.constant) * right.constant + right * left.constant
     for a, c in left.terms:
@@ -27,7 +27,7 @@ def product(left: Angle, right: Angle) -> Angle:
             if MARK in a or MARK in b:
                 raise CircuitError(
                     f"({left})*({right}) is a product of three symbols.",
-                    "An angle may hold an input times one parameter: theta1*x0.",
+                    "An angle may contain an input times one parameter: theta1*x0.",
                 )
             total += Angle(0.0, ((MARK.join(sorted((a, b))), c * d),))
     return total
@@ -36,7 +36,7 @@ def product(left: Angle, right: Angle) -> Angle:
 def separated(
     circuits: Iterable[Circuit], names: Iterable[str]
 ) -> tuple[tuple[Circuit, ...], dict[str, tuple[str, str]]]:
-    """The circuits with a name for each product, none of `names`, and its two symbols by name."""
+    """The circuits with a new symbol, not in `names`, for each product, and its two factors."""
     circuits, taken = tuple(circuits), set(names)
     renamed: dict[str, str] = {}
     for symbol in (symbol for circuit in circuits for symbol in circuit.symbols):

@@ -67,15 +67,15 @@ class Program:
     def from_qiskit(cls, circuit: Any, inputs: str | Iterable[Any] | None = None) -> Program:
         """The program of a Qiskit QuantumCircuit without entangling gates, up to global phase.
 
-        Qubit i is circuit i; where qubits are measured, those alone, in the order of their bits.
-        Parameters whose names start with x are inputs and all others are parameters, unless
-        `inputs` says otherwise: another prefix, a ParameterVector, or a list of Parameters and
-        names. Both are sorted by name, numbers as numbers; `inputs` given as a list keeps its
-        order. The symbol of element x[3] of a vector is x3.
+        Qubit i becomes circuit i. If some qubits are measured, only those become circuits, in the
+        order of their bits. Parameters whose names start with x are inputs and all others are
+        parameters, unless `inputs` says otherwise: another prefix, a ParameterVector, or a list of
+        Parameters and names. Both are sorted by name, numbers as numbers; an `inputs` list keeps
+        its order. The symbol of element x[3] of a vector is x3.
 
         Raises:
-            CircuitError: a gate entangles qubits or is not known, an angle is not affine, or a
-                qubit is used after its measurement.
+            CircuitError: a gate entangles qubits or is unknown, an angle is not affine, or a qubit
+                is used after its measurement.
             MissingExtraError: Qiskit is not installed.
         """
         from qcompile.interop.qiskit import program_of
@@ -89,13 +89,13 @@ class Program:
         """The program of a PennyLane quantum function, QNode or tape, up to global phase.
 
         The function is called once, as function(x, theta), with arrays of symbols of the shapes
-        `inputs` and `parameters`; an argument of size 0 is not given. Their elements are x0, x1,
-        ... and theta0, theta1, ... in C order. Circuit i is the i-th wire that is measured in Z;
-        where none is, the i-th wire that the function uses. A tape holds numbers alone.
+        `inputs` and `parameters`; an argument of size 0 is omitted. Their elements are x0, x1, ...
+        and theta0, theta1, ... in C order. Circuit i is the i-th wire measured in Z or, if none is
+        measured, the i-th wire the function uses. A tape contains only numbers.
 
         Raises:
-            CircuitError: a gate entangles wires or is not known, an angle is not affine, or the
-                function asks for the value of a symbol.
+            CircuitError: a gate entangles wires or is unknown, an angle is not affine, or the
+                function needs the value of a symbol.
             MissingExtraError: PennyLane is not installed.
         """
         from qcompile.interop.pennylane import program_of
@@ -108,8 +108,8 @@ class Program:
     ) -> Program:
         """The program of OpenQASM 2 or 3, up to global phase.
 
-        A str with a line break, or that starts with OPENQASM, is the text itself; any other, and a
-        Path, is a file. Circuits are ordered as `from_qiskit` orders them, and `inputs` says the
+        A str that contains a line break or starts with OPENQASM is the text itself; any other str
+        or a Path names a file. Circuits are ordered as by `from_qiskit`, and `inputs` means the
         same; inputs and parameters keep the order in which the file declares them.
 
         Raises:
@@ -138,10 +138,12 @@ class Program:
         """The program with inputs or parameters replaced by their numbers.
 
         Raises:
-            CircuitError: the program has late angles; substitute before it is compiled.
+            CircuitError: the program has late angles; substitute before you compile it.
         """
         if self.late_angles:
-            raise CircuitError("A fused program cannot be substituted.", "Do it before compiling.")
+            raise CircuitError(
+                "Values cannot be substituted into a fused program.", "Substitute before compiling."
+            )
         return Program(
             tuple(circuit.substitute(values) for circuit in self.circuits),
             tuple(name for name in self.inputs if name not in values),
@@ -149,18 +151,18 @@ class Program:
         )
 
     def side_by_side(self, copies: int) -> Program:
-        """`copies` copies of the program, which share its parameters and have their own inputs.
+        """A program of `copies` copies of this one, with shared parameters and separate inputs.
 
-        Inputs and circuits come copy by copy; input x of copy j is called x_j, with more
-        underscores where a parameter has that name. One copy is the program itself.
+        Inputs and circuits are ordered copy by copy. Input x of copy j is called x_j, with more
+        underscores if a parameter has that name. One copy is the program itself.
 
         Raises:
-            CircuitError: the program has late angles; copy it before it is compiled.
+            CircuitError: the program has late angles; copy it before you compile it.
         """
         if copies == 1:
             return self
         if self.late_angles:
-            raise CircuitError("A fused program cannot be copied.", "Do it before compiling.")
+            raise CircuitError("A fused program cannot be copied.", "Copy it before compiling.")
         mark = "_"
         while any(f"{x}{mark}{j}" in self.parameters for x in self.inputs for j in range(copies)):
             mark += "_"
@@ -193,10 +195,10 @@ class Program:
 
     @classmethod
     def parse(cls, text: str) -> Program:
-        """The program whose text form (`str`) is `text`.
+        """The program with the text form (`str`) `text`.
 
         Raises:
-            CircuitError: a line is not of that form.
+            CircuitError: a line cannot be read.
         """
         circuits: list[Circuit] = []
         symbols: dict[str, tuple[str, ...]] = {"inputs": (), "parameters": ()}

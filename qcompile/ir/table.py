@@ -14,17 +14,17 @@ from qcompile.ir.angle import Angle
 from qcompile.ir.turns import MODERATE_RAD, reduced_product
 
 Array = Any
-"""A numpy array or a torch tensor; one code serves both."""
+"""A numpy array or a torch tensor; the same code serves both."""
 
 _MAX_DENSE = 1_000_000
-"""Entries of a dense matrix of linear forms."""
+"""The most entries of a dense matrix of linear forms."""
 
 
 class _Linear:
     """Linear forms in a vector of symbols: values (..., symbols) to (..., forms).
 
-    Forms of at most one symbol each, the usual case, are a gather instead of a matrix product; so
-    are many forms of several symbols, whose matrix would be huge and nearly empty.
+    Forms of at most one symbol each, the usual case, use a gather instead of a matrix product. So
+    do many forms of several symbols, whose matrix would be huge and nearly empty.
     """
 
     def __init__(self, angles: Sequence[Angle], symbols: Sequence[str], xp: ModuleType, dtype: Any):
@@ -38,7 +38,7 @@ class _Linear:
                 index[term, column], scale[term, column] = symbol, coefficient
         self.is_zero = most == 0
         self.largest = float(np.abs(scale).sum(axis=0).max(initial=0.0))
-        """No form is larger than this times the largest value."""
+        """Every form is at most this times the largest value."""
         self._terms = index, scale
         self._matrix = self._gathers = None
         if most > 1 and len(symbols) * len(forms) <= _MAX_DENSE:
@@ -63,7 +63,7 @@ class _Linear:
         return total
 
     def reduced(self, values: Array) -> Array:
-        """The forms modulo 2 pi, exactly (numpy alone)."""
+        """The forms modulo 2 pi, exactly (numpy only)."""
         index, scale = self._terms
         terms = [reduced_product(c, values[..., i]) for i, c in zip(index, scale, strict=True)]
         return np.sum(terms, axis=0)
@@ -80,9 +80,9 @@ def _unless_ones(scale: Array, xp: ModuleType, dtype: Any) -> Array:
 class AngleTable:
     """Affine angles over inputs and parameters, one column each.
 
-    `constant` (columns,) is a numpy array; `linear(x, theta)` is the rest. Where values are so
-    large that doubles would round the angles, `are_large` says so, and `large=True` gives them
-    modulo 2 pi, exactly (numpy alone).
+    `constant` (columns,) is a numpy array; `linear(x, theta)` is the rest. `are_large` tells
+    whether values are so large that doubles would round the angles; then `large=True` computes
+    them modulo 2 pi, exactly (numpy only).
     """
 
     def __init__(
@@ -105,14 +105,14 @@ class AngleTable:
 
     @property
     def largest(self) -> tuple[float, float]:
-        """No form exceeds the first times the largest |x| plus the second times that of theta."""
+        """Factors: a form is at most the first times max |x| plus the second times max |theta|."""
         return self._inputs.largest, self._parameters.largest
 
     def linear(self, x: Array, theta: Array, *, large: bool = False) -> Array:
-        """The angles less `constant`, for x (B, inputs) and theta (parameters,).
+        """The angles minus `constant`, for x (B, inputs) and theta (parameters,).
 
-        The shape is (B, columns), or (columns,) where no angle depends on an input. Call it only
-        where `is_constant` is false.
+        The shape is (B, columns), or (columns,) if no angle depends on an input. Call it only if
+        `is_constant` is false.
 
         Raises:
             CircuitError: `large`, and an angle is not finite.
@@ -143,12 +143,12 @@ class AngleTable:
 
 
 def are_large(x: Array, theta: Array, largest: tuple[float, float]) -> bool:
-    """Whether an angle may exceed MODERATE_RAD, or is not finite (numpy alone).
+    """Whether an angle may exceed MODERATE_RAD, or is not finite (numpy only).
 
-    `largest` is that of the table, or the larger of several.
+    `largest` is that of the table, or the maximum of several.
     """
     (of_x, of_theta), limit = largest, MODERATE_RAD
-    # No value is larger than the norm, which costs less than the maximum.
+    # The norm bounds every value, and costs less than the maximum.
     if of_x * math.sqrt(np.vdot(x, x)) + of_theta * math.sqrt(np.vdot(theta, theta)) <= limit:
         return False
     most_x, most_theta = (float(np.abs(v).max(initial=0.0)) for v in (x, theta))

@@ -1,8 +1,8 @@
 """Large angles reduced to one turn, exactly.
 
-cos(1e8) needs 1e8 modulo 2 pi, and the double nearest to 2 pi is off by 2.4e-16: 16 million turns
-of it are off by 4e-9. So large angles are counted in turns, as fractions of 128 bits, with as many
-bits of 1 / (2 pi) as a double can ask for (Payne and Hanek, 1983).
+cos(1e8) needs 1e8 modulo 2 pi, and the double nearest to 2 pi is off by 2.4e-16, so 16 million
+turns are off by 4e-9. Large angles are therefore counted in turns, as fractions of 128 bits, with
+as many bits of 1 / (2 pi) as any double needs (Payne and Hanek, 1983).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from qcompile.arrays import FloatArray
 
 MODERATE_RAD = 256.0
-"""Up to here plain arithmetic of doubles serves: one rounding is at most 3e-14."""
+"""Up to here ordinary double arithmetic is good enough: one rounding is at most 3e-14."""
 
 _MANTISSA = 53
 _MIN_EXPONENT = 3 - _MANTISSA  # of an angle of 4 or more, as a whole number times a power of 2
@@ -28,9 +28,9 @@ _32 = np.uint64(32)
 
 
 def reduced(angles: FloatArray | float) -> FloatArray:
-    """`angles` modulo 2 pi in [-pi, pi], to 1e-15, however large; those below 4 as they are.
+    """`angles` modulo 2 pi in [-pi, pi], to 1e-15, however large; those below 4 are unchanged.
 
-    What is not finite stays so.
+    Infinities and NaN are unchanged too.
     """
     angles = np.asarray(angles, dtype=float)
     mantissa, exponent = np.frexp(angles)
@@ -38,16 +38,16 @@ def reduced(angles: FloatArray | float) -> FloatArray:
     whole = np.where(large, np.abs(mantissa) * 2.0**_MANTISSA, 0.0).astype(np.uint64)
     high, low = _turns_of_powers()
     index = np.where(large, exponent - _MANTISSA - _MIN_EXPONENT, 0)
-    # Products modulo one turn: what overflows 64 bits is whole turns.
+    # Products modulo one turn: the bits that overflow 64 bits are whole turns.
     turns = whole * high[index] + _upper_half(whole, low[index])
     radians = turns.astype(np.int64) * (2 * math.pi / 2.0**64)
     return np.where(large, np.copysign(1.0, angles) * radians, angles)
 
 
 def reduced_product(factor: FloatArray | float, values: FloatArray | float) -> FloatArray:
-    """`factor * values` modulo 2 pi, as exact as `reduced`: the product is not rounded before.
+    """`factor * values` modulo 2 pi, as exact as `reduced`: the product is not rounded first.
 
-    It is NaN where the product is not finite.
+    The result is NaN where the product is not finite.
     """
     mantissa_a, exponent_a = np.frexp(factor)
     mantissa_b, exponent_b = np.frexp(values)
@@ -56,7 +56,7 @@ def reduced_product(factor: FloatArray | float, values: FloatArray | float) -> F
         product = mantissa_a * mantissa_b
         high_a, low_a = _split(mantissa_a)
         high_b, low_b = _split(mantissa_b)
-        # What the product was rounded by (Dekker, 1971).
+        # The rounding error of the product (Dekker, 1971).
         rest = low_a * low_b - (((product - high_a * high_b) - low_a * high_b) - high_a * low_b)
         top = np.ldexp(product, exponent)
         result = reduced(top) + reduced(np.ldexp(rest, exponent))
@@ -67,7 +67,7 @@ def reduced_sum(terms: Iterable[Fraction]) -> float:
     """The sum of exact numbers modulo 2 pi, to 1e-15.
 
     Raises:
-        OverflowError: the sum is no finite double.
+        OverflowError: the sum is too large for a double.
     """
     total, radians = sum(terms, Fraction()), 0.0
     while True:
@@ -79,14 +79,14 @@ def reduced_sum(terms: Iterable[Fraction]) -> float:
 
 
 def _split(values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Two numbers of 26 bits whose sum is the value (Veltkamp)."""
+    """Each value as a sum of two numbers of 26 bits (Veltkamp)."""
     scaled = values * (2.0**27 + 1)
     high = scaled - (scaled - values)
     return high, values - high
 
 
 def _upper_half(a: NDArray[np.uint64], b: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """The upper 64 bits of the products of 128 bits."""
+    """The upper 64 bits of the 128-bit products."""
     a_high, a_low, b_high, b_low = a >> _32, a & _LOW_32, b >> _32, b & _LOW_32
     middle = a_high * b_low + (a_low * b_low >> _32)
     other = a_low * b_high + (middle & _LOW_32)
@@ -96,7 +96,7 @@ def _upper_half(a: NDArray[np.uint64], b: NDArray[np.uint64]) -> NDArray[np.uint
 
 @cache
 def _turns_of_powers() -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
-    """2^e radians as a fraction of a turn, in two words of 64 bits, from the least e on."""
+    """2^e radians as a fraction of a turn, in two 64-bit words, for every exponent e."""
     bits = _MAX_EXPONENT + 128 + 64
     inverse = (1 << 2 * bits) // (2 * _pi(bits))  # 1 / (2 pi) times 2^bits
     words = [

@@ -1,1 +1,1 @@
-"""What leaves as OpenQASM: compiled program files, and jobs of a policy's circuits."""
+"""OpenQASM output: compiled program files, and jobs of a policy's circuits."""

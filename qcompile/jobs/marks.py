@@ -1,4 +1,4 @@
-"""What a program file says beside gates: written at level 0, told of at levels 1 and 2."""
+"""Non-gate statements of a program file: kept at level 0, reported at levels 1 and 2."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _ID = Gate("id")
 
 
 def native_starts(program: Program, native: NativeGates) -> list[list[int]]:
-    """The number of native gates at level 0 before gate 0, 1, ... of each circuit, and in all."""
+    """For each circuit, the level-0 native gates before gate 0, 1, ... and in total."""
     gates = list(dict.fromkeys(gate for circuit in program.circuits for gate in circuit.gates))
     alone = replace(program, circuits=tuple(Circuit((gate,)) for gate in gates))
     lengths = dict(zip(gates, map(len, lower(alone, 0, native).circuits), strict=True))
@@ -26,7 +26,7 @@ def native_starts(program: Program, native: NativeGates) -> list[list[int]]:
 
 
 def on_circuits(marks: Sequence[Mark], index_of: Mapping[int, int]) -> list[Mark]:
-    """The marks on the circuits that are kept, by their new index; those on none are left out."""
+    """The marks on kept circuits, with the circuits' new indices; marks on none are dropped."""
     remaining = []
     for mark in marks:
         pairs = [
@@ -41,7 +41,7 @@ def on_circuits(marks: Sequence[Mark], index_of: Mapping[int, int]) -> list[Mark
 
 
 def moved(marks: Sequence[Mark], starts: Sequence[Sequence[int]]) -> list[Mark]:
-    """The marks among native gates, of which so many come before each gate."""
+    """The marks at their places among native gates; `starts` is from `native_starts`."""
     return [
         replace(
             mark,
@@ -55,7 +55,7 @@ def moved(marks: Sequence[Mark], starts: Sequence[Sequence[int]]) -> list[Mark]:
 
 
 def counted(marks: Sequence[Mark], circuits: Sequence[Circuit] = ()) -> str:
-    """How many of each there are, such as "1 reset, 2 id"; "" for none."""
+    """The number of each kind of mark, such as "1 reset, 2 id"; "" for none."""
     counts = Counter(mark.word for mark in marks)
     counts["id"] = sum(gate == _ID for circuit in circuits for gate in circuit.gates)
     return ", ".join(f"{count} {word}" for word, count in counts.items() if count)

@@ -1,4 +1,4 @@
-"""Jobs: a policy's circuits as OpenQASM files, and the job.json that says what they are."""
+"""Jobs: a policy's circuits as OpenQASM files, and a job.json that describes them."""
 
 from __future__ import annotations
 
@@ -42,11 +42,11 @@ def export_job(
 ) -> dict[str, Any]:
     """Write the circuits of `policy` for `device` into the new `folder`; return its job.json.
 
-    Without observations one parametric program for each round (OpenQASM 3 only): its inputs are
-    native angles in the order of `Executable.open_slots`, or at level 0 the encoded features.
-    With observations (B, features) their angles are bound, one program for each observation and
-    round. On a device with its own qubits OpenQASM 3 names them ($n); bit i of register c belongs
-    to circuits[i]. `on_row` is called with the number of observations written.
+    Without observations there is one parametric program for each round (OpenQASM 3 only); its
+    inputs are native angles in the order of `Executable.open_slots`, or at level 0 the encoded
+    features. With observations (B, features) the angles are bound, with one program for each
+    observation and round. On a device OpenQASM 3 names its physical qubits ($n); bit i of register
+    c belongs to circuits[i]. `on_row` is called with the number of observations written.
 
     Raises:
         CircuitError: OpenQASM 2 without observations.
@@ -54,7 +54,7 @@ def export_job(
     """
     if observations is None and format == "qasm2":
         raise CircuitError(
-            "OpenQASM 2 has no inputs, so a parametric job cannot be written in it.",
+            "OpenQASM 2 has no inputs, so it cannot hold a parametric job.",
             "Give --observations FILE to bind the angles, or use --format qasm3.",
         )
     executable = compile(policy.trained_program, device, level, policy.importance)
@@ -114,22 +114,22 @@ def read_observations(path: Path, policy: Policy) -> FloatArray:
             values = np.array(_rows(load_json(contents)), dtype=float)
         else:
             values = read_table(contents)
-        with np.errstate(over="ignore"):  # what overflows is refused below
+        with np.errstate(over="ignore"):  # infinite values are refused below
             values = np.atleast_2d(np.asarray(values, dtype=float))
     except (OSError, ContentsError, ValidationError) as error:
         raise PolicyError(
-            f"{path} holds no observations.",
+            f"{path} does not contain observations.",
             *explain(error)[0].splitlines()[:1],
             "It needs one row of numbers for each observation, as .npy, .csv or .json.",
         ) from error
     if not np.isfinite(values).all() or not values.size:
-        raise PolicyError(f"{path} holds no observation, or a number that is not finite.")
+        raise PolicyError(f"{path} contains no observation, or a number that is not finite.")
     _encoded(policy, values)
     return values
 
 
 def _rows(values: Any) -> list[list[float]]:
-    """The rows of a JSON document: one is enough, and may stand without a list around it."""
+    """The rows of a JSON document; a single row needs no enclosing list."""
     if not isinstance(values, list) or not values or not isinstance(values[0], list):
         values = [values if isinstance(values, list) else [values]]
     rows = _ROWS.validate_python(values)
@@ -142,14 +142,14 @@ def _encoded(policy: Policy, observations: FloatArray) -> FloatArray:
     with np.errstate(all="ignore"):
         x = policy.encode(observations)
     if not np.isfinite(x).all():
-        raise PolicyError("An observation gives an angle that is not finite.")
+        raise PolicyError("An observation leads to an angle that is not finite.")
     return x
 
 
 def _bound(executable: Executable, x: FloatArray) -> Iterator[tuple[int, Program]]:
     """The native circuits for each row of x (B, inputs), angles bound for the whole batch at once.
 
-    A row with an angle at a quarter turn, where fewer gates may do, is compiled by itself.
+    A row with an angle at a quarter turn may need fewer gates and is compiled separately.
     """
     angles = executable.bind(x, np.zeros(0))[:, executable.open_slots]
     quarters = np.abs(angles - np.rint(angles / _QUARTER_TURN) * _QUARTER_TURN)
@@ -158,8 +158,8 @@ def _bound(executable: Executable, x: FloatArray) -> Iterator[tuple[int, Program
     template = executable.template()
     for row, values in enumerate(angles):
         if special[row]:
-            known = executable.source.substitute(_named(executable.source.inputs, x[row]))
-            yield row, compile(known, executable.device, executable.level).native
+            substituted = executable.source.substitute(_named(executable.source.inputs, x[row]))
+            yield row, compile(substituted, executable.device, executable.level).native
         else:
             yield row, template.substitute(_named(template.inputs, values))
 
@@ -169,7 +169,7 @@ def _named(names: tuple[str, ...], values: FloatArray) -> dict[str, float]:
 
 
 def _part(native: Program, circuits: list[int]) -> Program:
-    """The native circuits of one round, with the inputs that occur in them."""
+    """The native circuits of one round, with the inputs they use."""
     chosen = tuple(native.circuits[i] for i in circuits)
     used = {symbol for circuit in chosen for symbol in circuit.symbols}
     return Program(chosen, tuple(name for name in native.inputs if name in used))

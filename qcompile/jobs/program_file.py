@@ -1,4 +1,4 @@
-"""A program file compiled: its own registers, a device's own gates."""
+"""Compile a program file to a device's native gates, keeping its registers."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from qcompile.qasm.write import write
 
 @dataclass(frozen=True, eq=False)
 class CompiledFile:
-    """The text of the compiled program, what it was made from, and what its reader should know.
+    """The text of the compiled program, its executable, and notes for its reader.
 
-    `circuits[i]` is the number, in the source, of the executable's circuit i: qubits that nothing
-    is done to, and at level 2 those that are not measured, have none.
+    `circuits[i]` is the source's index of the executable's circuit i: qubits without gates, and at
+    level 2 unmeasured qubits, have no circuit.
     """
 
     text: str
@@ -34,12 +34,12 @@ class CompiledFile:
 
 
 def compile_source(source: Source, device: Device, level: int, version: Version) -> CompiledFile:
-    """Compile a program file as one program: every qubit in use side by side, in one round.
+    """Compile a program file as one program: all qubits in use run in parallel, in one round.
 
-    At level 2 only what is measured is kept. Level 0 keeps resets, barriers, delays and id.
+    Level 2 keeps only measured qubits. Level 0 keeps resets, barriers, delays and id.
 
     Raises:
-        CircuitError: level 2, and nothing is measured; or two kinds of qubits.
+        CircuitError: at level 2 nothing is measured; or virtual and physical qubits are mixed.
         DeviceError: the device has too few qubits.
     """
     try:
@@ -70,13 +70,14 @@ def _compiled(source: Source, device: Device, level: int, version: Version) -> C
     if native.late_angles:
         native = executable.template(used, _names(source))
         notes.append(
-            f"{len(native.inputs)} native angles are inputs of the result: they follow from the "
-            "program's own inputs when it is bound (compile(...).bind in Python)."
+            f"{len(native.inputs)} native angles are inputs of the result: they are computed "
+            "from the "
+            "program's own inputs by binding it (compile(...).bind in Python)."
         )
     if other := legal_names(native, layout, version):
         native, layout = renamed(native, layout, other)
         pairs = ", ".join(f"{old} is {new}" for old, new in list(other.items())[:8])
-        notes.append(f"names that OpenQASM reserves are changed: {pairs}.")
+        notes.append(f"names reserved by OpenQASM are changed: {pairs}.")
     physical = version == "3" and not device.is_ideal
     qubits = executable.qubits.tolist() if physical else None
     text = write(native, version=version, layout=layout, qubits=qubits, marks=marks)
@@ -88,13 +89,13 @@ def _used(source: Source, level: int, notes: list[str]) -> list[int]:
     measured = [bit is not None for bit in source.layout.bits]
     if level == 2 and not any(measured):
         raise CircuitError(
-            "The program measures nothing, and level 2 keeps what is measured alone.",
+            "The program measures nothing, and level 2 keeps only measured qubits.",
             "Add a measurement, or compile it with --level 1.",
         )
     has_gates = [len(circuit) > 0 for circuit in source.program.circuits]
     dropped = sum(g and not m for g, m in zip(has_gates, measured, strict=True))
     if level == 2 and dropped:
-        notes.append(f"{dropped} qubit(s) are not measured: their gates are gone.")
+        notes.append(f"{dropped} qubit(s) are not measured: their gates are dropped.")
     return [
         circuit
         for circuit, is_measured in enumerate(measured)
@@ -120,12 +121,12 @@ def _names(source: Source) -> list[str]:
 def _require_places(executable: Executable, layout: Layout) -> None:
     device, size = executable.device, len(executable.device.qubits)
     if executable.round_count > 1 or (size and executable.qubits.max(initial=0) >= size):
-        named = [qubit for qubit in layout.qubits if isinstance(qubit, int)]
-        needed = f"qubit ${max(named)}" if named else f"{len(layout)} qubits at once"
+        physical = [qubit for qubit in layout.qubits if isinstance(qubit, int)]
+        needed = f"qubit ${max(physical)}" if physical else f"{len(layout)} qubits at once"
         raise DeviceError(
             f"The program does not fit {device.name}.",
             f"It needs {needed}; {device.name} has {size} qubits, "
-            f"{len(usable(device))} of them worth using.",
+            f"{len(usable(device))} of them good enough to use.",
             "Take a larger device, --backend ideal, or split the program.",
         )
 
@@ -134,27 +135,28 @@ def _notes_on_places(
     executable: Executable, declared: Layout, layout: Layout, version: Version
 ) -> list[str]:
     device, qubits, notes = executable.device, executable.qubits.tolist(), []
-    unwanted = [str(qubit) for qubit in qubits if qubit in device.left_out]
-    if unwanted:
-        notes.append(f"{device.name} leaves out qubit {', '.join(unwanted)}; the program names it.")
+    excluded = [str(qubit) for qubit in qubits if qubit in device.left_out]
+    if excluded:
+        qubit_list = ", ".join(excluded)
+        notes.append(f"{device.name} excludes qubit {qubit_list}, which the program names.")
     if version == "2" and not device.is_ideal:
         if len(layout) == len(declared):
             places = f"its qubits on {', '.join(map(str, qubits))}, in order"
         else:
             pairs = zip(layout.qubits, qubits, strict=True)
             places = ", ".join(f"{slot[0]}[{slot[1]}] on {qubit}" for slot, qubit in pairs)  # type: ignore[index]
-        notes.append(f"OpenQASM 2 names no physical qubits: put {places}.")
+        notes.append(f"OpenQASM 2 cannot name physical qubits: place {places}.")
     return notes
 
 
 def _keep_physical(executable: Executable, layout: Layout) -> Executable:
-    """The executable on the physical qubits that the file itself names, if it does."""
-    named = [qubit for qubit in layout.qubits if isinstance(qubit, int)]
-    if not named:
+    """The executable on the physical qubits named in the file, if it names any."""
+    physical = [qubit for qubit in layout.qubits if isinstance(qubit, int)]
+    if not physical:
         return executable
-    if len(named) != len(layout):
+    if len(physical) != len(layout):
         raise CircuitError(
-            "The program names qubits of a register and physical qubits.", "Use one kind of them."
+            "The program mixes qubits of a register with physical qubits.", "Use only one kind."
         )
-    qubits = np.array(named, dtype=np.intp)
+    qubits = np.array(physical, dtype=np.intp)
     return replace(executable, qubits=qubits, rounds=np.zeros_like(qubits))

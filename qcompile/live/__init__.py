@@ -1,4 +1,4 @@
-"""Runs on real hardware: each job once, within a limit, and nothing that was paid for lost."""
+"""Runs on real hardware: each job is sent once, within a limit, and no paid result is lost."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["GuardedSampler"]
 
 
 def __getattr__(name: str) -> Any:
-    """GuardedSampler, which needs Qiskit, is loaded where it is used."""
+    """Load GuardedSampler, which needs Qiskit, on first use."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     if find_spec("qiskit") is None:

@@ -1,4 +1,4 @@
-"""What IBM's service answers about jobs, checked before it is believed."""
+"""IBM's answers about jobs, validated before they are used."""
 
 from __future__ import annotations
 
@@ -20,20 +20,21 @@ from qcompile.errors import LiveError
 from qcompile.terminal import one_line
 
 _RAN_TOO_LONG = 1305
-"""IBM's code for a job that it cut off at its `max_execution_time`."""
+"""IBM's code for a job that it stopped at its `max_execution_time`."""
 _MOST_OF_CAP = 10
-"""A charge above so many times the job's cap is not believed."""
+"""A charge above this multiple of the job's cap is ignored as impossible."""
 
 T = TypeVar("T", bound=BaseModel)
 
 
 class UnreadableAnswerError(LiveError):
-    """The service answered with something of another shape than its interface has."""
+    """The service's answer does not have the shape that its interface documents."""
 
     def __init__(self, about: str):
         super().__init__(
-            f"IBM's service gave an answer about {about} that cannot be read.",
-            "Nothing is lost: resume later. If it stays so, install the client of constraints.txt.",
+            f"IBM's service gave an unreadable answer about {about}.",
+            "Nothing is lost: resume later. If it persists, install the client version in "
+            "constraints.txt.",
         )
 
 
@@ -45,7 +46,7 @@ def _or_none(value: Any, handler: Any) -> Any:
 
 
 _Lenient = WrapValidator(_or_none)
-"""Of another type than it should be, the value counts as missing."""
+"""A value of the wrong type counts as missing."""
 
 
 class _State(BaseModel):
@@ -59,10 +60,10 @@ class _State(BaseModel):
 
 
 class RemoteJob(BaseModel):
-    """A job as IBM tells of it.
+    """A job as IBM reports it.
 
-    `created` is the time in IBM's words, `cap_s` the seconds at which IBM cuts it off; both are
-    None where IBM does not say them.
+    `created` is IBM's timestamp as text and `cap_s` the number of seconds after which IBM stops the
+    job; both are None where IBM omits them.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -77,7 +78,7 @@ class RemoteJob(BaseModel):
 
     @property
     def status(self) -> str:
-        """IBM's word in capitals: QUEUED, RUNNING, COMPLETED, FAILED, CANCELLED or another."""
+        """IBM's status in capitals: QUEUED, RUNNING, COMPLETED, FAILED, CANCELLED or another."""
         return self.state.status.upper()
 
     @property
@@ -90,7 +91,7 @@ class RemoteJob(BaseModel):
 
     @property
     def was_cut_off(self) -> bool:
-        """Whether IBM stopped it at its cap."""
+        """Whether IBM stopped the job at its cap."""
         too_long = self.state.reason_code == _RAN_TOO_LONG or "TOO LONG" in self.status
         return too_long and not self.is_done and self.has_ended
 
@@ -100,14 +101,14 @@ class RemoteJob(BaseModel):
 
     @property
     def reason(self) -> str:
-        """Why it ended without counts."""
+        """Why the job ended without counts."""
         words = one_line(self.state.reason or "IBM gives no reason.")
         code = self.state.reason_code
         return words if code is None else f"{words} (code {code})"
 
 
 class Listing(BaseModel):
-    """A page of jobs, and how many there are on all pages."""
+    """A page of jobs, and the total number over all pages."""
 
     jobs: list[RemoteJob]
     count: int = Field(ge=0)
@@ -119,15 +120,15 @@ class _Usage(BaseModel):
 
 
 class Metrics(BaseModel):
-    """What IBM measured of a job."""
+    """IBM's usage figures for a job."""
 
     usage: _Usage | None = None
 
     def charged_s(self, cap_s: float) -> float | None:
-        """What a job that was capped at `cap_s` is charged.
+        """The charge for a job capped at `cap_s`, in seconds.
 
-        None as long as IBM does not call it complete, and for what cannot be: less than nothing, no
-        finite number, or more than ten times the cap.
+        None until IBM calls it complete, and for impossible values: negative, not finite, or more
+        than ten times the cap.
         """
         if self.usage is None or self.usage.status.lower() != "complete":
             return None
@@ -138,10 +139,10 @@ class Metrics(BaseModel):
 
 
 def read(model: type[T], answer: Any, about: str) -> T:
-    """The answer as `model` has it.
+    """The answer parsed as `model`.
 
     Raises:
-        UnreadableAnswerError: it has another shape.
+        UnreadableAnswerError: the answer has a different shape.
     """
     try:
         return model.model_validate(answer)

@@ -1,4 +1,4 @@
-"""What IBM charges for the jobs of a run, asked for and waited for."""
+"""Looks up IBM's charges for the jobs of a run, waiting for them where needed."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _MOST_UNCHARGED = 20
 
 
 class Billing:
-    """Asks what ended jobs were charged, and writes it into the journal; `say` gets words."""
+    """Records the charges of ended jobs in the journal; `say` gets progress messages."""
 
     def __init__(
         self, journal: Journal, remote: RemoteJobs, budget: Budget, say: Callable[[str], None]
@@ -24,10 +24,10 @@ class Billing:
         self._charges, self._remote, self._budget, self._say = journal.charges, remote, budget, say
 
     def cap_s(self, executions: int) -> int:
-        """What a job may take; charges that are not known yet are waited for where they matter.
+        """The seconds a job may take; waits for outstanding charges if they decide whether it fits.
 
         Raises:
-            BudgetError: what is charged, or may yet be, leaves no room for it.
+            BudgetError: actual and possible charges leave no room for it.
         """
         if len(self._charges.uncharged()) >= _MOST_UNCHARGED:
             self._wait(0.0)
@@ -41,14 +41,14 @@ class Billing:
         return self._budget.cap_s(executions)
 
     def settle(self) -> None:
-        """Ask for every charge that is not known; what IBM does not say within seconds stays so."""
+        """Look up every outstanding charge, for a few seconds; the others stay outstanding."""
         for pause_s in _CHARGE_PAUSES_S:
             if not self._charges.uncharged():
                 return
             self._wait(pause_s)
 
     def charge_s(self, job_id: str) -> float | None:
-        """What an ended job was charged, waited for some seconds; None if IBM has not said it."""
+        """The charge of an ended job, after a short wait if needed; None if not reported."""
         for pause_s in (0.0, *_CHARGE_PAUSES_S):
             charge = self._charges.of_job(job_id)
             if charge is None or charge.charged_s is not None:
@@ -59,7 +59,7 @@ class Billing:
         return None if charge is None else charge.charged_s
 
     def ask(self, charge: Charge | None) -> bool:
-        """Ask what a job was charged and write it down; False where the service does not answer."""
+        """Look up a job's charge and record it; False if the service does not answer."""
         if charge is None or charge.job_id is None:
             return True
         try:
@@ -71,8 +71,8 @@ class Billing:
         return True
 
     def _wait(self, pause_s: float) -> None:
-        """Wait, then ask for every charge that is not known yet, as long as the service answers."""
-        self._say("waiting for what IBM charges")
+        """Wait, then look up every outstanding charge until the service stops answering."""
+        self._say("waiting for IBM's charges")
         time.sleep(pause_s)
         for charge in self._charges.uncharged():
             if not self.ask(charge):

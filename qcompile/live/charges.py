@@ -1,4 +1,4 @@
-"""What a run's jobs cost: those that IBM has, and those that it may have."""
+"""Charges of a run's jobs, including jobs that IBM may have accepted without answering."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ _DOUBTS = "charged_s IS NULL AND job_id IS NULL"
 class Charges:
     """The charges of a journal.
 
-    A charge is there before a job is sent, in doubt, with its cap. It gets the id of its job when
-    IBM answers, or lists it; and what was charged once IBM says that. So `upper_s` is never less
-    than what IBM has charged. Sums of what is charged are kept, and not made anew for each job.
+    A charge is recorded before its job is sent, in doubt and with its cap. It gets the job's id
+    when IBM returns or lists it, and the amount once IBM reports it. So `upper_s` is never less
+    than IBM has charged. Sums are cached between jobs.
     """
 
     def __init__(self, database: Database):
@@ -27,25 +27,25 @@ class Charges:
         self._sums: tuple[float, float] | None = None
 
     def forget_sums(self) -> None:
-        """Another process may have written: the sums are made anew."""
+        """Drop the cached sums: another process may have written to the journal."""
         self._sums = None
 
-    # What they come to
+    # Totals
 
     @property
     def settled_s(self) -> float:
-        """What IBM has charged, as far as it has said."""
+        """The charges that IBM has reported so far."""
         return self._known()[0]
 
     @property
     def upper_s(self) -> float:
-        """What IBM has charged, and the cap of each job of which it has not said it."""
+        """The reported charges, plus the cap of each job whose charge is not known."""
         [[open_s]] = self._db.rows("SELECT total(cap_s) FROM charge WHERE charged_s IS NULL")
         return self.settled_s + float(open_s)
 
     @property
     def worst_ratio(self) -> float:
-        """The worst of charge to IBM's estimate so far, 1 at least."""
+        """The largest ratio of charge to IBM's estimate so far, at least 1."""
         return self._known()[1]
 
     def _known(self) -> tuple[float, float]:
@@ -60,10 +60,10 @@ class Charges:
             self._sums = total_s, worst
         return self._sums
 
-    # One by one
+    # Queries
 
     def all(self, where: str = "TRUE", *values: object) -> list[Charge]:
-        """Those for which `where` holds, in the order in which they were sent."""
+        """The charges that match `where`, in the order they were sent."""
         rows = self._db.rows(
             f"SELECT {Charge.COLUMNS} FROM charge WHERE {where} ORDER BY row", *values
         )
@@ -71,24 +71,24 @@ class Charges:
             return [Charge.of_row(row) for row in rows]
 
     def doubts(self, number: int | None = None) -> list[Charge]:
-        """Jobs that IBM may have accepted and that are not known, of job `number` or of all."""
+        """Charges of jobs that IBM may have accepted, all or those of job `number`."""
         if number is None:
             return self.all(_DOUBTS)
         return self.all(f"{_DOUBTS} AND number = ?", number)
 
     def uncharged(self) -> list[Charge]:
-        """Known jobs that have ended, but for their charge."""
+        """Charges of known jobs that have ended and whose amount IBM has not reported."""
         return self.all(
             "charged_s IS NULL AND job_id IS NOT NULL AND "
             "job_id NOT IN (SELECT job_id FROM submission WHERE state = 'sent')"
         )
 
     def of_job(self, job_id: str) -> Charge | None:
-        """That of the job, if it is known."""
+        """The charge of the job, if it is known."""
         return next(iter(self.all("job_id = ?", job_id)), None)
 
     def executions_of(self, number: int) -> int:
-        """Those of job `number` of the run; where it does not have that yet, the most of any."""
+        """The executions of job `number` of the run; the largest of any job if it has none yet."""
         most = "SELECT max(executions) FROM submission"
         [[of_number]] = self._db.rows(f"{most} WHERE number = ?", number)
         [[of_any]] = self._db.rows(most) if of_number is None else [[of_number]]
@@ -96,30 +96,30 @@ class Charges:
 
     @property
     def are_settled(self) -> bool:
-        """Whether all that IBM has of the run is known, and what it charged for it."""
+        """Whether every job of the run and its charge are known."""
         looked_over = bool(self._db.rows("SELECT 1 FROM looked_over"))
         return looked_over and not self.doubts() and not self.uncharged()
 
-    # How they change
+    # Changes
 
     def note_doubt(self, number: int, executions: int, cap_s: float, sent_at: datetime) -> None:
-        """A job is being sent: from now on IBM may have it."""
+        """Record that a job is being sent: from now on IBM may have it."""
         self._db.do("DELETE FROM looked_over")
         self._insert(number, executions, cap_s, sent_at, None)
 
     def drop(self, doubt: Charge) -> None:
-        """IBM has no such job."""
+        """Remove the charge: IBM has no such job."""
         self._db.do("DELETE FROM charge WHERE row = ?", doubt.row)
 
     def note_unanswered(self, doubt: Charge, at: datetime, *, refused: bool) -> None:
-        """Sending it ended `at` then without a job's id, and with a refusal if `refused`."""
+        """Record that sending ended at `at` without a job id, and whether IBM refused it."""
         self._db.do(
             "UPDATE charge SET sent_at = ?, refused = ? WHERE row = ?",
             *(at.isoformat(), refused, doubt.row),
         )
 
     def note_job(self, doubt: Charge, job_id: str, cap_s: float) -> None:
-        """It is no longer in doubt: its job is known, and is cut off at `cap_s`."""
+        """Record the job of a charge in doubt; IBM stops the job after `cap_s`."""
         self._db.do(
             "UPDATE charge SET job_id = ?, cap_s = ? WHERE row = ?", job_id, cap_s, doubt.row
         )
@@ -127,15 +127,15 @@ class Charges:
     def note_unexpected(
         self, number: int, executions: int, cap_s: float, sent_at: datetime, job_id: str
     ) -> None:
-        """IBM has a job of which the journal had nothing."""
+        """Record a job of the run that the journal did not know."""
         self._insert(number, executions, cap_s, sent_at, job_id)
 
     def note_reconciled(self) -> None:
-        """IBM has no job of the run but those that are here."""
+        """Record that IBM has no other jobs of this run."""
         self._db.do("INSERT INTO looked_over VALUES (?)", datetime.now(UTC).isoformat())
 
     def settle(self, charge: Charge, charged_s: float) -> None:
-        """What IBM charged for a job is known now."""
+        """Record what IBM charged for a job."""
         total_s, worst = self._known()
         self._db.do("UPDATE charge SET charged_s = ? WHERE row = ?", charged_s, charge.row)
         ratio = charged_s / qpu_seconds(1, charge.executions)
@@ -150,15 +150,15 @@ class Charges:
 
 
 def check_limit(max_qpu_seconds: float) -> None:
-    """Nothing, if charges can be held to the limit.
+    """Check that a limit of QPU seconds can be enforced.
 
     Raises:
-        BudgetError: it is no number of seconds that may be spent.
+        BudgetError: the limit is not a positive number of seconds, or is too large.
     """
     is_number = isinstance(max_qpu_seconds, int | float) and not isinstance(max_qpu_seconds, bool)
     if not is_number or not 0 < max_qpu_seconds <= MAX_QPU_SECONDS:
-        found = f"{max_qpu_seconds:g}" if is_number else repr(max_qpu_seconds)
+        shown = f"{max_qpu_seconds:g}" if is_number else repr(max_qpu_seconds)
         raise BudgetError(
-            f"A limit of {found} QPU seconds cannot be kept.",
-            f"Give a number above 0, {MAX_QPU_SECONDS:,.0f} at most.",
+            f"The limit cannot be {shown} QPU seconds.",
+            f"Give a number above 0 and at most {MAX_QPU_SECONDS:,.0f}.",
         )

@@ -1,4 +1,4 @@
-"""Any circuits: told apart in a journal, and held to what a machine can run."""
+"""Arbitrary circuits: a stable text for the journal, and a check against the machine."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from qcompile.terminal import first_line
 
 _QISKIT = ("qiskit.", "qiskit_ibm_runtime.")
 _DIGITS = 9
-"""Of an angle: another processor may round the last ones otherwise."""
+"""Digits of an angle that are compared: another processor may round the last ones differently."""
 
 
 def rounded(values: Any) -> Any:
-    """Angles as a journal tells them apart, an array, and 0 for -0."""
+    """Angles rounded as the journal compares them, as an array, with 0 for -0."""
     return np.round(values, _DIGITS) + 0.0
 
 
 def circuit_text(circuit: Any) -> str:
-    """A QuantumCircuit in words: the same for the same measurement, whichever version wrote it.
+    """A QuantumCircuit as text: equal for equal circuits, whichever Qiskit version made them.
 
-    They are its registers, the names of its parameters and its instructions in order, with their
-    qubits, bits and angles. One with control flow is told by its OpenQASM 3.
+    The text lists registers, parameter names and instructions in order, with their qubits, bits and
+    angles. A circuit with control flow is written as OpenQASM 3.
 
     Raises:
-        LiveError: its control flow has no OpenQASM 3.
+        LiveError: its control flow cannot be written as OpenQASM 3.
     """
     from qiskit.circuit import ControlFlowOp
 
@@ -51,13 +51,13 @@ def _lines(circuit: Any) -> Iterator[str]:
         places = [qubits[q] for q in instruction.qubits], [bits[c] for c in instruction.clbits]
         yield f"{operation.name} {angles} {places} {getattr(operation, 'unit', None)}"
         kind = getattr(operation, "base_class", type(operation))
-        own = kind in (Gate, Instruction) or not kind.__module__.startswith(_QISKIT)
-        if own and (definition := getattr(operation, "definition", None)) is not None:
+        is_custom = kind in (Gate, Instruction) or not kind.__module__.startswith(_QISKIT)
+        if is_custom and (definition := getattr(operation, "definition", None)) is not None:
             yield from (f"  {line}" for line in _lines(definition))
 
 
 def _value(value: Any) -> str:
-    """A number, an array, an expression of parameters, or a word."""
+    """The text of a number, an array, an expression of parameters, or a word."""
     if getattr(value, "parameters", None):
         return str(value)
     try:
@@ -77,29 +77,29 @@ def _qasm(circuit: Any) -> str:
         raise LiveError(
             f"The control flow of circuit {circuit.name} cannot be written as OpenQASM 3.",
             f"Qiskit says: {first_line(str(error))}",
-            "A journal tells it from others by that. Nothing was sent.",
+            "The journal needs that text to recognise the circuit. Nothing was sent.",
         ) from error
 
 
 def unsupported(circuit: Any, target: Any) -> str | None:
-    """What of a circuit is not among the instructions of a machine's Target, in words, if any."""
+    """Why a circuit cannot run on a machine's Target, as a sentence; None if it can."""
     if circuit.num_qubits > (target.num_qubits or 0):
-        return f"It has {circuit.num_qubits} qubits, the machine {target.num_qubits}."
+        return f"It has {circuit.num_qubits} qubits; the machine has {target.num_qubits}."
     return _unsupported(circuit, target, range(circuit.num_qubits))
 
 
 def _unsupported(circuit: Any, target: Any, qubits: Sequence[int]) -> str | None:
-    """`qubits` are those of the machine on which the circuit's own lie."""
+    """`qubits` are the machine's qubits that the circuit's qubits are placed on."""
     places = dict(zip(circuit.qubits, qubits, strict=True))
     for instruction in circuit.data:
         operation = instruction.operation
-        own = tuple(places[qubit] for qubit in instruction.qubits)
+        physical = tuple(places[qubit] for qubit in instruction.qubits)
         for block in getattr(operation, "blocks", ()):
-            if words := _unsupported(block, target, own):
+            if words := _unsupported(block, target, physical):
                 return words
         if operation.name in ("barrier", "store") or hasattr(operation, "blocks"):
             continue
-        if not target.instruction_supported(operation.name, own):
-            on = f"qubit {own[0]}" if len(own) == 1 else f"qubits {own}"
+        if not target.instruction_supported(operation.name, physical):
+            on = f"qubit {physical[0]}" if len(physical) == 1 else f"qubits {physical}"
             return f"Its {operation.name} on {on} is not an instruction of the machine."
     return None

@@ -1,4 +1,4 @@
-"""IBM's client, made safe: it repeats no submission, waits for no answer for ever, and logs in."""
+"""IBM's client, made safe: it never repeats a submission, never waits forever, and logs in."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from typing import Any
 from qcompile.live.client_errors import DetachedErrors, never_left
 
 _TIMEOUT_S = (5.0, 60.0)
-"""To connect, and between two pieces of an answer; by itself the client waits for ever."""
+"""Timeouts to connect and between pieces of an answer; by default the client waits forever."""
 
 
 def clients(service: Any) -> list[Any]:
-    """The client of each instance, that in use first."""
+    """The client of each instance, the one in use first."""
     return list(dict.fromkeys([service._active_api_client, *service._api_clients.values()]))
 
 
 def log_in(service: Any) -> None:
-    """Have each client hold a new token.
+    """Give each client a new token.
 
-    By itself a client that got none waits for a minute before each of its next requests.
+    Without this, a client that failed to get one waits a minute before each following request.
     """
     for client in clients(service):
         manager = getattr(client._session.auth, "tm", None)
@@ -29,11 +29,11 @@ def log_in(service: Any) -> None:
 
 
 def make_safe(service: Any, count: Callable[[int], None]) -> None:
-    """Let the clients repeat what reads, and nothing else; and let no answer hang.
+    """Make the clients retry reads only, and time out instead of hanging.
 
-    By themselves they repeat a POST that was answered with 504, though the job may have been
-    accepted, and sleep for as long as a Retry-After says. `count` gets 1 for each submission, and
-    -1 where it has not left this machine.
+    By default they retry a POST that was answered with 504, though the job may have been accepted,
+    and sleep for as long as Retry-After says. `count` gets 1 for each submission, and -1 if it
+    never left this machine.
     """
     from requests.adapters import HTTPAdapter
     from urllib3.util.retry import Retry

@@ -1,4 +1,4 @@
-"""The commands that messages about a run name."""
+"""The commands that messages about a run quote."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ def resume_command(journal: Journal) -> str:
 
 
 def export_command(journal: Journal) -> str:
-    """The command that writes all that a run holds."""
+    """The command that exports everything a run has recorded."""
     return f"qcompile runs{folder_option(journal)} export {name_of(journal)}"
 
 
 def name_of(journal: Journal) -> str:
-    """The name by which the command line finds a run: that of its folder."""
+    """The name that the command line finds a run by: its folder's name."""
     return shlex.quote(journal.folder.name)
 
 
 def folder_option(journal: Journal) -> str:
-    """The option that names the folder of a run, where it is not the usual one."""
+    """The `--runs` option for a run outside the default folder, else empty."""
     runs = journal.folder.parent
     return "" if runs == Path("runs") else f" --runs {shlex.quote(str(runs))}"

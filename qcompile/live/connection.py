@@ -1,4 +1,4 @@
-"""IBM's service, reached through qiskit-ibm-runtime: account, backend, and its errors in words."""
+"""IBM's service through qiskit-ibm-runtime: the account, the backend, and readable errors."""
 
 from __future__ import annotations
 
@@ -29,20 +29,19 @@ T = TypeVar("T")
 
 _LOOKS, _PAUSE_S = 3, 0.5
 _LOGINS = 3
-"""Tokens may expire one after the other; one that never holds is told."""
+"""How often an expired token is renewed before the error is reported."""
 _FREE = ["open"]
 
 
 class Connection:
-    """The account `account` of IBM's own tools (their default if None), and one of its backends.
+    """A connection to one backend of an account saved by IBM's tools (`account`, or the default).
 
-    It is opened when it is first used. Without `instance`, and where the account names none, only
-    instances of the free Open Plan are considered. A request that submits a job is never repeated
-    by the client: it might submit twice. `submissions` counts those that left this machine. An
-    answer is waited for `patience_s`, by default QCOMPILE_PATIENCE_SECONDS; `say` is told so. A
-    service that is busy is not asked again before the time that it names in Retry-After. An
-    IBMBackend that is `given` is used, and its service, whose client repeats no submission from
-    then on.
+    It opens on first use. Without `instance`, and if the account names none, only instances of the
+    free Open Plan are considered. The client never repeats a request that submits a job: it might
+    submit twice. `submissions` counts the submissions that left this machine. Requests are retried
+    for `patience_s` seconds, by default QCOMPILE_PATIENCE_SECONDS, and `say` gets a message; a busy
+    service is not asked again before the time in its Retry-After. With `given`, an IBMBackend, that
+    backend and its service are used, and its client stops repeating submissions.
     """
 
     def __init__(
@@ -71,7 +70,7 @@ class Connection:
         """The QiskitRuntimeService.
 
         Raises:
-            LiveError: no account, or one that is refused, or no answer.
+            LiveError: there is no account, or it is refused, or the service does not answer.
             MissingExtraError: qiskit-ibm-runtime is not installed.
         """
         if self._service is None:
@@ -91,10 +90,10 @@ class Connection:
         return self._backend
 
     def device(self) -> Device:
-        """The backend's qubits with their calibration of now.
+        """The backend's qubits with their current calibration.
 
         Raises:
-            DeviceError: its calibration makes no device.
+            DeviceError: its calibration cannot be read as a device.
             LiveError: as for `backend`.
         """
         backend = self.backend
@@ -104,7 +103,7 @@ class Connection:
         )
 
     def target(self) -> Any:
-        """What the backend can run, as Qiskit's Target.
+        """The backend's instructions, as Qiskit's Target.
 
         Raises:
             LiveError: as for `backend`.
@@ -115,13 +114,13 @@ class Connection:
     def ask(
         self, question: Callable[[Any], T], *, about: str = "the account", patient: bool = True
     ) -> T:
-        """The answer of `question`, called with the service, which only reads.
+        """The result of `question`, called with the service; it must only read.
 
-        It is asked again while the service is busy or cannot be reached, if `patient`, and after a
-        new login, a few times at most, where a token has expired. `about` says what it is about.
+        It is called again while the service is busy or unreachable, if `patient`, and after a new
+        login if the token has expired, a few times at most. `about` names the subject in errors.
 
         Raises:
-            LiveError: no answer for long, or a refusal, in words.
+            LiveError: no answer in time, or a refusal.
             UnreadableAnswerError: the client cannot read the answer.
         """
         from qiskit_ibm_runtime.exceptions import IBMNotAuthorizedError
@@ -137,37 +136,37 @@ class Connection:
         return self._patient(lambda: question(service), about, patient)
 
     def refresh_backend(self) -> None:
-        """Have the backend found anew.
+        """Look the backend up again.
 
         Raises:
-            LiveError: the account has it no more.
+            LiveError: the account no longer has it.
         """
         self._backend = None
         self.backend  # noqa: B018
 
     def log_in_again(self) -> None:
-        """Have a new token.
+        """Get a new token.
 
         Raises:
-            LiveError: IBM gives none.
+            LiveError: IBM refuses one.
         """
         service = self.service
         self._patient(lambda: log_in(service))
 
     @property
     def crn(self) -> str:
-        """The instance that the backend is used by."""
+        """The instance that the backend is used through."""
         return str(self.backend._instance)
 
     def left_on_plan_s(self) -> float | None:
-        """QPU seconds that the plan has left, as far as IBM says."""
-        self.refresh_backend()  # the client speaks for the instance it last used
+        """QPU seconds left on the plan; None if IBM does not say."""
+        self.refresh_backend()  # the client answers for the instance it used last
 
         def ask(service: Any) -> float | None:
             remaining_s = service.usage().get("usage_remaining_seconds")
             return None if remaining_s is None or math.isnan(remaining_s) else float(remaining_s)
 
-        return self.ask(ask, about="what the plan has left")
+        return self.ask(ask, about="the time left on the plan")
 
     def _open(self) -> Any:
         from qiskit_ibm_runtime import QiskitRuntimeService
@@ -184,8 +183,8 @@ class Connection:
             self._make_safe(service)
         except AttributeError as error:
             raise LiveError(
-                "This version of qiskit-ibm-runtime is not known: it might submit a job twice.",
-                "Install that of constraints.txt: pip install -c constraints.txt 'qcompile[ibm]'",
+                "This version of qiskit-ibm-runtime is untested: it might submit a job twice.",
+                "Install the tested version: pip install -c constraints.txt 'qcompile[ibm]'",
             ) from error
         return service
 
@@ -193,7 +192,7 @@ class Connection:
         from qiskit.providers.exceptions import QiskitBackendNotFoundError
 
         if self._given is not None:
-            given, self._given = self._given, None  # once: looked for again, it is found by name
+            given, self._given = self._given, None  # used once; a later lookup goes by name
             return given
         for _ in range(_LOOKS):
             try:
@@ -203,19 +202,19 @@ class Connection:
             else:
                 self._make_safe(service)  # the client may have made another session for it
                 return backend
-            # The client says so as well where the list, or the backend's own data, did not arrive.
+            # The client raises this too when the list, or the backend's own data, did not arrive.
             known = {
                 data["name"] for client in clients(service) for data in client.list_backends(True)
             }
             if self.name not in known:
                 raise LiveError(
                     f"The account has no backend {self.name!r}.",
-                    f"It has: {', '.join(sorted(known))}." if known else "It has none.",
-                    "A backend that was there may be retired; what it measured is kept.",
+                    f"It has: {', '.join(sorted(known))}." if known else "It has no backends.",
+                    "The backend may have been retired; everything it measured is kept.",
                 ) from missing
             time.sleep(_PAUSE_S)
         raise LiveError(
-            f"IBM lists the backend {self.name!r}, but does not give its data.", "Try later."
+            f"IBM lists the backend {self.name!r} but does not return its data.", "Try again later."
         ) from missing
 
     def _make_safe(self, service: Any) -> None:
@@ -227,7 +226,7 @@ class Connection:
     def _patient(
         self, call: Callable[[], T], about: str = "the account", patient: bool = True
     ) -> T:
-        """What `call` gives, called again while its errors are transient, if `patient`."""
+        """The result of `call`, retried while its errors are transient, if `patient`."""
         from ibm_cloud_sdk_core import ApiException
         from qiskit.exceptions import QiskitError
         from requests import RequestException
@@ -259,13 +258,13 @@ class Connection:
         )
         try:
             with DetachedErrors(), warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # the client's words go to people who program it
+                warnings.simplefilter("ignore")  # the client's warnings address its developers
                 return retrying(call)
         except QcompileError:
             raise
         except (QiskitError, ApiException, RequestException, OSError) as error:
             raise explain_error(error) from error
-        except Exception as error:  # of the client: what another shape breaks depends on the shape
+        except Exception as error:  # unexpected answers break the client in many ways
             raise UnreadableAnswerError(about) from error
 
 

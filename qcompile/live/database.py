@@ -1,5 +1,4 @@
-"""The rows of a journal's file: read with words for what is damaged, written before anything else
-happens."""
+"""The rows of a journal's file: damage is explained, and every write is durable at once."""
 
 from __future__ import annotations
 
@@ -14,12 +13,12 @@ from qcompile.live.journal_file import connect, reading
 
 
 class Database:
-    """The SQLite file of a journal, as a `connection` to it.
+    """An open `connection` to a journal's SQLite file.
 
     Raises:
-        LiveError: the file is no database, or it cannot be read or written, here and wherever it is
-            read or written.
-        NeverBegunError: it is empty.
+        LiveError: the file is not a database, or cannot be read or written; every method may raise
+            it.
+        NeverBegunError: the file is empty.
     """
 
     def __init__(self, path: Path):
@@ -29,23 +28,23 @@ class Database:
         self.connection.close()
 
     def rows(self, statement: str, *values: object) -> list[tuple[Any, ...]]:
-        """What a query finds."""
+        """The rows that a query returns."""
         with reading(self.path):
             return self.connection.execute(statement, values).fetchall()
 
     def do(self, statement: str, *values: object) -> None:
-        """Have a change on the disk before anything else happens."""
+        """Execute a change; it is on the disk when this returns."""
         try:
             self.connection.execute(statement, values)
         except sqlite3.Error as error:
             raise LiveError(
                 f"The run's journal in {self.path.parent} cannot be read or written: {error}.",
-                "What was sent has its tag in it and is found again, once this is mended.",
+                "Jobs that were sent are recorded in it and are found again once this is fixed.",
             ) from error
 
     @contextmanager
     def at_once(self) -> Iterator[None]:
-        """What is written in the block is there wholly, or not at all."""
+        """A block whose writes are committed together, or not at all."""
         self.do("BEGIN IMMEDIATE")
         try:
             yield

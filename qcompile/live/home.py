@@ -1,8 +1,8 @@
-"""Where a run is at home: the machine and the folder that last resumed it.
+"""The home of a run: the machine and the folder that last resumed it.
 
-Two copies of a run that are resumed at once would pay most jobs twice, and a journal may come from
-somebody else. So a run is resumed unasked only where it is at home. The journal keeps digests, with
-the run's ID as salt, not the names: who gets a copy learns neither machine nor folder from it.
+Two copies of a run that are resumed at the same time would pay for most jobs twice, and a journal
+may come from somebody else. So a run is resumed without asking only at its home. The journal stores
+digests salted with the run's ID, not names: a copy reveals neither machine nor folder.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from qcompile.errors import LiveError
 from qcompile.reading import decode, read_file
 
 Moment = Literal["began", "last"]
-"""Where a run began, and where it was resumed last."""
+"""Where a run began and where it was last resumed."""
 
 _MACHINE_ID = Path("/etc/machine-id")
 _TABLE = """
@@ -36,7 +36,7 @@ CREATE TABLE IF NOT EXISTS home (
 class Home:
     """Digests of a machine and of the run's folder on it.
 
-    `process` holds the run, or was killed while it did; None where it ended in order.
+    `process` holds the run, or was killed while it did; None if it ended normally.
     """
 
     machine: str
@@ -50,7 +50,7 @@ def is_same_place(one: Home | None, other: Home) -> bool:
 
 
 def here(run_id: str, folder: Path) -> Home:
-    """This machine and `folder`, for the run `run_id`."""
+    """The home for the run `run_id` in `folder` on this machine."""
 
     def digest(name: object) -> str:
         return hashlib.sha256(f"{run_id}\n{_machine()}\n{name}".encode()).hexdigest()
@@ -59,7 +59,7 @@ def here(run_id: str, folder: Path) -> Home:
 
 
 def read(db: sqlite3.Connection, moment: Moment) -> Home | None:
-    """What a journal says; None where it does not, as those of the first version."""
+    """The home recorded in a journal; None in journals of the first version, which have none."""
     if not db.execute("SELECT 1 FROM sqlite_master WHERE name = 'home'").fetchall():
         return None
     row = db.execute(
@@ -72,7 +72,7 @@ def read(db: sqlite3.Connection, moment: Moment) -> Home | None:
 
 
 def note(db: sqlite3.Connection, moment: Moment, home: Home) -> None:
-    """Write it down in a journal."""
+    """Record a home in a journal."""
     db.execute(_TABLE)
     values = (home.machine, home.folder, home.process)
     db.execute("INSERT OR REPLACE INTO home VALUES (?,?,?,?)", (moment, *values))
@@ -80,7 +80,7 @@ def note(db: sqlite3.Connection, moment: Moment, home: Home) -> None:
 
 @contextmanager
 def one_process(run_id: str, folder: Path) -> Iterator[None]:
-    """Hold the lock of a run's folder: no other process of this machine holds it meanwhile.
+    """Lock a run's folder against other processes of this machine.
 
     Raises:
         LiveError: another process holds it, or the folder cannot be written.
@@ -93,7 +93,7 @@ def one_process(run_id: str, folder: Path) -> Iterator[None]:
             f"Run {run_id} is running in another process.", "Wait for it, or stop it."
         ) from error
     except OSError as error:
-        raise LiveError(f"{folder} cannot be written: {error}.") from error
+        raise LiveError(f"Cannot write to {folder}: {error}.") from error
     try:
         yield
     finally:
@@ -101,7 +101,7 @@ def one_process(run_id: str, folder: Path) -> Iterator[None]:
 
 
 def _machine() -> str:
-    """What this machine is known by: its name, and its own ID, where it has one."""
+    """This machine's name and, if it has one, its machine ID."""
     machine_id = ""
     with suppress(OSError, ValueError):
         machine_id = decode(read_file(_MACHINE_ID)).strip()

@@ -1,4 +1,4 @@
-"""The jobs of a run, one after the other: from the journal, or sent, waited for and fetched."""
+"""The jobs of a run in order: read from the journal, or sent, waited for and fetched."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ _FETCH_PAUSE_S = 0.2
 
 
 class Jobs:
-    """The jobs of a run, in the order in which they are asked for.
+    """The jobs of a run, in the order they are requested.
 
-    A job that the journal has is not sent again: resuming a run is asking for the same jobs.
-    `say` gets words on what happens. A job is waited for `max_wait_s`, or as long as it takes.
-    One that was charged and gave no counts is sent again only with `pay_again`. `jobs_per_minute`
-    are sent at most.
+    A job that is in the journal is not sent again: a run is resumed by requesting the same jobs.
+    `say` gets progress messages. A job is waited for at most `max_wait_s` seconds, without limit if
+    None. A job that was charged and returned no counts is sent again only with `pay_again`. At most
+    `jobs_per_minute` jobs are sent.
     """
 
     def __init__(
@@ -64,17 +64,17 @@ class Jobs:
         return self._next
 
     def go_back(self, number: int) -> None:
-        """The next job is number `number` once more."""
+        """Make `number` the number of the next job again."""
         self._next = number
 
     def send(self, request: Request) -> int:
-        """The number of the run's next job, once the journal has its bits or IBM the job.
+        """The number of the run's next job, once its bits are in the journal or IBM has the job.
 
         Raises:
-            BudgetError: it would pass the limit.
+            BudgetError: it would exceed the limit.
             LiveError: it cannot be sent now; the run can be resumed later.
-            PaidFailureError: it was charged and gave no counts, and may not be sent again.
-            ReplayError: the journal has another job in this place.
+            PaidFailureError: it was charged, returned no counts, and may not be sent again.
+            ReplayError: the journal has a different job at this position.
         """
         number = self._next
         self._check_same(number, request)
@@ -85,12 +85,12 @@ class Jobs:
         return number
 
     def bits(self, number: int, request: Request) -> list[Register]:
-        """What job `number`, which was sent, has measured, of the journal or of the machine.
+        """The bits measured by job `number`, which was sent: from the journal or the machine.
 
         Raises:
-            BudgetError: it was cut off at the limit.
+            BudgetError: IBM stopped it at its cap.
             LiveError: it cannot be fetched now; the run can be resumed later.
-            PaidFailureError: it was charged and gave no counts, and may not be sent again.
+            PaidFailureError: it was charged, returned no counts, and may not be sent again.
         """
         submission = self.journal.latest(number)
         while submission is None or submission.state != "done":
@@ -102,13 +102,13 @@ class Jobs:
         return self._recorded(submission, request)
 
     def fetch(self) -> None:
-        """Fetch the bits of every job that was sent, or that IBM has; none is sent.
+        """Fetch the bits of every job that was sent or that IBM has, without sending any.
 
         Raises:
-            BudgetError, LiveError: one cannot be fetched.
+            BudgetError, LiveError: a job cannot be fetched.
         """
         waiting = "state IN ('sending', 'sent')"
-        for number in dict.fromkeys(made.number for made in self.journal.submissions(waiting)):
+        for number in dict.fromkeys(sent.number for sent in self.journal.submissions(waiting)):
             submission = self.journal.attempts(number)[-1]
             job_id = submission.job_id or self._finder.find(submission)
             if job_id is not None and submission.state in ("sending", "sent"):
@@ -116,31 +116,31 @@ class Jobs:
                 self._settle(sent, job_id, self.journal.measured.of(number))
 
     def _check_same(self, number: int, request: Request) -> None:
-        """Nothing, if the journal has this job in this place, or none that was paid for.
+        """Check that the journal has this job, or no paid job, at this position.
 
         Raises:
-            ReplayError: it has another one.
+            ReplayError: it has a different one.
         """
-        found = self.journal.latest(number)
-        if found is None:
+        recorded = self.journal.latest(number)
+        if recorded is None:
             return
-        if is_same(found.digest, request.digest):
-            if found.executions == request.executions:
+        if is_same(recorded.digest, request.digest):
+            if recorded.executions == request.executions:
                 return
-        elif found.state == "failed":
+        elif recorded.state == "failed":
             return
-        elif found.state == "intended" or (
-            found.state == "sending" and not self.journal.charges.doubts(number)
+        elif recorded.state == "intended" or (
+            recorded.state == "sending" and not self.journal.charges.doubts(number)
         ):
-            self.journal.note_failed(found, "Another one was asked for before it was sent.")
+            self.journal.note_failed(recorded, "A different job was requested before it was sent.")
             return
         raise ReplayError(
-            f"Job {number} of run {self.journal.id} was another one when it was sent.",
-            *(self._finder.doubt_hints() if found.state == "sending" else ()),
+            f"Job {number} of run {self.journal.id} differs from the one that was sent.",
+            *(self._finder.doubt_hints() if recorded.state == "sending" else ()),
         )
 
     def _job_of(self, last: Submission | None, number: int, request: Request) -> str:
-        """The id of the job of a place of the run whose last attempt is given."""
+        """The id of job `number`, whose last attempt is `last`."""
         if last is None or last.state == "failed":
             self._check_unpaid(last)
             last = self.journal.intend(
@@ -149,37 +149,37 @@ class Jobs:
         return self._sender.job_of(last, request)
 
     def _recorded(self, submission: Submission, request: Request) -> list[Register]:
-        """What the journal has of a job that is done, held to what was asked for.
+        """The recorded bits of a finished job, checked against the request.
 
         Raises:
-            LiveError: it is of another shape.
+            LiveError: their shape differs.
         """
         registers, asked = self.journal.measured.of(submission.number), request.registers
         try:
             if not registers and submission.ones is not None:
                 return bits_of_ones(submission.ones, request)
             if [replace(register, packed=None) for register in registers] != asked:
-                raise ValueError("registers of another shape")
+                raise ValueError("registers of the wrong shape")
             for register in registers:
                 register.bits  # noqa: B018
         except ValueError as error:
             raise LiveError(
-                f"{self.journal.path} is damaged: the counts of a job are wrong.",
-                "Restore a copy.",
+                f"{self.journal.path} is damaged: the counts of a job are not valid.",
+                "Restore a backup.",
             ) from error
         return registers
 
     def close(self) -> None:
-        """Nothing more is asked for."""
+        """Close the batch: no more jobs follow."""
         try:
             self._sender.close()
         except LiveError:
             self._say("the batch could not be closed; IBM closes it after a while")
 
     def settle(self) -> None:
-        """Look over all that IBM has of the run, and ask what it charges for it.
+        """Reconcile the journal with IBM's list of the run's jobs, and look up their charges.
 
-        What it does not say within some seconds stays unknown, and counts with its cap.
+        A charge that IBM does not report within seconds stays unknown and counts with its cap.
         """
         try:
             self._finder.reconcile()
@@ -188,26 +188,27 @@ class Jobs:
         self._billing.settle()
 
     def _check_unpaid(self, failed: Submission | None) -> None:
-        """Nothing, if the attempt before was not charged, or may be paid for again.
+        """Check that the previous attempt was not charged, or may be paid for again.
 
         Raises:
-            PaidFailureError: it was charged, or IBM has not said that it was not.
+            PaidFailureError: it was charged, or may still be.
         """
         if failed is None or failed.job_id is None or self._pay_again:
             return
         charged_s = self._billing.charge_s(failed.job_id)
         if charged_s != 0:
             raise PaidFailureError(
-                f"Job {failed.job_id} gave no counts. IBM says: {failed.words}",
-                f"It {_charge_text(charged_s)}. It is sent and paid again only if you say so.",
+                f"Job {failed.job_id} returned no counts. IBM says: {failed.words}",
+                f"It {_charge_text(charged_s)}. It is sent and paid for again only if you allow "
+                "it.",
             )
 
     def _settle(self, submission: Submission, job_id: str, registers: Sequence[Register]) -> None:
-        """Wait for the job and write down how it ended: counts first, then its charge.
+        """Wait for the job and record its outcome: counts first, then its charge.
 
         Raises:
-            BudgetError: IBM cut it off.
-            LiveError: it was cancelled, or failed too often, or its result cannot be read.
+            BudgetError: IBM stopped it at its cap.
+            LiveError: it was cancelled, failed too often, or its result cannot be read.
         """
         job = self._await_end(submission, job_id)
         if job.is_done:
@@ -215,16 +216,16 @@ class Jobs:
             self._billing.ask(self.journal.charges.of_job(job_id))
             self._finder.cancel_duplicates(submission)
             return
-        expected_s = self.budget.expected_s(submission.executions)  # and not after what it took
+        expected_s = self.budget.expected_s(submission.executions)  # before its own charge
         self.journal.note_failed(submission, job.reason)
         self._finder.cancel_duplicates(submission)
         charged_s = self._billing.charge_s(job_id)
         charge = f"It {_charge_text(charged_s)}; this was attempt {submission.attempt + 1}."
         if job.was_cut_off:
-            known = self.journal.charges.of_job(job_id)
-            cap_s = submission.cap_s if known is None else known.cap_s
+            recorded = self.journal.charges.of_job(job_id)
+            cap_s = submission.cap_s if recorded is None else recorded.cap_s
             raise BudgetError(
-                f"IBM cut job {job_id} off at {cap_s:g} s.",
+                f"IBM stopped job {job_id} at {cap_s:g} s.",
                 f"It was expected to take {expected_s:.1f} s.",
             )
         if job.is_cancelled:
@@ -237,17 +238,17 @@ class Jobs:
         """The job once it has ended.
 
         Raises:
-            LiveError: it has not ended in time, or IBM has it no more.
+            LiveError: it has not ended in time, or IBM no longer has it.
         """
         started, pause_s = time.monotonic(), 0.05
         while True:
             try:
                 job = self._remote.job(job_id)
             except JobGoneError as error:
-                self.journal.note_failed(submission, "it has the job no more.")
+                self.journal.note_failed(submission, "it no longer has the job.")
                 raise LiveError(
-                    f"IBM has no job {job_id} any more: somebody deleted it.",
-                    "Resuming sends it once more, and pays for it again.",
+                    f"IBM no longer has job {job_id}: it was deleted.",
+                    "Resuming sends it once more and pays for it again.",
                 ) from error
             if job.has_ended:
                 return job
@@ -256,17 +257,17 @@ class Jobs:
             self._say(", ".join(filter(None, (f"job {status} {waited_s:.0f} s", queue))))
             if self._max_wait_s is not None and waited_s > self._max_wait_s:
                 raise LiveError(
-                    f"Job {job_id} is {status} for {waited_s:.0f} s now.",
-                    "It stays there, and is fetched once it is done.",
+                    f"Job {job_id} has been {status} for {waited_s:.0f} s.",
+                    "It stays in the queue; resume to fetch it once it is done.",
                 )
             time.sleep(pause_s)
             pause_s = min(1.5 * pause_s, _SLOWEST_POLL_S)
 
     def _fetch(self, job_id: str, registers: Sequence[Register]) -> list[Register]:
-        """What a finished job has measured.
+        """The bits that a finished job measured.
 
         Raises:
-            LiveError: the service does not answer, or its results are not readable several times.
+            LiveError: the service does not answer, or its result stays unreadable.
         """
         for fetch in range(_MOST_FETCHES):
             try:
@@ -275,14 +276,14 @@ class Jobs:
                 last: Exception = error
             except LiveError:
                 raise
-            except Exception as error:  # what a broken document breaks depends on where it broke
+            except Exception as error:  # a damaged document can fail anywhere
                 last = error
             time.sleep(_FETCH_PAUSE_S * 2**fetch)
         raise LiveError(
-            f"The result of job {job_id} cannot be read, {_MOST_FETCHES} times.",
-            "It is paid and is not sent again: resuming fetches it once more.",
+            f"The result of job {job_id} could not be read in {_MOST_FETCHES} attempts.",
+            "It is paid for and is not sent again: resuming fetches it once more.",
         ) from last
 
 
 def _charge_text(charged_s: float | None) -> str:
-    return "may be charged yet" if charged_s is None else f"was charged {charged_s:g} s"
+    return "may still be charged" if charged_s is None else f"was charged {charged_s:g} s"

@@ -1,6 +1,6 @@
-"""A SamplerV2 on the jobs of a run: what live tasks are played on.
+"""A SamplerV2 backed by the jobs of a run; live tasks use it.
 
-Source: qiskit.primitives, BaseSamplerV2 and BasePrimitiveJob, whose interfaces it has.
+Implements BaseSamplerV2 and BasePrimitiveJob of qiskit.primitives.
 """
 
 from __future__ import annotations
@@ -16,17 +16,18 @@ from qcompile.live.pubs import Call
 
 
 class SamplerJob(BasePrimitiveJob[Any, str]):  # type: ignore[misc]
-    """The jobs of one call, which IBM has, or the journal."""
+    """The jobs of one call, held by IBM or recorded in the journal."""
 
     def __init__(self, jobs: Jobs, call: Call, numbers: list[int]):
         super().__init__(f"{jobs.journal.id}-{numbers[0]}" if numbers else jobs.journal.id)
         self._jobs, self._call, self.numbers = jobs, call, numbers
 
     def result(self) -> Any:
-        """The PrimitiveResult, waited for: a BitArray for each PUB and register.
+        """The PrimitiveResult, once it is there: a BitArray for each PUB and register.
 
         Raises:
-            LiveError: a job cannot be fetched now, or gave no counts; it can be asked for again.
+            LiveError: a job cannot be fetched now, or returned no counts; call `result` again
+                later.
         """
         parts = [
             self._jobs.bits(number, request)
@@ -35,14 +36,14 @@ class SamplerJob(BasePrimitiveJob[Any, str]):  # type: ignore[misc]
         return self._call.result(parts)
 
     def job_ids(self) -> list[str]:
-        """IBM's names of its jobs, as far as it has them."""
-        found = [self._jobs.journal.latest(number) for number in self.numbers]
-        return [made.job_id for made in found if made is not None and made.job_id is not None]
+        """The ids of its jobs at IBM, as far as they are known."""
+        latest = [self._jobs.journal.latest(number) for number in self.numbers]
+        return [last.job_id for last in latest if last is not None and last.job_id is not None]
 
     def status(self) -> str:
-        """DONE, ERROR or RUNNING, as the journal knows it; `result` asks IBM."""
-        found = [self._jobs.journal.latest(number) for number in self.numbers]
-        states = {"failed" if made is None else made.state for made in found}
+        """DONE, ERROR or RUNNING according to the journal; `result` asks IBM."""
+        latest = [self._jobs.journal.latest(number) for number in self.numbers]
+        states = {"failed" if last is None else last.state for last in latest}
         if states <= {"done"}:
             return "DONE"
         return "ERROR" if "failed" in states else "RUNNING"
@@ -66,22 +67,22 @@ class SamplerJob(BasePrimitiveJob[Any, str]):  # type: ignore[misc]
             LiveError: always.
         """
         raise LiveError(
-            "A job of the guard is not cancelled: what may be charged is fetched.",
-            f"IBM's own tools cancel it: {', '.join(self.job_ids()) or 'none is known'}.",
+            "A guarded job cannot be cancelled: it may be charged, so its counts are fetched.",
+            f"IBM's own tools can cancel it: {', '.join(self.job_ids()) or 'its ID is not known'}.",
         )
 
 
 class JobsSampler(BaseSamplerV2):  # type: ignore[misc]
-    """A sampler on the jobs of a run, in the order in which they are asked for."""
+    """A sampler backed by the jobs of a run, in the order they are requested."""
 
     def __init__(self, jobs: Jobs):
         self._jobs = jobs
 
     def run(self, pubs: Iterable[Any], *, shots: int | None = None) -> SamplerJob:
-        """The job of PUBs, once IBM or the journal has it. Where it fails, nothing was asked for.
+        """The job for these PUBs, once IBM or the journal has it; on failure nothing was requested.
 
         Raises:
-            CountsError, OptionError: what is asked for cannot be run.
+            CountsError, OptionError: the PUBs cannot be run.
             LiveError: a job cannot be sent.
         """
         call, first = Call(pubs, shots), self._jobs.next

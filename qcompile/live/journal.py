@@ -1,8 +1,8 @@
-"""The journal of a live run: an SQLite file in the run's folder, written before anything is sent.
+"""The journal of a live run: an SQLite file in the run's folder, written before any job is sent.
 
-A submission is written down first, with what it measures and a tag that finds its job again; then
-that it is being sent, as a charge in doubt; then its job's id; then its bits; then what it was
-charged. Every write is on the disk before the next thing happens.
+A submission is recorded first, with its registers and a tag by which its job can be found again;
+then that it is being sent, as a charge in doubt; then its job's id; then its bits; then its charge.
+Every write is on the disk before anything else happens.
 """
 
 from __future__ import annotations
@@ -45,19 +45,18 @@ _ID = re.compile(r"[\w.-]{1,100}", re.ASCII)
 class Journal:
     """The record of one run in `folder`; `create` starts one. A `with` block closes it.
 
-    It is held by one process at a time: `held` is the block in which it may be written. `charges`
-    are what its jobs cost, `measured` what they gave, `steps` what it has played. One that is not
-    `checked` serves to read its attributes alone.
+    Only one process may write it at a time, in a `locked` block. `charges` holds the costs of its
+    jobs, `measured` their results and `steps` the steps played. Without `checked`, only its
+    attributes may be read.
 
     Raises:
-        LiveError: the folder holds no journal that can be read, here and wherever it is read or
-            written.
+        LiveError: the folder holds no readable journal; every method may raise it.
     """
 
     def __init__(self, folder: Path, *, checked: bool = True):
         self.folder, self.path = folder, folder / FILE
         if not self.path.is_file():
-            raise LiveError(f"{folder} holds no run.", "`qcompile runs` lists the runs.")
+            raise LiveError(f"There is no run in {folder}.", "`qcompile runs` lists the runs.")
         self._db = Database(self.path)
         try:
             with reading(self.path):
@@ -75,7 +74,7 @@ class Journal:
         self._jobs_done: int | None = None
 
     def _read(self) -> str:
-        """Read what does not change of the run; its format."""
+        """Read the fixed attributes of the run; return the journal's format."""
         row = self._db.connection.execute(
             "SELECT format, id, kind, created, settings, versions FROM run"
         ).fetchone()
@@ -89,7 +88,7 @@ class Journal:
         is_known = _ID.fullmatch(self.id) and self.kind in get_args(TaskKind)
         is_text = all(isinstance(version, str) for version in self.versions.values())
         if not is_known or not is_text or self.created.tzinfo is None:
-            raise ValueError("an ID, a kind, a time or a version that no run has")
+            raise ValueError("an ID, a kind, a time or a version is not valid")
         return str(row[0])
 
     @classmethod
@@ -104,10 +103,10 @@ class Journal:
         *,
         folder: Path | None = None,
     ) -> Journal:
-        """A new run in a folder of its own below `runs`, named by time and `name`; or in `folder`.
+        """A new run in its own folder in `runs`, named by time and `name`; or in `folder`.
 
         Raises:
-            BudgetError: the limit is no number of seconds that may be spent.
+            BudgetError: the limit is not a positive number of seconds, or is too large.
         """
         check_limit(max_qpu_seconds)
         now = datetime.now(UTC)
@@ -136,10 +135,10 @@ class Journal:
 
     @contextmanager
     def locked(self) -> Iterator[None]:
-        """Hold the run: no other process may resume it meanwhile.
+        """Lock the run: no other process may resume it in the meantime.
 
         Raises:
-            LiveError: another process holds it, or it is damaged.
+            LiveError: another process has locked it, or it is damaged.
         """
         with home.one_process(self.id, self.folder):
             check_pages(self._db.connection, self.path)
@@ -149,26 +148,26 @@ class Journal:
             try:
                 yield
             finally:
-                if os.getpid() == holder:  # and not a fork of it
+                if os.getpid() == holder:  # not in a fork
                     with suppress(LiveError):
                         self.move_here()
 
     def _renew(self) -> None:
-        """Have it in the format of today, and nothing remembered that another process changed."""
+        """Migrate the journal to the current format, and drop everything cached."""
         with reading(self.path):
             schema.migrate(self._db.connection)
         self.charges.forget_sums()
         self._jobs_done = None
 
-    # Where it is at home
+    # The home of the run
 
     def home(self, moment: home.Moment) -> home.Home | None:
-        """Where it began, or was resumed last; None where the journal does not say."""
+        """Where the run began or was last resumed; None if the journal does not say."""
         with reading(self.path):
             return home.read(self._db.connection, moment)
 
     def move_here(self, process: int | None = None) -> None:
-        """From now on the run is at home in this folder of this machine."""
+        """Make this folder on this machine the home of the run."""
         with reading(self.path):
             home.note(
                 self._db.connection,
@@ -180,21 +179,21 @@ class Journal:
 
     @property
     def max_qpu_seconds(self) -> float:
-        """Its limit; the largest there is where the first version let it be infinite."""
+        """The limit; the largest allowed one if the first version recorded it as infinite."""
         return min(float(self._db.rows("SELECT max_qpu_seconds FROM run")[0][0]), MAX_QPU_SECONDS)
 
     def allow(self, max_qpu_seconds: float) -> None:
         """Set another limit.
 
         Raises:
-            BudgetError: it is no number of seconds that may be spent.
+            BudgetError: the limit is not a positive number of seconds, or is too large.
         """
         check_limit(max_qpu_seconds)
         self._db.do("UPDATE run SET max_qpu_seconds = ?", max_qpu_seconds)
 
     @property
     def result(self) -> dict[str, Any] | None:
-        """What the run found, once it is finished."""
+        """The result of the run, once it is finished."""
         text = self._db.rows("SELECT result FROM run")[0][0]
         with reading(self.path):
             return None if text is None else json_object(text)
@@ -205,7 +204,7 @@ class Journal:
     # Its submissions
 
     def submissions(self, where: str = "TRUE", *values: object) -> list[Submission]:
-        """Every attempt for which `where` holds, in order."""
+        """Every attempt that matches `where`, in order."""
         columns = ", ".join(f"submission.{column}" for column in Submission.COLUMNS.split(", "))
         rows = self._db.rows(
             f"SELECT {columns}, charge.charged_s FROM submission "
@@ -231,15 +230,15 @@ class Journal:
         return self._jobs_done
 
     def states(self) -> dict[State, int]:
-        """How many submissions are in each state; their counts are not read."""
+        """The number of submissions in each state, without reading their counts."""
         return dict(self._db.rows("SELECT state, COUNT(*) FROM submission GROUP BY state"))
 
     def intend(
         self, number: int, digest: str, executions: int, registers: Sequence[Register] = ()
     ) -> Submission:
-        """Write down that job `number` is about to be sent, once more where it failed before.
+        """Record that job `number` is about to be sent, as a new attempt if it failed before.
 
-        `registers` are what it measures.
+        `registers` are the registers it measures.
         """
         last = self.latest(number)
         attempt = 0 if last is None else last.attempt + 1
@@ -255,11 +254,11 @@ class Journal:
 
     @property
     def tag_prefix(self) -> str:
-        """What the tag of each of its jobs begins with, before number and attempt."""
+        """The prefix of its jobs' tags, followed by number and attempt."""
         return f"qcompile-{self.id}-"
 
     def note_sending(self, submission: Submission, cap_s: int) -> Submission:
-        """It is being sent now, and IBM is to cut it off after `cap_s`."""
+        """Record that it is being sent now, with the cap `cap_s` at which IBM is to stop it."""
         now = datetime.now(UTC)
         with self._db.at_once():
             self.charges.note_doubt(submission.number, submission.executions, cap_s, now)
@@ -269,18 +268,18 @@ class Journal:
         return replace(submission, state="sending", sent_at=now, cap_s=cap_s)
 
     def note_sent(self, submission: Submission, job_id: str) -> None:
-        """IBM answered what was sent last with its job's id."""
+        """Record the job id that IBM returned for the last submission."""
         doubt = self.charges.doubts(submission.number)[-1]
         with self._db.at_once():
             self.charges.note_job(doubt, job_id, doubt.cap_s)
             self.note_adopted(submission, job_id)
 
     def note_adopted(self, submission: Submission, job_id: str) -> None:
-        """A job that is known is that of the submission: its counts are waited for."""
+        """Record a known job as the submission's job, whose counts are awaited."""
         self._note(submission, "state = 'sent', job_id = ?", job_id)
 
     def note_done(self, submission: Submission, registers: Sequence[Register]) -> None:
-        """Its bits are here."""
+        """Record its bits."""
         with self._db.at_once():
             self.measured.note(submission.number, registers)
             self._note(submission, "state = 'done'")
@@ -288,7 +287,7 @@ class Journal:
             self._jobs_done += 1
 
     def note_failed(self, submission: Submission, words: str) -> None:
-        """It ended without counts; `words` of the service are kept without what is secret."""
+        """Record that it ended without counts, with the service's `words` but without secrets."""
         self._note(submission, "state = 'failed', words = ?", quoted(words))
 
     def _note(self, submission: Submission, what: str, *values: object) -> None:

@@ -1,7 +1,7 @@
-"""The file of a journal: made whole or not at all, and looked over before anything of it is used.
+"""The file of a journal: created whole or not at all, and checked before it is used.
 
-It may be damaged, and it may come from somebody else. What passes here has the tables, columns and
-types that a journal has, and nothing in it that SQLite would execute.
+It may be damaged, or come from somebody else. A file that passes has the tables, columns and types
+of a journal, and nothing that SQLite would execute.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from qcompile.reading import load_json
 from qcompile.terminal import one_line
 
 FILE = "journal.sqlite"
-_RESTORE = "Copy the run to a folder that can be written; if it is damaged, restore it."
+_RESTORE = "Copy the run to a writable folder; if it is damaged, restore it from a backup."
 
 _NUMBER = "typeof({0}) IN ('integer', 'real') AND abs({0}) < 1e12"
 _COUNT = "typeof({0}) = 'integer' AND {0} >= 0"
@@ -86,25 +86,25 @@ _RIGHT_IN = {
     schema.SECOND_FORMAT: {name: rules for name, rules in _RIGHT.items() if name != "measured"},
     schema.FIRST_FORMAT: _RIGHT_AT_FIRST,
 }
-"""What must hold of the values of a table. SQLite answers `typeof` without reading a blob."""
+"""The valid values of each table. SQLite answers `typeof` without reading a blob."""
 _EXECUTED = """
 SELECT name FROM sqlite_master
 WHERE type NOT IN ('table', 'index') OR sql LIKE 'CREATE VIRTUAL%'
 UNION SELECT m.name FROM sqlite_master AS m, pragma_table_xinfo(m.name) AS c WHERE c.hidden != 0
 """
-"""Views, triggers, virtual tables and computed columns: a journal has none."""
+"""Finds views, triggers, virtual tables and computed columns: a journal has none."""
 
 
 class NeverBegunError(LiveError):
-    """A run was stopped while its journal was being made: nothing of it was ever sent."""
+    """The run was stopped while its journal was being created: nothing was ever sent."""
 
 
 @contextmanager
 def reading(path: Path) -> Iterator[None]:
-    """Whatever cannot be read within the block is with_advice, with the name of the file.
+    """A block whose read errors become explained errors that name the file.
 
     Raises:
-        LiveError: it is damaged, or cannot be read or written.
+        LiveError: the file is damaged, or cannot be read or written.
     """
     try:
         yield
@@ -119,11 +119,11 @@ def reading(path: Path) -> Iterator[None]:
 
 
 def connect(path: Path) -> sqlite3.Connection:
-    """A connection that has every write on the disk before it goes on, and reads broken text.
+    """A connection that flushes every write to the disk and tolerates broken text.
 
     Raises:
-        LiveError: the file is no database.
-        NeverBegunError: it is empty.
+        LiveError: the file is not a database.
+        NeverBegunError: the file is empty.
     """
     with reading(path):
         db = sqlite3.connect(path, isolation_level=None)
@@ -134,7 +134,7 @@ def connect(path: Path) -> sqlite3.Connection:
             db.execute("PRAGMA trusted_schema = OFF")
             if db.execute("SELECT 1 FROM sqlite_master LIMIT 1").fetchone() is None:
                 raise NeverBegunError(
-                    f"{path} is empty: the run was stopped before it began.", "Remove its folder."
+                    f"{path} is empty: the run was stopped before it began.", "Delete its folder."
                 )
     except BaseException:
         db.close()
@@ -143,11 +143,11 @@ def connect(path: Path) -> sqlite3.Connection:
 
 
 def check_values(db: sqlite3.Connection, path: Path, format_: str) -> None:
-    """Nothing, if all rows hold what they may hold in a journal of this format; blobs are not read.
+    """Check that all rows hold valid values for this journal format; blobs are not read.
 
     Raises:
-        LiveError: one does not; the message names its table and column. Or SQLite would execute
-            something that is in the file.
+        LiveError: a value is not valid, and the message names its table and column; or the file
+            contains something that SQLite would execute.
     """
     with reading(path):
         if db.execute(_EXECUTED).fetchone() is not None:
@@ -162,14 +162,14 @@ def check_values(db: sqlite3.Connection, path: Path, format_: str) -> None:
                 "WHERE wrong IS NOT NULL LIMIT 1"
             ).fetchone()
             if wrong is not None:
-                raise LiveError(f"{path} is damaged: {wrong[0]} of a {table} is wrong.", _RESTORE)
+                raise LiveError(f"{path} is damaged: {table}.{wrong[0]} is not valid.", _RESTORE)
 
 
 def check_pages(db: sqlite3.Connection, path: Path) -> None:
-    """Nothing, if SQLite finds every row that its indexes know: none was lost to damage.
+    """Check with SQLite that no row was lost to damage.
 
     Raises:
-        LiveError: what SQLite finds.
+        LiveError: SQLite finds damage.
     """
     with reading(path):
         words = str(db.execute("PRAGMA integrity_check(1)").fetchone()[0])
@@ -178,21 +178,21 @@ def check_pages(db: sqlite3.Connection, path: Path) -> None:
 
 
 def json_object(text: str | None) -> dict[str, Any]:
-    """The object that a column holds as JSON.
+    """The JSON object in a column.
 
     Raises:
-        ValueError: it holds none.
+        ValueError: it holds something else.
     """
     value = load_json(text) if isinstance(text, str) else None
     if not isinstance(value, dict):
-        raise ValueError("no object")
+        raise ValueError("not a JSON object")
     return value
 
 
 def write_journal(folder: Path, fill: Callable[[sqlite3.Connection], None]) -> None:
-    """Make `folder` with a journal that `fill` fills; it appears whole, or not at all.
+    """Create `folder` with a journal that `fill` fills; it appears whole or not at all.
 
-    The folder, and its parent where that is made too, can be read by this user alone.
+    The folder, and its parent if that is created too, are readable by this user only.
 
     Raises:
         LiveError: it cannot be written.
@@ -212,7 +212,7 @@ def write_journal(folder: Path, fill: Callable[[sqlite3.Connection], None]) -> N
         sync(folder.parent)
     except (OSError, sqlite3.Error) as error:
         raise LiveError(
-            f"The run's journal cannot be written to {folder}: {error}.",
+            f"Cannot write the run's journal to {folder}: {error}.",
             "Nothing was sent. Choose another folder with --runs.",
         ) from error
 

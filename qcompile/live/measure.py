@@ -17,11 +17,10 @@ from qcompile.mitigation.measure import Part
 
 
 class CalibrateTask(DeviceTask):
-    """Measure `parts` on `qubits`, `shots` of each circuit, into the file `out`, if any.
+    """Measure `parts` of a calibration on `qubits`, `shots` per circuit, into the file `out`.
 
-    `angles_rad` has the angle of each circuit and qubit; of each circuit alone in journals from
-    before qubits had orders of their own, which end as they began. A file that is there is
-    overwritten with `force` alone; without, another name is taken.
+    `angles_rad` holds the angle of each circuit and qubit, or in earlier journals of each circuit.
+    An existing file is overwritten only with `force`; otherwise another name is chosen.
     """
 
     kind: ClassVar[TaskKind] = "calibrate"
@@ -35,7 +34,7 @@ class CalibrateTask(DeviceTask):
 
     @property
     def load(self) -> Workload:
-        """Its jobs and executions."""
+        """Its number of jobs and executions."""
         return calibration_workload(len(self.qubits), self.shots, self.parts, len(self.angles_rad))
 
     def perform(self, context: Context) -> dict[str, Any]:
@@ -52,22 +51,22 @@ class CalibrateTask(DeviceTask):
             on_circuit=lambda done, of: context.say(f"circuit {done} of {of}"),
         )
         first = context.jobs.journal.latest(0)
-        if first is not None and first.sent_at is not None:  # and not when it was resumed
+        if first is not None and first.sent_at is not None:  # not the time of resuming
             sent_at = first.sent_at.replace(microsecond=0)
             calibration = calibration.model_copy(update={"created": sent_at})
         return {"calibration": calibration.model_dump(mode="json")}
 
     def without_file(self) -> CalibrateTask:
-        """The same task, whose file is not written unless another one is named."""
+        """The same task without its file, so that nothing is written unless `--out` names one."""
         return self.model_copy(update={"out": None})
 
     def deliver(self, result: dict[str, Any], out: Path | None) -> dict[str, Any]:
-        """The calibration, once it is in its file: `out`, or that of the task.
+        """The result, once the calibration is written to `out` or to the task's file.
 
-        Of what is there already only the task's own file is overwritten, and that with `force`.
+        Of existing files only the task's own is overwritten, and only with `force`.
 
         Raises:
-            OutputError: the file cannot be written; the journal keeps the calibration.
+            OutputError: the file cannot be written; the calibration stays in the journal.
         """
         path = out or (None if self.out is None else Path(self.out))
         if path is None:

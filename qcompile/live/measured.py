@@ -1,4 +1,4 @@
-"""What the jobs of a run measure: registers, there before a job is sent, and then their bits."""
+"""The registers that a run's jobs measure, recorded before sending, and later their bits."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Measured:
         self._db = database
 
     def of(self, number: int) -> list[Register]:
-        """Those of job `number`, in order, with their bits once it is done."""
+        """The registers of job `number`, in order, with their bits once it is done."""
         rows = self._db.rows(
             f"SELECT {Register.COLUMNS} FROM measured WHERE number = ? ORDER BY rowid", number
         )
@@ -24,7 +24,7 @@ class Measured:
             return [Register.of_row(row) for row in rows]
 
     def note(self, number: int, registers: Sequence[Register]) -> None:
-        """From now on these are those of job `number`."""
+        """Replace the registers of job `number`."""
         self._db.do("DELETE FROM measured WHERE number = ?", number)
         for register in registers:
             self._db.do(

@@ -1,4 +1,4 @@
-"""Counts of journals of earlier formats, as the bits that a sampler may have given."""
+"""Counts from journals of earlier formats, as bits that a sampler could have returned."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from qcompile.live.request import Request
 
 
 def bits_of_ones(ones: CountArray, request: Request) -> list[Register]:
-    """Bits of which `ones` (rows, circuits) are 1, those first.
+    """Bits with `ones` (rows, circuits) ones per circuit, the ones first.
 
-    Earlier formats kept nothing else of a job, whose circuits were those of packed rounds.
+    Earlier formats kept only these counts; the circuits of a job were those of packed rounds.
 
     Raises:
-        ValueError: the ones are not those of such a request.
+        ValueError: the counts do not fit the request.
     """
     columns = [pub.circuit.metadata.get("circuits", []) for pub in request.pubs]
     order = np.sort(np.concatenate(columns))
     rows = {pub.size for pub in request.pubs}
     if ones.dtype.kind != "i" or rows != {len(ones)} or ones.shape[1:] != order.shape:
-        raise ValueError("ones of another shape")
+        raise ValueError("counts of the wrong shape")
     if ones.min() < 0 or ones.max() > request.shots:
-        raise ValueError("ones that the shots do not have")
+        raise ValueError("counts outside the number of shots")
     shots = np.arange(request.shots)[:, None]
     filled = []
     for register, circuits in zip(request.registers, columns, strict=True):

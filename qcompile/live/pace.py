@@ -1,4 +1,4 @@
-"""When the next job may be sent: so many in a minute, and not before the time that IBM names."""
+"""When the next job may be sent: a number of jobs per minute, and IBM's Retry-After."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from qcompile.live.client_errors import duration, retry_after_s
 
 MINUTE_S = 60.0
 _LATE_S = 5.0
-"""A job of an earlier process may have reached IBM so long after it was sent, and counts since."""
+"""A job of an earlier process may have reached IBM this much after it was sent."""
 _LONGEST_S = 3600.0
 _LOOK_S = 1.0
 
 
 def check_seconds(name: str, value: float, most: float = math.inf) -> None:
-    """Nothing, if `value` is a number of seconds, above 0 and at most `most`.
+    """Check that `value` is a number of seconds, above 0 and at most `most`.
 
     Raises:
-        OptionError: it is not; the message calls it `name`.
+        OptionError: it is not; the message names it `name`.
     """
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value <= most:
         raise OptionError(
@@ -34,10 +34,10 @@ def check_seconds(name: str, value: float, most: float = math.inf) -> None:
 
 
 def check_pace(jobs_per_minute: int | None, max_wait_s: float | None) -> None:
-    """Nothing, if jobs can be sent and waited for so; None sends at once, and waits.
+    """Check a pace and a waiting time; None means no limit.
 
     Raises:
-        OptionError: a number of jobs or seconds is none.
+        OptionError: one of them is not a valid number.
     """
     if max_wait_s is not None:
         check_seconds("max_wait_s", max_wait_s)
@@ -45,16 +45,16 @@ def check_pace(jobs_per_minute: int | None, max_wait_s: float | None) -> None:
     if jobs is not None and (isinstance(jobs, bool) or not isinstance(jobs, int) or jobs < 1):
         raise OptionError(
             f"jobs_per_minute cannot be {jobs!r}.",
-            "It is a whole number of jobs, 1 at least; None sends them as fast as it can.",
+            "It is a whole number of jobs, at least 1; None sends them as fast as possible.",
         )
 
 
 class Pace:
-    """Keeps submissions apart: at most `jobs_per_minute` in any minute; None: any number.
+    """Limits submissions to `jobs_per_minute` in any minute; None means no limit.
 
-    When earlier ones were sent is read from the journal, so resuming a run keeps its pace. None is
-    sent before a time that IBM named in Retry-After. `say` is told what is waited for. A wait that
-    is longer than `max_wait_s`, or than an hour, ends the run, which resumes later.
+    Earlier submissions are read from the journal, so a resumed run keeps its pace. No job is sent
+    before the time in IBM's Retry-After. `say` gets a message while waiting. A wait longer than
+    `max_wait_s`, or than an hour, stops the run, which can be resumed later.
     """
 
     def __init__(
@@ -69,26 +69,26 @@ class Pace:
         self._longest_s = _LONGEST_S if max_wait_s is None else min(max_wait_s, _LONGEST_S)
         self._began = datetime.now(UTC)
         self._answered: list[datetime] = []
-        """When those of this process were answered, of the last minute."""
+        """When the submissions of this process in the last minute were answered."""
         self._asked_for = 0.0
-        """The time, of time.monotonic, before which IBM wants no job."""
+        """The value of time.monotonic before which IBM wants no job."""
 
     @property
     def job_s(self) -> float:
-        """The least time between two jobs, on average."""
+        """The shortest average time between two jobs, in seconds."""
         return MINUTE_S / self._most if self._most else 0.0
 
     @contextmanager
     def turn(self) -> Iterator[None]:
-        """The block in which a job is sent: it begins when the next one may be.
+        """The block in which a job is sent; it starts when the next job may be sent.
 
         Raises:
-            LiveError: that is too long to wait for.
+            LiveError: the wait would be too long.
         """
         while (asked_s := self._asked_for - time.monotonic()) > 0:
-            self._wait(asked_s, "IBM takes the next job in")
+            self._wait(asked_s, "IBM accepts the next job in")
         while (pace_s := self._pace_s()) > 0:
-            self._wait(pace_s, f"{self._most} jobs a minute, the next in")
+            self._wait(pace_s, f"limit of {self._most} jobs a minute; next one in")
         try:
             yield
         except Exception as error:
@@ -101,13 +101,13 @@ class Pace:
     def _wait(self, seconds: float, words: str) -> None:
         if seconds > self._longest_s:
             raise LiveError(
-                f"The next job may be sent in {duration(seconds)}.", "Nothing is lost: resume then."
+                f"The next job can be sent in {duration(seconds)}.", "Nothing is lost: resume then."
             )
         self._say(f"{words} {duration(seconds)}")
         time.sleep(min(seconds, _LOOK_S))
 
     def _pace_s(self) -> float:
-        """How long until a minute has room for one more job."""
+        """The seconds until another job may be sent."""
         if self._most is None:
             return 0.0
         now, minute = datetime.now(UTC), timedelta(seconds=MINUTE_S)

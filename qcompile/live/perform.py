@@ -1,4 +1,4 @@
-"""Begin a live run, and resume it until it is finished."""
+"""Start a live run, and resume it until it is finished."""
 
 from __future__ import annotations
 
@@ -42,26 +42,26 @@ _PACKAGES = ("numpy", "gymnasium", "qiskit", "qiskit-ibm-runtime")
 
 
 def begin(runs: Path, task: Task, max_qpu_seconds: float) -> Journal:
-    """The journal of a new run, in a folder of its own below `runs`; nothing is sent yet.
+    """The journal of a new run, in its own folder in `runs`; nothing is sent yet.
 
     Raises:
-        LiveError: the folder cannot be made.
+        LiveError: the folder cannot be created.
     """
     settings = task.model_dump(mode="json")
     return Journal.create(runs, task.kind, task.name, settings, run_versions(), max_qpu_seconds)
 
 
 def task_of(journal: Journal) -> Task:
-    """What the run is to do.
+    """The task that the run performs.
 
     Raises:
-        LiveError: the journal holds what this version cannot read.
+        LiveError: this version cannot read the task in the journal.
     """
     try:
         return TASKS[journal.kind].model_validate(journal.settings)
     except (KeyError, ValidationError) as error:
         raise LiveError(
-            f"{journal.path} cannot be read by this version of qcompile.",
+            f"This version of qcompile cannot read {journal.path}.",
             *_why(error),
         ) from error
 
@@ -76,22 +76,22 @@ def complete(
     show: Callable[[float, str], None] = lambda done, words: None,
     note: Callable[[str], None] = lambda words: None,
 ) -> dict[str, Any]:
-    """Do what is left of the run; what it found, with its id and what was charged.
+    """Finish the run; return its result, with its id and its charges.
 
-    `show` gets how many jobs are done, and words, `note` what a person should read. A finished run
-    gives its result again, and asks IBM once more what it has of the run and charges for it; where
-    all of that was known, it does not wait for an answer. Of a sampler those jobs are fetched that
-    were sent. `pay_again` sends a job again that was charged and gave no counts. `jobs_per_minute`
-    are sent at most, by default as many as it began with. `out` is another file for a calibration
-    than the
-    one it has; without it none is written where the run began on another machine.
+    `show` gets the number of jobs done and a message; `note` gets messages that a person should
+    read. A finished run returns its result again, after asking IBM once more for its jobs and
+    charges; if these were all known, it does not wait for an answer. For a sampler, the jobs that
+    were sent are fetched. `pay_again` sends jobs again that were charged and returned no counts. At
+    most `jobs_per_minute` jobs are sent, by default the number it began with. `out` is a different
+    file for a calibration; without it none is written if the run began on another machine.
 
     Raises:
-        BudgetError: the limit of QPU seconds would be passed.
-        LiveError: a job cannot be had, or Ctrl-C; the same call resumes from there. Or the run is
-            not at home here (`resume_warning`): `journal.move_here()` first.
-        PaidFailureError: a job was charged and gave no counts, and `pay_again` is not said.
-        ReplayError: the run does not repeat what the journal holds.
+        BudgetError: the limit of QPU seconds would be exceeded.
+        LiveError: a job's counts cannot be obtained, or Ctrl-C was pressed; the same call resumes
+            from there. Or the run was last resumed elsewhere (`resume_warning`): call
+            `journal.move_here()` first.
+        PaidFailureError: a job was charged and returned no counts, without `pay_again`.
+        ReplayError: the run does not repeat what the journal recorded.
     """
     task = task_of(journal)
     if journal.result is None and (words := resume_warning(journal)):
@@ -125,9 +125,9 @@ def complete(
         remaining = Remaining(task.planned_jobs, journal.jobs_done(), jobs.pace.job_s)
         if journal.result is None:
             try:
-                found = task.perform(Context(jobs, say_step, note))
+                outcome = task.perform(Context(jobs, say_step, note))
                 if task.ends:
-                    journal.finish(found)
+                    journal.finish(outcome)
             except KeyboardInterrupt:
                 raise with_advice(LiveError("Interrupted."), journal) from None
             except QcompileError as error:
@@ -138,46 +138,45 @@ def complete(
             jobs.settle()
         if is_from_another_machine(journal):
             task = task.without_file()
-        result = finished(journal) if task.ends else found | costs(journal)
+        result = finished(journal) if task.ends else outcome | costs(journal)
         try:
             return task.deliver(result, out)
         except OutputError as error:
             command = f"`{resume_command(journal)} --out FILE`"
-            hint = f"It is measured and kept: {command} writes it elsewhere."
+            hint = f"The calibration is kept: {command} writes it elsewhere."
             raise error.with_hints(hint) from error
 
 
 def _why(error: Exception) -> list[str]:
-    """The first faults of a journal's contents, whose names may be of any length."""
+    """The first faults in a journal's contents, shortened: names in it may be of any length."""
     return [one_line(line, 120) for line in explain(error, 2)]
 
 
 def resume_warning(journal: Journal) -> str:
-    """Why the run should not be resumed here unasked, in words; empty where it is at home."""
+    """Why the run should not be resumed here without asking; empty at its home."""
     last, now = journal.home("last"), here(journal.id, journal.folder)
     if is_same_place(last, now):
         return ""
     if last is None:
-        return f"Run {journal.id} does not say on which machine it was resumed last."
+        return f"The journal of run {journal.id} does not say where it was last resumed."
     where = "in another folder" if last.machine == now.machine else "on another machine"
     words = f"Run {journal.id} was last resumed {where}"
     if last.process is None:
-        return f"{words}: there may be another copy of it."
+        return f"{words}: another copy of it may exist."
     return f"{words} and may still be running there, as process {last.process}."
 
 
 def is_from_another_machine(journal: Journal) -> bool:
-    """Whether another machine made the journal, or one that is not known: its limit and its files
-    are somebody else's word."""
+    """Whether the run began on another or an unknown machine, with foreign limit and files."""
     began = journal.home("began")
     return began is None or began.machine != here(journal.id, journal.folder).machine
 
 
 def costs(journal: Journal) -> dict[str, Any]:
-    """The id of a run, and what it costs up to now, as plain values.
+    """The id of a run and its costs so far, as plain values.
 
-    `qpu_seconds` is never less than what IBM has charged: jobs of which IBM has not said it, and
-    jobs in doubt, count with their caps. `qpu_seconds_settled` is what IBM has said so far.
+    `qpu_seconds` is never less than IBM has charged: jobs without a reported charge, and jobs in
+    doubt, count with their caps. `qpu_seconds_settled` is the total that IBM has reported.
     """
     charges = journal.charges
     return {
@@ -191,7 +190,7 @@ def costs(journal: Journal) -> dict[str, Any]:
 
 
 def finished(journal: Journal) -> dict[str, Any]:
-    """What a finished run found, with its `costs`.
+    """The result of a finished run, with its `costs`.
 
     Raises:
         LiveError: the result is damaged.
@@ -201,27 +200,27 @@ def finished(journal: Journal) -> dict[str, Any]:
         check_result(journal.kind, result)
     except ValueError as error:
         raise LiveError(
-            f"{journal.path} is damaged: its result is wrong.",
+            f"{journal.path} is damaged: its result is not valid.",
             *_why(error),
-            f"`{export_command(journal)}` gives what was measured.",
+            f"`{export_command(journal)}` saves the measurements.",
         ) from error
     return {**result, **costs(journal)}
 
 
 def describe_progress(journal: Journal) -> str:
-    """A line of words: jobs and steps of the run so far."""
+    """One line with the jobs and steps of the run so far."""
     steps = f", steps played: {len(journal.steps)}" if journal.kind == "run" else ""
-    return f"Jobs done: {journal.jobs_done()}{steps}; all of it is kept."
+    return f"Jobs done: {journal.jobs_done()}{steps}; everything is kept."
 
 
 def run_versions() -> dict[str, str]:
-    """What a run has to be played again with."""
+    """The versions that a run must be replayed with."""
     return versions(*_PACKAGES) | {"machine": platform.machine()}
 
 
 def with_advice(error: QcompileError, journal: Journal) -> QcompileError:
-    """The error, with where the run stands and what to do."""
-    export = f"`{export_command(journal)}` gives what was measured."
+    """The error, with the state of the run and advice on what to do."""
+    export = f"`{export_command(journal)}` saves the measurements."
     if isinstance(error, ReplayError):
         now = run_versions()
         changed = [
@@ -236,7 +235,7 @@ def with_advice(error: QcompileError, journal: Journal) -> QcompileError:
     if journal.kind == "sampler":
         return error.with_hints(*_hints_for_a_program(error, journal))
     if isinstance(error, BudgetError):
-        hint = f"`{resume_command(journal)} --max-qpu-seconds S` resumes it with more."
+        hint = f"`{resume_command(journal)} --max-qpu-seconds S` resumes it with a higher limit."
     elif isinstance(error, PaidFailureError):
         hint = f"`{resume_command(journal)} --yes` sends it again."
     elif isinstance(error, LiveError):
@@ -249,17 +248,17 @@ def with_advice(error: QcompileError, journal: Journal) -> QcompileError:
 def _another_journal(journal: Journal) -> list[str]:
     if journal.kind != "sampler":
         return []
-    return ["A journal is of one program, which asks for the same PUBs in the same order."]
+    return ["A journal belongs to one program, which must request the same PUBs in the same order."]
 
 
 def _hints_for_a_program(error: QcompileError, journal: Journal) -> list[str]:
-    """What to do about an error of a sampler's, whose jobs a program asks for."""
+    """Advice on an error of a sampler, whose jobs a program requests."""
     if isinstance(error, BudgetError):
         hint = "Run the same program again with a higher max_qpu_seconds."
     elif isinstance(error, PaidFailureError):
-        hint = "Run the same program again with pay_again=True: it sends it again."
+        hint = "Run the same program again with pay_again=True to send it again."
     elif isinstance(error, LiveError):
-        hint = "Run the same program again: it gets what is recorded, and goes on."
+        hint = "Run the same program again: it reads the recorded jobs and resumes."
     else:
         return []
     return [describe_progress(journal), hint]

@@ -1,4 +1,4 @@
-"""Episodes on a live backend: recorded step by step, and played again from the record."""
+"""Episodes on a live backend, recorded step by step and replayed from the record."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from qcompile.live.task import Context, DeviceTask
 from qcompile.policy.schema import AnyPolicyFile
 
 _ROUNDING = 1e-9
-"""Another processor may round the last digits otherwise."""
+"""Another processor may round the last digits differently."""
 
 
 class RunTask(DeviceTask, RunSettings):
-    """Play `episodes` with a policy, as `qcompile run` does, with these settings.
+    """Play `episodes` episodes with a policy and these settings, as `qcompile run` does.
 
-    Journals of earlier versions say nothing of `copy_of`: there a row's copy followed from its
-    place among the living episodes.
+    Journals of earlier versions have no `copy_of`: there a row's copy followed from its position
+    among the running episodes.
     """
 
     kind: ClassVar[TaskKind] = "run"
@@ -51,8 +51,8 @@ class RunTask(DeviceTask, RunSettings):
         """The figures of `qcompile run --json`.
 
         Raises:
-            LiveError: a job cannot be had.
-            ReplayError: the environment does not repeat what is recorded.
+            LiveError: a job's counts cannot be obtained.
+            ReplayError: the environment does not repeat the record.
         """
         deployment = self.deploy(context.executor(self.device))
         actions = len(deployment.policy.bias)
@@ -65,17 +65,17 @@ class RunTask(DeviceTask, RunSettings):
         return run.summary()
 
     def deploy(self, backend: Device | Backend | Executor) -> Deployment:
-        """The task's policy on an executor of the task's device, or on a model of it."""
+        """The task's policy, deployed on an executor of the task's device or on a model of it."""
         return Deployment(self.policy.policy(), backend, self.settings)
 
 
 class JournalRecorder(Recorder):
-    """Records the steps of a run; those that the journal has are played again and checked.
+    """Records the steps of a run; steps already in the journal are replayed and checked.
 
-    A recorded step takes its recorded actions, which lie in [0, `actions`). The deployment is asked
-    for them all the same: its counts come from the journal, in the same order. Where steps are
-    measured ahead, a step is recorded with its predicted actions before it is measured, and
-    recorded ones are walked along again.
+    A recorded step takes its recorded actions, which lie in [0, `actions`). The deployment is still
+    called, so that counts are read from the journal in the same order. When steps are measured
+    ahead, a step is recorded with its predicted actions before it is measured, and a replay follows
+    the recorded predictions.
     """
 
     def __init__(
@@ -89,28 +89,28 @@ class JournalRecorder(Recorder):
         self._number = 0
         self._step: Step | None = None
         self._predicted: list[IntArray] = []
-        """Of the rows of the next step so far, where steps are measured ahead."""
+        """The predicted actions for the next step so far, when steps are measured ahead."""
 
     def depth(self, depth: int) -> int:
-        """How many decisions of each episode the next step measures: as many as are recorded."""
+        """The number of decisions of each episode in the next step: the recorded number, if any."""
         chains = self._chains()
         return depth if chains is None else chains.depth
 
     def predict(self, predict: Act, observations: FloatArray, rows: Rows) -> IntArray:
-        """The actions (B,) along which the next step is measured: those that are recorded.
+        """The predicted actions (B,) that the next step follows: the recorded ones, if any.
 
         Raises:
-            LiveError: they are damaged.
-            ReplayError: other rows are recorded.
+            LiveError: the record is damaged.
+            ReplayError: the recorded rows differ.
         """
         chains = self._chains()
         if chains is None:
             predicted = predict(observations, rows)
         else:
             first = sum(map(len, self._predicted))
-            these = slice(first, first + len(observations))
-            self._check("rows", chains.array[:2, these], np.stack(rows[:2]))
-            predicted = self._numbered(chains.predicted[these], observations)
+            new_rows = slice(first, first + len(observations))
+            self._check("rows", chains.array[:2, new_rows], np.stack(rows[:2]))
+            predicted = self._numbered(chains.predicted[new_rows], observations)
         self._predicted.append(predicted)
         return predicted
 
@@ -119,7 +119,7 @@ class JournalRecorder(Recorder):
 
         Raises:
             LiveError: the recorded actions are damaged.
-            ReplayError: the observations are not those recorded.
+            ReplayError: the observations differ from the recorded ones.
         """
         steps, step = self._journal.steps, self._recorded()
         ahead = f" of {len(observations)} decisions" if self._predicted else ""
@@ -131,7 +131,7 @@ class JournalRecorder(Recorder):
         chains = None
         if self._predicted:
             chains = Chains(rows.episode, rows.decision, np.concatenate(self._predicted))
-            if step is None:  # before the job is sent: it may be asked for again
+            if step is None:  # before the job is sent, so that it can be repeated
                 steps.note_chains(self._number, observations, chains)
         drawn = act(observations, rows)
         if step is not None and step.actions is not None:
@@ -140,10 +140,10 @@ class JournalRecorder(Recorder):
         return drawn
 
     def rewards(self, rewards: list[float]) -> None:
-        """What the last actions earned, as far as they counted.
+        """Record or check the rewards of the last actions that counted.
 
         Raises:
-            ReplayError: it is not what is recorded.
+            ReplayError: the rewards differ from the recorded ones.
         """
         step = self._recorded()
         if step is None or step.rewards is None:
@@ -153,7 +153,7 @@ class JournalRecorder(Recorder):
         self._number, self._step, self._predicted = self._number + 1, None, []
 
     def _recorded(self) -> Step | None:
-        """The next step, as far as it is recorded."""
+        """The record of the next step, if there is one."""
         if self._step is None:
             self._step = self._journal.steps.at(self._number)
         return self._step
@@ -163,16 +163,17 @@ class JournalRecorder(Recorder):
         return None if step is None else step.chains
 
     def _numbered(self, actions: NDArray[Any], observations: FloatArray) -> IntArray:
-        """Recorded actions, one for each of the observations.
+        """The recorded actions, checked to be one for each observation.
 
         Raises:
-            LiveError: they are not.
+            LiveError: they are damaged.
         """
         right = actions.shape == (len(observations),)
         if not right or not np.isin(actions, range(self._actions)).all():
             raise LiveError(
-                f"{self._journal.path} is damaged: the actions of step {self._number} are wrong.",
-                "Restore a copy.",
+                f"{self._journal.path} is damaged: the actions of step {self._number} are not "
+                "valid.",
+                "Restore a backup.",
             )
         return actions.astype(np.intp)
 
@@ -182,6 +183,7 @@ class JournalRecorder(Recorder):
             recorded, actual, _ROUNDING, _ROUNDING, equal_nan=True
         ):
             raise ReplayError(
-                f"The {what} of step {self._number} are not those recorded: the environment does "
+                f"The {what} of step {self._number} differ from the recorded ones: the "
+                f"environment does "
                 "not repeat itself."
             )

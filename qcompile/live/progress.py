@@ -1,4 +1,4 @@
-"""What is told while a run waits: the queue of the machine, and the time to the end."""
+"""Progress messages while a run waits: the machine's queue and the remaining time."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _QUEUE_AFTER_S, _QUEUE_EVERY_S = 5.0, 30.0
 
 
 class Queue:
-    """How many jobs wait for the machine, asked now and then while one of the run does."""
+    """The length of the machine's queue, looked up now and then while a job of the run waits."""
 
     def __init__(self, connection: Connection):
         self._connection = connection
@@ -20,7 +20,7 @@ class Queue:
         self._words = ""
 
     def words(self, waited_s: float) -> str:
-        """A few words on it; empty where IBM does not say, or the job is new to the queue."""
+        """A few words on the queue; empty if IBM does not say, or the job has just joined it."""
         if waited_s < _QUEUE_AFTER_S:
             return ""
         if time.monotonic() - self._asked_at >= _QUEUE_EVERY_S:
@@ -40,10 +40,10 @@ class Queue:
 
 
 class Remaining:
-    """The time to the end of a run, from how long its jobs took in this process.
+    """The remaining time of a run, estimated from its jobs in this process.
 
-    `planned` are all jobs that it is expected to take, `job_s` the least that its pace allows for
-    one. Jobs that were in the journal before are not counted: they took no time.
+    `planned` is the expected number of jobs, `job_s` the shortest time per job that the pace
+    allows. The `before` jobs already in the journal do not count: they took no time.
     """
 
     def __init__(self, planned: int, before: int, job_s: float = 0.0):
@@ -51,15 +51,15 @@ class Remaining:
         self._began = time.monotonic()
 
     def seconds(self, done: int) -> float | None:
-        """None before the first job of this process is done, and beyond the plan."""
-        left, own = self._planned - done, done - self._before
-        if own < 1 or left < 1:
+        """The seconds left; None before the first job of this process, and beyond the plan."""
+        left, done_here = self._planned - done, done - self._before
+        if done_here < 1 or left < 1:
             return None
-        return left * max((time.monotonic() - self._began) / own, self._job_s)
+        return left * max((time.monotonic() - self._began) / done_here, self._job_s)
 
     def words(self, done: int) -> str:
-        """The time in words; empty where it cannot be told."""
+        """The remaining time in words; empty if unknown."""
         if done >= self._planned > 0:
-            return "longer than planned" if done > self._planned else ""
+            return "more jobs than planned" if done > self._planned else ""
         seconds = self.seconds(done)
-        return "" if seconds is None else f"about {duration(seconds)} to the end"
+        return "" if seconds is None else f"about {duration(seconds)} left"

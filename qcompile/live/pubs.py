@@ -1,4 +1,4 @@
-"""From the PUBs of a call to the jobs that they take, and from their bits to a sampler's result."""
+"""Splits the PUBs of a call into jobs, and joins their bits into a sampler's result."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from qcompile.live.request import Request
 from qcompile.terminal import first_line
 
 DEFAULT_SHOTS = 4096
-"""Where neither a PUB nor the call names any; IBM's own default."""
+"""The shots if neither the PUB nor the call sets them; IBM's own default."""
 
 
 class Call:
     """The PUBs of one call, and the `requests` for their jobs, in order.
 
-    A job has PUBs of the same shots, as IBM's sampler wants it, and no more executions than IBM
-    takes: so PUBs of several shots are several jobs, and large ones are cut, by PUBs and then by
-    rows of their values.
+    A job has PUBs with the same shots, as IBM's sampler requires, and no more executions than IBM
+    accepts. So PUBs with different shots become separate jobs, and large jobs are split by PUBs and
+    then by rows of their values.
 
     Raises:
         CountsError: the shots of a PUB are out of range.
-        OptionError: something is not a PUB, or measures nothing.
+        OptionError: an item is not a PUB, or measures nothing.
     """
 
     def __init__(self, pubs: Iterable[Any], shots: int | None = None):
         self.pubs = [_pub(index, pub, shots) for index, pub in enumerate(_several(pubs))]
         if not self.pubs:
-            raise OptionError("There is no PUB to run.", "run([circuit]) has one.")
+            raise OptionError("There is no PUB to run.", "Pass at least one: run([circuit]).")
         self._places: list[list[Portion]] = []
         self.requests: list[Request] = []
         for of_shots in dict.fromkeys(pub.shots for pub in self.pubs):
@@ -45,7 +45,7 @@ class Call:
                 self.requests.append(Request(pieces, of_shots))
 
     def result(self, parts: Sequence[Sequence[Register]]) -> Any:
-        """The PrimitiveResult, of what each request has measured."""
+        """The PrimitiveResult, from the registers that each request measured."""
         from qiskit.primitives import BitArray, DataBin, PrimitiveResult, SamplerPubResult
 
         arrays = [
@@ -76,45 +76,47 @@ class Call:
 
 
 def _several(pubs: Any) -> list[Any]:
-    """PUBs in a list, as `run` takes them.
+    """The PUBs as a list.
 
     Raises:
-        OptionError: they are in none.
+        OptionError: they are not in a list.
     """
     from qiskit import QuantumCircuit
 
     if isinstance(pubs, QuantumCircuit) or not isinstance(pubs, Iterable):
-        raise OptionError("PUBs come in a list.", "run([circuit]), or run([(circuit, values)]).")
+        raise OptionError(
+            "PUBs must be in a list.", "Call run([circuit]) or run([(circuit, values)])."
+        )
     return list(pubs)
 
 
 def _pub(index: int, pub: Any, shots: int | None) -> Any:
-    """A SamplerPub with shots of its own, with a parameter wherever it has more than one row."""
+    """A SamplerPub with its own shots, and with a parameter if it has more than one row."""
     from qiskit.exceptions import QiskitError
     from qiskit.primitives.containers.sampler_pub import SamplerPub
 
     try:
-        made = SamplerPub.coerce(pub, DEFAULT_SHOTS if shots is None else shots)
-        made.validate()
-        values = made.parameter_values.as_array(made.circuit.parameters)  # those of the circuit
+        coerced = SamplerPub.coerce(pub, DEFAULT_SHOTS if shots is None else shots)
+        coerced.validate()
+        values = coerced.parameter_values.as_array(coerced.circuit.parameters)
         if not np.isfinite(values).all():
-            raise ValueError("its values hold a number that is not finite.")
+            raise ValueError("one of its values is not finite.")
     except (LookupError, TypeError, ValueError, QiskitError) as error:
         raise OptionError(
-            f"PUB {index} is not one: {first_line(str(error))}",
+            f"PUB {index} is not valid: {first_line(str(error))}",
             "A PUB is a circuit, or (circuit, values), or (circuit, values, shots).",
         ) from error
-    check_shots(made.shots)
-    if not made.circuit.cregs:
+    check_shots(coerced.shots)
+    if not coerced.circuit.cregs:
         raise OptionError(
             f"PUB {index} measures nothing: its circuit has no classical register.",
-            "circuit.measure_all() adds one.",
+            "Add one with circuit.measure_all().",
         )
-    return made if made.circuit.num_parameters or not made.shape else _with_phase(made)
+    return coerced if coerced.circuit.num_parameters or not coerced.shape else _with_phase(coerced)
 
 
 def _with_phase(pub: Any) -> Any:
-    """The same with its global phase as a parameter: samplers take the rows from parameters."""
+    """The same PUB with its global phase as a parameter: samplers take rows from parameters."""
     from qiskit.circuit import Parameter
     from qiskit.primitives.containers.sampler_pub import SamplerPub
 
@@ -124,7 +126,7 @@ def _with_phase(pub: Any) -> Any:
 
 
 def _piece(pub: Any, rows: range) -> Any:
-    """Some rows of a PUB; all of them keep their shape."""
+    """The given rows of a PUB; with all rows it keeps its shape."""
     from qiskit.primitives.containers.sampler_pub import SamplerPub
 
     if len(rows) == pub.size:

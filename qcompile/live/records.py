@@ -1,4 +1,4 @@
-"""What a journal holds: submissions and what they measured, charges, steps."""
+"""The records of a journal: submissions, registers, charges and steps."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from qcompile.reading import ContentsError, read_npy
 
 _LONGEST_SHAPE = 1000
 State = Literal["intended", "sending", "sent", "done", "failed"]
-"""`intended` was never sent; of `sending` it is not known whether IBM accepted it."""
+"""`intended`: never sent; `sending`: IBM may or may not have accepted it."""
 
 
 @dataclass(frozen=True)
 class Submission:
     """One attempt at one job of a run.
 
-    `digest` is that of all it measures; `cap_s` the seconds at which IBM cuts it off; `sent_at`
-    when it was last sent, None before. Of one that has ended without counts `words` say why;
-    `charged_s` is what IBM charged, None until it says. `ones` (rows, circuits) are the counts of
-    one that an earlier version of qcompile sent; today's are registers.
+    `digest` identifies the PUBs; `cap_s` is the time in seconds after which IBM stops the job;
+    `sent_at` is when it was last sent, None before. `words` say why it ended without counts;
+    `charged_s` is IBM's charge, None until reported. `ones` (rows, circuits) are counts recorded by
+    an earlier version of qcompile; now they are registers.
     """
 
     number: int
@@ -45,11 +45,11 @@ class Submission:
     charged_s: float | None = None
 
     COLUMNS = "number, attempt, tag, digest, executions, state, sent_at, cap_s, job_id, ones, words"
-    """Of its own table; what it was charged is in another one."""
+    """The columns of its own table; the charge is in another one."""
 
     @classmethod
     def of_row(cls, row: tuple[Any, ...]) -> Submission:
-        """That of a row of COLUMNS and its charge."""
+        """The submission in a row of COLUMNS and its charge."""
         *columns, charged_s = row
         values = dict(zip(cls.COLUMNS.split(", "), columns, strict=True))
         if values["sent_at"] is not None:
@@ -61,10 +61,10 @@ class Submission:
 
 @dataclass(frozen=True)
 class Register:
-    """What a job measures of register `name` of one of its PUBs, number `pub`.
+    """The bits that a job measures in register `name` of its PUB number `pub`.
 
-    `shape` is that of the PUB's parameter values, then the shots; `width` the number of bits.
-    `packed` are they, a shot after the other, each in whole bytes with bit 0 last, as in BitArray;
+    `shape` is the shape of the PUB's parameter values, then the shots; `width` the number of bits.
+    `packed` holds the bits shot by shot, each shot in whole bytes with bit 0 last, as in BitArray;
     None before the job is done.
     """
 
@@ -78,20 +78,20 @@ class Register:
 
     @classmethod
     def of_row(cls, row: tuple[Any, ...]) -> Register:
-        """That of a row of COLUMNS.
+        """The register in a row of COLUMNS.
 
         Raises:
-            ValueError: the shape is none.
+            ValueError: the shape is not valid.
         """
         pub, name, shape, width, packed = row
         sizes = json.loads(shape) if len(shape) < _LONGEST_SHAPE else None
         if not isinstance(sizes, list) or not sizes or not all(map(_is_size, sizes)):
-            raise ValueError("a shape that no register has")
+            raise ValueError("the shape of a register is not valid")
         return cls(pub, name, tuple(sizes), width, packed)
 
     @property
     def row(self) -> tuple[Any, ...]:
-        """Its values for COLUMNS."""
+        """The values of COLUMNS."""
         return self.pub, self.name, json.dumps(self.shape), self.width, self.packed
 
     @property
@@ -100,18 +100,18 @@ class Register:
 
     @property
     def packed_size(self) -> int:
-        """The bytes that its bits take."""
+        """The size of its bits in bytes."""
         return math.prod(self.shape) * self.bytes_a_shot
 
     @property
     def bits(self) -> NDArray[np.uint8]:
-        """The packed bits (*shape, bytes), which can be written.
+        """The packed bits (*shape, bytes), as a writable array.
 
         Raises:
-            ValueError: they are not here, or of another size.
+            ValueError: they are missing or have the wrong size.
         """
         if self.packed is None or len(self.packed) != self.packed_size:
-            raise ValueError("bits of another size")
+            raise ValueError("bits of the wrong size")
         packed = np.frombuffer(bytearray(self.packed), dtype=np.uint8)
         return packed.reshape(*self.shape, self.bytes_a_shot)
 
@@ -122,12 +122,12 @@ def _is_size(value: Any) -> bool:
 
 @dataclass(frozen=True)
 class Charge:
-    """What a job that IBM has, or may have, takes of the limit.
+    """The cost of a job that IBM has or may have, counted against the limit.
 
-    `number` is its place in the run; `job_id` None where IBM did not answer with one: then the job
-    is in doubt, `sent_at` is when the attempt to send it ended, or else began, and `refused` says
-    whether the answer was a refusal. `charged_s` is what IBM charged;
-    as long as that is not known, it counts with `cap_s`, at which IBM cuts it off.
+    `number` is the job's number in the run. `job_id` is None if IBM did not return one: then the
+    job is in doubt, `sent_at` is when the attempt to send it ended, or else began, and `refused`
+    says whether IBM answered with a refusal. `charged_s` is IBM's charge; until that is known, the
+    job counts with `cap_s`, after which IBM stops it.
     """
 
     row: int
@@ -143,7 +143,7 @@ class Charge:
 
     @classmethod
     def of_row(cls, row: tuple[Any, ...]) -> Charge:
-        """That of a row of COLUMNS."""
+        """The charge in a row of COLUMNS."""
         values = dict(zip(cls.COLUMNS.split(", "), row, strict=True))
         values["sent_at"], values["refused"] = to_time(values["sent_at"]), bool(values["refused"])
         return cls(**values)
@@ -159,21 +159,21 @@ class Chains:
 
     @property
     def array(self) -> NDArray[np.int64]:
-        """As a journal keeps them, (3, B)."""
+        """The array (3, B) that the journal stores."""
         return np.stack([self.episode, self.decision, self.predicted])
 
     @property
     def depth(self) -> int:
-        """The most decisions of one episode."""
+        """The largest number of decisions of one episode."""
         return int(np.unique(self.episode, return_counts=True)[1].max())
 
 
 @dataclass(frozen=True)
 class Step:
-    """Observations (B, features) of a step, the actions (B,) measured, the rewards earned.
+    """A step: observations (B, features), measured actions (B,), and rewards.
 
-    Where steps are measured ahead, `chains` are its rows; its actions are None until they are
-    measured, and rewards are those of the actions that counted.
+    When steps are measured ahead, `chains` holds its rows, actions are None until measured, and
+    rewards belong to the actions that counted.
     """
 
     observations: FloatArray
@@ -183,10 +183,10 @@ class Step:
 
     @classmethod
     def of_row(cls, row: tuple[Any, ...]) -> Step:
-        """That of a row of the journal's table.
+        """The step in a row of the journal's table.
 
-        Its actions are (B,), or (3, B) episodes, decisions and predicted actions, or (4, B), these
-        and the actions.
+        The stored actions have shape (B,); or (3, B): episodes, decisions and predicted actions; or
+        (4, B): these and the actions.
 
         Raises:
             LiveError: it is damaged.
@@ -196,13 +196,13 @@ class Step:
         if taken.ndim != 2:
             return cls(observations, taken, earned)
         if taken.shape not in [(3, len(observations)), (4, len(observations))] or not taken.size:
-            raise LiveError("The rows of a step are damaged.", "Restore a copy.")
+            raise LiveError("The rows of a step are damaged.", "Restore a backup.")
         measured = taken[3] if len(taken) == 4 else None
         return cls(observations, measured, earned, Chains(*taken[:3]))
 
 
 def to_time(text: str) -> datetime:
-    """A time as the journal writes it.
+    """The time that the journal stores as `text`.
 
     Raises:
         LiveError: it is damaged.
@@ -210,7 +210,7 @@ def to_time(text: str) -> datetime:
     try:
         return datetime.fromisoformat(text)
     except (TypeError, ValueError) as error:
-        raise LiveError("A time in the run's journal is damaged.", "Restore a copy.") from error
+        raise LiveError("A time in the journal is damaged.", "Restore a backup.") from error
 
 
 def to_bytes(array: NDArray[Any]) -> bytes:
@@ -221,7 +221,7 @@ def to_bytes(array: NDArray[Any]) -> bytes:
 
 
 def to_array(contents: bytes) -> NDArray[Any]:
-    """What `to_bytes` was given.
+    """The array that `to_bytes` stored.
 
     Raises:
         LiveError: it is damaged.
@@ -229,4 +229,4 @@ def to_array(contents: bytes) -> NDArray[Any]:
     try:
         return read_npy(contents)
     except (ContentsError, TypeError) as error:  # SQLite keeps a value of any type
-        raise LiveError("An array in the run's journal is damaged.", "Restore a copy.") from error
+        raise LiveError("An array in the journal is damaged.", "Restore a backup.") from error

@@ -1,4 +1,4 @@
-"""The jobs that IBM's service has: listed by tag, watched, cancelled, their results and charges."""
+"""Jobs at IBM's service: listing them by tag, their status, results and charges, and cancelling."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ _PAGE, _MOST_PAGES = 200, 500
 
 
 class JobGoneError(LiveError):
-    """IBM has no job of this id."""
+    """IBM no longer has a job with this id."""
 
 
 class RemoteJobs:
-    """What the service behind a connection says of jobs. Only `cancel` changes anything there."""
+    """The jobs at the service of a connection. Only `cancel` changes anything there."""
 
     def __init__(self, connection: Connection):
         self._connection = connection
 
     def listed(self, tag: str, since: datetime | None = None) -> list[RemoteJob]:
-        """Every job with the tag, made `since` then.
+        """Every job with the tag, created after `since`.
 
         Raises:
-            LiveError: no answer; or one that cannot be relied on, as it has jobs without the tag,
-                or fewer than it says.
+            LiveError: no answer, or an unreliable one that has jobs without the tag or fewer than
+                it says.
         """
         jobs: dict[str, RemoteJob] = {}
 
@@ -44,9 +44,9 @@ class RemoteJobs:
         self._connection.ask(ask, about="the list of jobs")
         if any(tag not in (job.tags or ()) for job in jobs.values()):
             raise LiveError(
-                "IBM's service lists jobs that do not have the tag that was asked for.",
-                "Whether a job is this run's cannot be told: none was taken, cancelled or sent.",
-                "Resume later; what is measured is kept.",
+                "IBM's service lists jobs without the requested tag.",
+                "It is unclear which jobs belong to this run: none was used, cancelled or sent.",
+                "Resume later; everything measured is kept.",
             )
         return list(jobs.values())
 
@@ -54,7 +54,7 @@ class RemoteJobs:
         """The job as it is now.
 
         Raises:
-            JobGoneError: IBM has none of this id.
+            JobGoneError: IBM has no job with this id.
             LiveError: no answer, or one that cannot be read.
         """
         about = f"job {job_id}"
@@ -62,7 +62,7 @@ class RemoteJobs:
             answer = self._ask_of(lambda client: client.job_get(job_id, exclude_params=True), about)
         except LiveError as error:
             if status_code(error.__cause__) == NOT_FOUND:
-                raise JobGoneError(f"IBM has no job {job_id} any more.") from error
+                raise JobGoneError(f"IBM no longer has job {job_id}.") from error
             raise
         job = read(RemoteJob, answer, about)
         if job.id != job_id or not job.status:
@@ -81,9 +81,9 @@ class RemoteJobs:
         )
 
     def charged_s(self, job_id: str, cap_s: float) -> float | None:
-        """What an ended job was charged; None as long as IBM does not say, or says what cannot be.
+        """The charge of an ended job; None until IBM reports a possible value.
 
-        It is asked once only: a charge can wait.
+        IBM is asked only once: a charge can wait.
 
         Raises:
             LiveError: no answer.
@@ -100,7 +100,7 @@ class RemoteJobs:
             raise
 
     def cancel(self, job_id: str) -> None:
-        """Have the job cancelled.
+        """Cancel the job.
 
         Raises:
             LiveError: it has ended, or there is no answer.
@@ -108,7 +108,7 @@ class RemoteJobs:
         self._ask_of(lambda client: client.job_cancel(job_id), f"job {job_id}")
 
     def _ask_of(self, question: Callable[[Any], T], about: str, *, patient: bool = True) -> T:
-        """What the client of that instance answers which knows the job."""
+        """The answer of the client whose instance knows the job."""
         from qiskit_ibm_runtime.api.exceptions import RequestsApiError
 
         def ask(service: Any) -> T:
@@ -125,10 +125,10 @@ class RemoteJobs:
 
 
 def _all_pages(client: Any, tag: str, since: datetime | None) -> dict[str, RemoteJob]:
-    """Every job that one instance has with the tag, by id.
+    """Every job with the tag at one instance, by id.
 
     Raises:
-        LiveError: pages end, or bring nothing new, before there are as many as the service says.
+        LiveError: the pages end or repeat before all jobs that the service counts are listed.
     """
     jobs: dict[str, RemoteJob] = {}
     skip = 0
@@ -143,6 +143,6 @@ def _all_pages(client: Any, tag: str, since: datetime | None) -> dict[str, Remot
         if len(jobs) == before:
             break
     raise LiveError(
-        f"IBM's service says that it has {page.count} jobs of one tag, and lists {len(jobs)}.",
-        "Whether one is missing cannot be told: nothing was sent or cancelled. Resume later.",
+        f"IBM's service counts {page.count} jobs with one tag but lists {len(jobs)}.",
+        "A job may be missing, so nothing was sent or cancelled. Resume later.",
     )

@@ -1,4 +1,4 @@
-"""What one job measures: PUBs with the same shots, and the bits that are to come of them."""
+"""The request for one job: PUBs with the same shots, and the registers they measure."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from qcompile.live.circuits import circuit_text, rounded, unsupported
 from qcompile.live.records import Register
 
 DIGEST = "pubs-1 "
-"""What a digest of PUBs begins with. Those of earlier journals were of something else."""
+"""The prefix of a digest of PUBs. Digests in earlier journals were computed differently."""
 TAG = "pubs-"
 
 
 def is_same(recorded: str, digest: str) -> bool:
-    """Whether a job of the journal may be that of a digest; earlier journals' do not tell."""
+    """Whether a recorded job may have this digest; digests of earlier journals always may."""
     return recorded == digest or not recorded.startswith(DIGEST)
 
 
 def tag_of(digest: str) -> str:
-    """A tag that tells a job's PUBs: one found by its place is of these, or of an older version."""
+    """A tag that identifies a job's PUBs; jobs of older versions have none."""
     return TAG + digest.removeprefix(DIGEST)[:16]
 
 
 @dataclass(frozen=True, eq=False)
 class Request:
-    """SamplerPubs for one job; `shots` are those of each."""
+    """SamplerPubs for one job, each with `shots` shots."""
 
     pubs: tuple[Any, ...]
     shots: int
@@ -42,7 +42,7 @@ class Request:
 
     @property
     def registers(self) -> list[Register]:
-        """What is to be measured, in order, without bits."""
+        """The registers to be measured, in order, without bits."""
         return [
             Register(index, register.name, (*pub.shape, self.shots), register.size)
             for index, pub in enumerate(self.pubs)
@@ -51,7 +51,7 @@ class Request:
 
     @cached_property
     def digest(self) -> str:
-        """The same for the same circuits, values and shots, and for nothing else."""
+        """A digest of circuits, values and shots."""
         digest = hashlib.sha256()
         for pub in self.pubs:
             values = pub.parameter_values.as_array(pub.circuit.parameters)
@@ -61,10 +61,10 @@ class Request:
         return DIGEST + digest.hexdigest()
 
     def check_runs_on(self, backend: str, target: Any) -> None:
-        """Nothing, if each circuit consists of instructions of the Target of `backend`.
+        """Check that each circuit consists of instructions in the Target of `backend`.
 
         Raises:
-            LiveError: one does not; IBM would fail the job.
+            LiveError: one does not, so that the job would fail.
         """
         for index, pub in enumerate(self.pubs):
             if words := unsupported(pub.circuit, target):
@@ -76,10 +76,10 @@ class Request:
 
 
 def measured(registers: Sequence[Register], result: Any) -> list[Register]:
-    """`registers` with the bits that a sampler's result has for them.
+    """`registers` filled with the bits in a sampler's result.
 
     Raises:
-        ValueError, KeyError: it is not the result of these PUBs.
+        ValueError, KeyError: the result does not belong to these PUBs.
     """
     pubs = 1 + max(register.pub for register in registers)
     if len(result) != pubs:

@@ -1,4 +1,4 @@
-"""What a finished run found, as its journal keeps it: the shape of it, for each kind of run."""
+"""The schema of a finished run's result in its journal, for each kind of run."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Count = Annotated[int, Field(ge=0)]
 
 
 class _Figures(BaseModel):
-    """Figures that are read again; a later version may add others."""
+    """Values that are read back; a later version may add more."""
 
     model_config = ConfigDict(extra="allow", frozen=True)
 
@@ -25,7 +25,7 @@ class EpisodeFigures(_Figures):
 
 
 class RunFigures(_Figures):
-    """Those of `deploy.result.Run.summary`."""
+    """The values of `deploy.result.Run.summary`."""
 
     policy: Line
     environment: Line
@@ -68,9 +68,9 @@ class RunFigures(_Figures):
         if self.episodes and None in (self.mean_reward, self.std_reward):
             raise ValueError("episodes without a mean")
         if self.hold > 1 and self.decisions is None:
-            raise ValueError("held decisions without their number")
+            raise ValueError("held decisions without their count")
         if self.speculate != 1 and None in (self.decisions, self.measured_rows):
-            raise ValueError("decisions measured ahead without their number")
+            raise ValueError("decisions measured ahead without their count")
         return self
 
 
@@ -79,7 +79,7 @@ class CalibrateFigures(_Figures):
 
 
 class ValidateFigures(_Figures):
-    """Those of `TwinCheck.values`, with the calibration's file; a list entry for each qubit."""
+    """The values of `TwinCheck.values` and the file; lists have an entry per qubit."""
 
     passed: bool
     failed: list[Count]
@@ -95,7 +95,7 @@ class ValidateFigures(_Figures):
     def _check(self) -> ValidateFigures:
         columns = (self.qubits, self.chi_square, self.degrees, self.p_value)
         if len({len(column) for column in columns}) > 1:
-            raise ValueError("lists of several lengths")
+            raise ValueError("lists of different lengths")
         return self
 
 
@@ -113,10 +113,10 @@ _FIGURES: dict[TaskKind, type[_Figures]] = {
 
 
 def check_result(kind: TaskKind, result: dict[str, Any]) -> None:
-    """Nothing, if a run of this kind can have found this.
+    """Check that `result` is a possible result of a run of this kind.
 
     Raises:
-        ValueError: it cannot, or it holds what JSON has no word for.
+        ValueError: it is not, or it holds a value that JSON cannot represent.
     """
     _FIGURES[kind].model_validate(result)
     try:

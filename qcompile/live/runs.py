@@ -14,14 +14,14 @@ from qcompile.live.journal_file import FILE, NeverBegunError
 def journals(
     runs: Path, on_damage: Callable[[str], None] = lambda words: None
 ) -> Iterator[Journal]:
-    """Every run below `runs`, the newest last, each open until the next is asked for.
+    """Every run in `runs`, the newest last; each stays open until the next one is requested.
 
-    `on_damage` gets words on each that cannot be read. One that never began is passed over.
+    `on_damage` gets a message about each unreadable run. Runs that never began are skipped.
     """
     for folder in _by_age(runs, on_damage):
         try:
             journal = Journal(folder)
-        except LiveError as error:  # damaged since it was dated
+        except LiveError as error:  # damaged after it was sorted
             on_damage(str(error))
             continue
         with journal:
@@ -32,7 +32,7 @@ def find_journal(runs: Path, run_id: str) -> Journal:
     """The run with `run_id` in its name; `last` is the newest.
 
     Raises:
-        LiveError: there is none, or there are several, or it cannot be read.
+        LiveError: no run or several runs match, or the run cannot be read.
     """
     known = [folder.name for folder in _folders(runs)]
     if run_id in known:
@@ -43,7 +43,7 @@ def find_journal(runs: Path, run_id: str) -> Journal:
     if run_id == "last":
         matches = [folder.name for folder in _by_age(runs, damaged.append)][-1:]
         if damaged:
-            words = f"Which run is the last is not known: {len(damaged)} cannot be read."
+            words = f"The last run is not known: {len(damaged)} of them cannot be read."
             first = damaged[0].partition("\n")[0]
             raise LiveError(words, first, "Name the run; `qcompile runs` lists them.")
     else:
@@ -57,13 +57,13 @@ def find_journal(runs: Path, run_id: str) -> Journal:
         )
     raise LiveError(
         f"There is no run {run_id!r} in {runs}.",
-        f"It holds {len(known)}: {', '.join(known[-4:])}." if known else "It holds none.",
+        f"It holds {len(known)}: {', '.join(known[-4:])}." if known else "It holds no runs.",
         "`qcompile runs` lists them; --runs names another folder.",
     )
 
 
 def _of_id(runs: Path, run_id: str) -> Path | None:
-    """The folder of the run with this ID, if another name than the ID was chosen for it."""
+    """The folder of the run with this ID, if the folder has a different name."""
     for folder in _folders(runs):
         with suppress(LiveError), Journal(folder, checked=False) as journal:
             if journal.id == run_id:
@@ -72,7 +72,7 @@ def _of_id(runs: Path, run_id: str) -> Path | None:
 
 
 def _by_age(runs: Path, on_damage: Callable[[str], None]) -> list[Path]:
-    """The folders of all runs that began, the oldest first; one journal is open at a time."""
+    """The folders of all runs that began, the oldest first; opens one journal at a time."""
     dated = []
     for folder in _folders(runs):
         try:
@@ -86,6 +86,6 @@ def _by_age(runs: Path, on_damage: Callable[[str], None]) -> list[Path]:
 
 
 def _folders(runs: Path) -> list[Path]:
-    """Folders with a journal, by name; those with a dot are of journals that are being made."""
+    """Folders with a journal, by name; a leading dot marks a journal that is being created."""
     folders = (path.parent for path in runs.glob(f"*/{FILE}"))
     return sorted(folder for folder in folders if not folder.name.startswith("."))

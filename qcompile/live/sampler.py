@@ -1,4 +1,4 @@
-"""A SamplerV2 for any program, whose jobs pass the guard."""
+"""A guarded SamplerV2 for any program."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from qcompile.live.pubs import Call
 from qcompile.live.sampling import SamplerTask
 
 _OPEN: weakref.WeakValueDictionary[Path, GuardedSampler] = weakref.WeakValueDictionary()
-"""The samplers of this process by folder: a cell of a notebook that is run again makes another."""
+"""The samplers of this process by folder: a notebook cell that is run again makes a new one."""
 
 
 class GuardedJob(SamplerJob):
@@ -36,11 +36,11 @@ class GuardedJob(SamplerJob):
         self._sampler = sampler
 
     def result(self) -> Any:
-        """The PrimitiveResult, waited for: a BitArray for each PUB and register.
+        """The PrimitiveResult, once it is there: a BitArray for each PUB and register.
 
         Raises:
-            LiveError: a job cannot be fetched now, or gave no counts. Asked for again, here or by
-                the same PUBs, it is the same job.
+            LiveError: a job cannot be fetched now, or returned no counts. Another call, here or
+                with the same PUBs, refers to the same job.
         """
         with self._sampler.asked_by_owner():
             self._sampler.note_pending(self._call, self.numbers)
@@ -50,25 +50,26 @@ class GuardedJob(SamplerJob):
 
 
 class GuardedSampler(JobsSampler):
-    """IBM's machine `backend` as a SamplerV2, by the guard of `qcompile run --live`.
+    """IBM's machine `backend` as a SamplerV2, guarded as in `qcompile run --live`.
 
-    `backend` is the name of a machine, or an IBMBackend. No job is sent that might pass
-    `max_qpu_seconds` in all; each is sent once, and what it gave is kept in the folder `journal`. A
-    program that is run again, with the same journal, gets what is recorded and continues from
-    there: it has to ask for the same PUBs in the same order. One process and one thread asks at a
-    time.
+    `backend` is the name of a machine, or an IBMBackend. No job is sent that might exceed a total
+    of `max_qpu_seconds`; each job is sent once, and its result is kept in the folder `journal`. A
+    program that is run again with the same journal gets the recorded results and continues from
+    there: it must request the same PUBs in the same order. Only one process and one thread may use
+    it.
 
-    `account` and `instance` are names of IBM's own tools, by default theirs; without an instance
-    only those of the Open Plan are used. With `batch` jobs go as a batch of IBM's; at most
-    `jobs_per_minute` are sent. A job is waited for `max_wait_s`, or as long as it takes. One that
-    was charged and gave no counts is sent again only with `pay_again`. `say` gets words on what
-    happens.
+    `account` and `instance` are names saved by IBM's tools, by default their defaults; without an
+    instance only those of the Open Plan are used. With `batch` jobs are sent in an IBM batch; at
+    most `jobs_per_minute` are sent. A job is waited for at most `max_wait_s` seconds, without limit
+    if None. A job that was charged and returned no counts is sent again only with `pay_again`.
+    `say` gets progress messages.
 
     Raises:
-        BudgetError: the limit is not a number of seconds that may be spent.
-        LiveError: the account has no such machine, or the journal is another's, or in use.
+        BudgetError: the limit is not a positive number of seconds, or is too large.
+        LiveError: the account has no such machine, or the journal belongs to another run or is in
+            use.
         MissingExtraError: qiskit-ibm-runtime is not installed.
-        OptionError: `backend` is not a machine of IBM's, or another argument cannot be used.
+        OptionError: `backend` is not an IBM machine, or another argument is not valid.
     """
 
     def __init__(
@@ -90,7 +91,8 @@ class GuardedSampler(JobsSampler):
         name, given = _machine(backend)
         if not isinstance(journal, str | Path):
             raise OptionError(
-                f"journal is {describe(journal)}.", "It is the name of a folder: 'runs/mine'."
+                f"journal is {describe(journal)}.",
+                "It must be the name of a folder, such as 'runs/mine'.",
             )
         folder = Path(journal)
         connection = Connection(name, account, instance, given=given)
@@ -131,7 +133,7 @@ class GuardedSampler(JobsSampler):
         self.close()
 
     def close(self) -> None:
-        """Nothing more is asked for: the batch and the journal are closed."""
+        """Close the batch and the journal."""
         if not self.is_closed and self._owner == _caller():
             self._jobs.close()
             self._release()
@@ -143,28 +145,28 @@ class GuardedSampler(JobsSampler):
 
     @property
     def costs(self) -> dict[str, Any]:
-        """What it costs up to now, as results of `run --live` tell it."""
+        """The costs so far, with the keys of `run --live` results."""
         self.check_owner()
         return costs(self.journal)
 
     def settle(self) -> dict[str, Any]:
-        """Look over all that IBM has of the journal, and what it charges for it; the costs."""
+        """Reconcile the journal with IBM's jobs and charges; return the costs."""
         self.check_owner()
         self._jobs.settle()
         return costs(self.journal)
 
     def run(self, pubs: Iterable[Any], *, shots: int | None = None) -> GuardedJob:
-        """The job of PUBs, once IBM or the journal has it; `shots` are those of PUBs without.
+        """The job for these PUBs, once IBM or the journal has it; `shots` is the default for PUBs.
 
-        Any PUBs will do: circuits of the machine's instructions, values of their parameters, in
-        arrays of any shape, and shots, by default 4096. Where this fails nothing was asked for; the
-        same PUBs may be asked for again.
+        PUBs may be arbitrary: circuits of the machine's instructions, parameter values in arrays of
+        any shape, and shots, by default 4096. If it fails, nothing was requested, and the same PUBs
+        may be requested again.
 
         Raises:
-            BudgetError: the limit might be passed. Nothing was sent.
-            CountsError, OptionError: what is asked for cannot be run.
+            BudgetError: the limit might be exceeded. Nothing was sent.
+            CountsError, OptionError: the PUBs cannot be run.
             LiveError: a job cannot be sent.
-            ReplayError: the journal has other PUBs in this place.
+            ReplayError: the journal has different PUBs at this position.
         """
         with self.asked_by_owner():
             call = Call(pubs, shots)
@@ -173,19 +175,19 @@ class GuardedSampler(JobsSampler):
             return GuardedJob(self, super().run(call.pubs))
 
     def note_pending(self, call: Call, numbers: list[int]) -> None:
-        """Until the result of a call is fetched, the same call means the same jobs."""
+        """Remember a call: until its result is fetched, the same call means the same jobs."""
         pending = self._pending.setdefault(_name(call), [])
         if numbers not in pending:
             pending.append(numbers)
             pending.sort()
 
     def note_fetched(self, call: Call, numbers: list[int]) -> None:
-        """The result of a call is here: the same call asks for other jobs."""
+        """Forget a call whose result is fetched: the same call now means new jobs."""
         self._pending[_name(call)].remove(numbers)
 
     @contextmanager
     def asked_by_owner(self) -> Iterator[None]:
-        """What is asked by the owner, with words for a program on what goes wrong."""
+        """A block that only the owner may run; errors get advice for a program."""
         self.check_owner()
         try:
             yield
@@ -193,20 +195,21 @@ class GuardedSampler(JobsSampler):
             raise with_advice(error, self.journal) from error
 
     def check_owner(self) -> None:
-        """Nothing, if the process and the thread that made it ask.
+        """Check that the process and the thread that made the sampler use it.
 
         Raises:
-            LiveError: others do, or it is closed.
+            LiveError: another one does, or it is closed.
         """
         if self.is_closed:
             raise LiveError(
                 f"The sampler of {self.journal.folder} is closed.",
-                "Make another one with the same journal: it continues from there.",
+                "Make a new one with the same journal: it continues from there.",
             )
         if self._owner != _caller():
             raise LiveError(
-                "A GuardedSampler is asked by the process and the thread that made it.",
-                "The journal knows its jobs by their order. Make one with a journal for each.",
+                "A GuardedSampler can only be used by the process and thread that made it.",
+                "The journal identifies jobs by their order. Make a sampler and a journal for "
+                "each.",
             )
 
     def __repr__(self) -> str:
@@ -214,7 +217,7 @@ class GuardedSampler(JobsSampler):
 
 
 def _release(stack: ExitStack, process: int) -> None:
-    """Close journal and lock, at the latest where the program ends; but not those of a fork."""
+    """Close journal and lock, at the latest when the program ends; but not in a fork."""
     if os.getpid() == process:
         stack.close()
 
@@ -228,7 +231,7 @@ def _name(call: Call) -> tuple[str, ...]:
 
 
 def _machine(backend: Any) -> tuple[str, Any]:
-    """The name of a machine, and its IBMBackend where that is given.
+    """The name of a machine, and its IBMBackend if given.
 
     Raises:
         OptionError: it is neither.
@@ -239,23 +242,23 @@ def _machine(backend: Any) -> tuple[str, Any]:
     if "qiskit_ibm_runtime.ibm_backend" in homes:
         return backend.name, backend
     raise OptionError(
-        f"GuardedSampler found {describe(backend)}.",
-        "It takes the name of a machine, or the IBMBackend of QiskitRuntimeService.backend(name).",
-        "Sessions and batches are not taken; batch=True makes one.",
+        f"GuardedSampler got {describe(backend)}.",
+        "It takes the name of a machine, or an IBMBackend from QiskitRuntimeService.backend(name).",
+        "Sessions and batches are not accepted; batch=True makes a batch.",
         "A simulator costs nothing and needs no guard: use its own sampler.",
     )
 
 
 def _begin(folder: Path, connection: Connection, account: str | None, limit_s: float) -> None:
-    """Make the journal; nothing is sent.
+    """Create the journal; nothing is sent.
 
     Raises:
         LiveError: it cannot be written, or the account has no such machine.
     """
     if folder.is_dir() and any(folder.iterdir()):
         raise LiveError(
-            f"{folder} holds other things and no journal.",
-            f"Name a folder of its own: journal={str(folder / 'mine')!r}.",
+            f"{folder} has other files but no journal.",
+            f"Name a new folder: journal={str(folder / 'mine')!r}.",
         )
     task = SamplerTask(backend=connection.name, account=account, instance=connection.crn)
     settings = task.model_dump(mode="json")
@@ -266,26 +269,27 @@ def _begin(folder: Path, connection: Connection, account: str | None, limit_s: f
         ):
             pass
     except LiveError:
-        if not (folder / FILE).is_file():  # and no other process was faster
+        if not (folder / FILE).is_file():  # unless another process was faster
             raise
 
 
 def _task(journal: Journal, backend: str, account: str | None) -> SamplerTask:
-    """What the journal is of, if this sampler may continue it.
+    """The task of the journal, if this sampler may continue it.
 
     Raises:
-        LiveError: it is another run's, another machine's, or not at home here.
+        LiveError: it belongs to another run or machine, or was last resumed elsewhere.
     """
     if journal.kind != "sampler":
         raise LiveError(
             f"{journal.folder} is the journal of a {journal.kind}, not of a sampler.",
-            f"`{resume_command(journal)}` resumes that. Name another folder.",
+            f"`{resume_command(journal)}` resumes it. Name another folder.",
         )
     task = SamplerTask.model_validate(journal.settings)
     if (task.backend, task.account) != (backend, account):
         raise LiveError(
-            f"{journal.folder} is of {task.backend}, account {task.account or 'the usual one'}.",
-            f"This sampler asks {backend}, account {account or 'the usual one'}. "
+            f"{journal.folder} belongs to {task.backend}, account "
+            f"{task.account or 'the default one'}.",
+            f"This sampler uses {backend}, account {account or 'the default one'}. "
             "Name another folder.",
         )
     if words := resume_warning(journal):

@@ -1,4 +1,4 @@
-"""The task of a `GuardedSampler`, whose jobs its program asks for, and nobody else."""
+"""The task of a `GuardedSampler`, whose jobs only its program requests."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from qcompile.live.task import Context, Task
 
 
 class SamplerTask(Task):
-    """The jobs of a `GuardedSampler`. Resumed by name, those that were sent are fetched."""
+    """The jobs of a `GuardedSampler`. Resuming it fetches the jobs that were sent."""
 
     kind: ClassVar[TaskKind] = "sampler"
     ends: ClassVar[bool] = False
 
     def perform(self, context: Context) -> dict[str, Any]:
-        """The machine, and how many jobs are done and how many are not."""
+        """The machine, and the numbers of jobs that are done and open."""
         context.jobs.fetch()
         states = context.jobs.journal.states()
         waiting = states.get("sending", 0) + states.get("sent", 0)

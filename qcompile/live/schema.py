@@ -1,4 +1,4 @@
-"""The tables of a journal, and how those of earlier versions become what they are now."""
+"""The tables of a journal, and the migration from earlier versions."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ FORMAT = "qcompile-journal-3"
 SECOND_FORMAT = "qcompile-journal-2"
 FIRST_FORMAT = "qcompile-journal-1"
 FORMATS = (FORMAT, SECOND_FORMAT, FIRST_FORMAT)
-"""The second lacks the table of what was measured: its jobs have `ones` instead. So has the first,
-whose charges stand in other tables besides."""
+"""The second format lacks the table `measured`: its jobs have `ones` instead. So does the first,
+which also keeps charges in other tables."""
 
 _CHARGE = """(
   row INTEGER PRIMARY KEY, number INTEGER, executions INTEGER, cap_s REAL, sent_at TEXT,
@@ -42,7 +42,7 @@ _TABLES = (
     *_INDEXES,
 )
 _CAP_S = f"4 * ({SECONDS_PER_JOB} + {SECONDS_PER_EXECUTION} * executions) + 10"
-"""Of a job that the first version found by its tag, and gave no cap."""
+"""The cap of a job that the first version found by its tag without recording one."""
 _CHARGES_OF_FIRST_FORMAT = f"""
 SELECT number, executions, ifnull(cap_s, {_CAP_S}), ifnull(sent_at, (SELECT created FROM run)),
   0, job_id, charged_s
@@ -57,13 +57,13 @@ FROM main.extra
 
 
 def create(db: sqlite3.Connection) -> None:
-    """Make the tables."""
+    """Create the tables."""
     for statement in _TABLES:
         db.execute(statement)
 
 
 def read_as_now(db: sqlite3.Connection, format_: str) -> None:
-    """Have a journal of an earlier version read like one of today; its file stays as it is."""
+    """Make a journal of an earlier version readable as a current one, without changing its file."""
     db.execute("PRAGMA temp_store = MEMORY")
     if format_ == FIRST_FORMAT:
         _fill(db, "temp")
@@ -72,13 +72,13 @@ def read_as_now(db: sqlite3.Connection, format_: str) -> None:
 
 
 def migrate(db: sqlite3.Connection) -> None:
-    """Make a journal of an earlier version one of today, wholly or not at all."""
+    """Migrate a journal of an earlier version to the current format, whole or not at all."""
     for table in ("charge", "looked_over", "measured"):
         db.execute(f"DROP TABLE IF EXISTS temp.{table}")
     db.execute("BEGIN IMMEDIATE")
     try:
         [[format_]] = db.execute("SELECT format FROM run")
-        if format_ == FIRST_FORMAT:  # and no other process was faster
+        if format_ == FIRST_FORMAT:  # unless another process was faster
             _fill(db, "main")
             for index in _INDEXES:
                 db.execute(index)

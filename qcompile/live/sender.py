@@ -1,4 +1,4 @@
-"""A job is sent once: under a tag that is in the journal before, by which it is found again."""
+"""Sends each job once, under a tag recorded in the journal first, by which it can be found."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ from qcompile.live.remote import RemoteJobs
 from qcompile.live.request import Request, tag_of
 
 SETTLE_S = 10.0
-"""A job is not sent again before IBM has had so long to list one that it may have accepted."""
+"""The seconds that IBM gets to list a job it may have accepted, before it is sent again."""
 _MOST_SENDS = 3
-"""Of one job in a row: each may be accepted, and takes of the limit until that is known."""
+"""Attempts in a row at one job: each may be accepted, and counts until that is known."""
 
 
 class Sender:
-    """Gets the job of a submission: the one that IBM has, or else a new one.
+    """Finds the job of a submission at IBM, or else sends it.
 
-    IBM is asked for a job of the tag before each sending. A sending that it does not answer with
-    the id of a job leaves a doubt, whatever it answers: it may have accepted the job all the same.
-    `cap_s` says what a job of so many executions may take, or raises BudgetError; `pace` when the
-    next may be sent.
+    IBM is asked for a job with the tag before each attempt. An attempt that IBM does not answer
+    with a job id leaves a doubt, whatever the answer: IBM may still have accepted the job. `cap_s`
+    maps a number of executions to the seconds a job may take, or raises BudgetError; `pace` says
+    when the next job may be sent.
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class Sender:
         """The id of a submission's job.
 
         Raises:
-            BudgetError: what is charged, or may yet be, leaves no room for it.
+            BudgetError: actual and possible charges leave no room for it.
             LiveError: IBM refuses it, or does not answer.
         """
         if submission.job_id is not None:
@@ -89,13 +89,13 @@ class Sender:
                     job_id = self._send(self._journal.note_sending(submission, cap_s), request)
             except QcompileError:
                 raise
-            except Exception as failure:  # whichever the client has for what it was answered
+            except Exception as failure:  # the client raises many types
                 error = failure
             else:
                 return self._earliest(submission, job_id)
 
     def close(self) -> None:
-        """Close the batch, if one was opened.
+        """Close the batch, if one is open.
 
         Raises:
             LiveError: it cannot be closed; IBM closes it after a while.
@@ -104,7 +104,7 @@ class Sender:
             self._connection.ask(lambda service: self._batch.close(), about="the batch")
 
     def _send(self, submission: Submission, request: Request) -> str:
-        """Send a job and write down what came of it; its id."""
+        """Send a job, record the outcome, and return the job's id."""
         sent_before = self._connection.submissions
         try:
             with DetachedErrors():
@@ -123,7 +123,7 @@ class Sender:
     def _submit(self, submission: Submission, request: Request) -> str:
         backend = self._connection.backend
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # deprecations are the business of who writes qcompile
+            warnings.simplefilter("ignore")  # deprecations concern qcompile's developers
             sampler = self._sampler(backend)
             sampler.options.environment.job_tags = [
                 GENERAL_TAG,
@@ -133,11 +133,11 @@ class Sender:
             sampler.options.max_execution_time = submission.cap_s
             job_id = sampler.run(list(request.pubs), shots=request.shots).job_id()
         if not isinstance(job_id, str) or not job_id:
-            raise UnreadableAnswerError("a job that was sent")
+            raise UnreadableAnswerError("a submitted job")
         return job_id
 
     def _sampler(self, backend: Any) -> Any:
-        """IBM's sampler of today; the one of the package's top level where it is not served."""
+        """IBM's current sampler, or the package's top-level one if that is not served."""
         import qiskit_ibm_runtime
 
         if self._wants_batch and self._batch is None:
@@ -150,16 +150,16 @@ class Sender:
         return qiskit_ibm_runtime.SamplerV2(mode=mode) if self._older else Sampler(mode=mode)
 
     def _earliest(self, submission: Submission, job_id: str) -> str:
-        """Of a submission that was sent before in doubt, the job that came first; else this one."""
+        """The first job of a submission that was in doubt before; else this one."""
         if not self._journal.charges.doubts(submission.number):
             return job_id
         try:
             return self.finder.find(submission) or job_id
-        except LiveError:  # it is looked for again when this one has ended
+        except LiveError:  # it is looked up again when this one has ended
             return job_id
 
     def _may_repeat(self, error: Exception, remedies: set[str]) -> bool:
-        """Whether to send a job again after an error: another way to do it is tried once."""
+        """Whether to send a job again after an error; each remedy is tried once."""
         from qiskit.providers.exceptions import QiskitBackendNotFoundError
         from qiskit_ibm_runtime.exceptions import IBMNotAuthorizedError, RuntimeProgramNotFound
 
@@ -176,9 +176,9 @@ class Sender:
             self._older = True
         elif self._batch is not None:
             remedy = "batch"
-            self._batch = None  # it may be closed: batches end after a while
+            self._batch = None  # it may have closed: batches end after a while
         else:
             return False
-        new = remedy not in remedies
+        is_new = remedy not in remedies
         remedies.add(remedy)
-        return new
+        return is_new

@@ -1,4 +1,4 @@
-"""What a run has played: the steps of its lockstep, in its journal."""
+"""The steps that a run has played, in its journal."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from qcompile.live.journal_file import reading
 from qcompile.live.records import Chains, Step, to_bytes
 
 _BEGUN = f"instr(substr(actions, 1, 128), X'{b'(3, '.hex()}')"
-"""A step that has its rows but no actions yet: an array of shape (3, B), as its header says."""
+"""Matches a step with rows but no actions yet: its array has the shape (3, B)."""
 
 
 class Steps:
-    """The steps of a journal; how many were played is its `len`.
+    """The steps of a journal; its `len` is the number of steps played.
 
-    A step is there with its actions before the environments take them, and gets its rewards
-    afterwards. One that measures ahead is there with its rows before it is measured.
+    A step is recorded with its actions before the environments take them, and gets its rewards
+    afterwards. A step that measures ahead is recorded with its rows before it is measured.
     """
 
     def __init__(self, database: Database):
@@ -29,7 +29,7 @@ class Steps:
         return int(self._db.rows(f"SELECT COUNT(*) FROM step WHERE NOT {_BEGUN}")[0][0])
 
     def __iter__(self) -> Iterator[Step]:
-        """All steps in order, with one that was begun."""
+        """All steps in order, including one that was begun."""
         yield from self._steps("TRUE")
 
     def at(self, number: int) -> Step | None:
@@ -46,7 +46,7 @@ class Steps:
             return [Step.of_row(row) for row in rows]
 
     def note_chains(self, number: int, observations: FloatArray, chains: Chains) -> None:
-        """The rows of a step for its observations (B, features), before it is measured."""
+        """Record the rows of a step for observations (B, features), before it is measured."""
         self._note(number, observations, chains.array)
 
     def note_actions(
@@ -56,7 +56,7 @@ class Steps:
         actions: CountArray,
         chains: Chains | None = None,
     ) -> None:
-        """The actions (B,) of a step for its observations (B, features), and its rows again."""
+        """Record the actions (B,) of a step for observations (B, features), with its rows."""
         taken = actions if chains is None else np.concatenate([chains.array, actions[None]])
         self._note(number, observations, taken)
 
@@ -65,7 +65,7 @@ class Steps:
         self._db.do("INSERT OR REPLACE INTO step VALUES (?,?,?,NULL)", *values)
 
     def note_rewards(self, number: int, rewards: list[float]) -> None:
-        """What the actions of a step earned."""
+        """Record the rewards of a step's actions."""
         self._db.do(
             "UPDATE step SET rewards = ? WHERE number = ?", to_bytes(np.array(rewards)), number
         )

@@ -1,4 +1,4 @@
-"""What all live tasks have in common: where they run, and what they are given to do it with."""
+"""The base of all live tasks, and the context they run in."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from qcompile.live.journal import TaskKind
 
 @dataclass(frozen=True)
 class Context:
-    """The jobs of a run; `say` gets words on how far it is, `note` what a person should read."""
+    """The jobs of a run; `say` gets progress messages, `note` messages for a person."""
 
     jobs: Jobs
     say: Callable[[str], None]
     note: Callable[[str], None] = lambda words: None
 
     def executor(self, device: Device) -> Executor:
-        """The executor of the device's machine, by the jobs of the run.
+        """An executor on the device's machine, backed by the jobs of the run.
 
         Raises:
             MissingExtraError: Qiskit is not installed.
@@ -39,11 +39,11 @@ class Context:
 
 
 class Task(BaseModel):
-    """Something to do on a live backend, with all it depends on: its journal holds it.
+    """A task on a live backend with everything it depends on; its journal stores it.
 
-    `account` and `instance` are names of IBM's own tools; a token is never part of a task.
-    `planned_jobs` are those it is expected to take. The jobs of one that never `ends` are
-    asked for by a user's program.
+    `account` and `instance` are names saved by IBM's tools; a token is never part of a task.
+    `planned_jobs` is the expected number of jobs. If `ends` is False, a user's program requests the
+    jobs.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -60,33 +60,33 @@ class Task(BaseModel):
 
     @property
     def name(self) -> str:
-        """A word for its folder."""
+        """A word for the name of its folder."""
         return self.backend
 
     def perform(self, context: Context) -> dict[str, Any]:
-        """Do it; what it found, as plain values. Asked again, it asks for the same jobs."""
+        """Perform the task; return its result as plain values. A repeat requests the same jobs."""
         raise NotImplementedError
 
     def without_file(self) -> Self:
-        """The same task, whose file is not written unless another one is named."""
+        """The same task without its file, so that nothing is written unless `--out` names one."""
         return self
 
     def deliver(self, result: dict[str, Any], out: Path | None) -> dict[str, Any]:
-        """What it found, once it is in a file, where the task has one; `out` is another one.
+        """The result, once it is in the task's file, if it has one; `out` names a different file.
 
         Raises:
-            LiveError: a file is asked for that the task does not have.
+            LiveError: `out` is given and the task writes no file.
         """
         if out is not None:
-            raise LiveError(f"A {self.kind} has no file of its own.", "Remove --out.")
+            raise LiveError(f"A {self.kind} writes no file.", "Remove --out.")
         return result
 
 
 class DeviceTask(Task):
-    """One whose circuits are compiled here.
+    """A task whose circuits are compiled here.
 
-    `device` are the backend's qubits and their calibration when the task began: placement and
-    compilation do not change when IBM calibrates anew.
+    `device` has the backend's qubits and their calibration when the task began: placement and
+    compilation do not change when IBM recalibrates.
     """
 
     device: Device

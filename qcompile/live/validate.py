@@ -1,4 +1,4 @@
-"""A twin and its machine, compared live."""
+"""The live comparison of a twin with its machine."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from qcompile.policy.schema import AnyPolicyFile
 class ValidateTask(DeviceTask):
     """Compare the twin of `calibration` with its machine, on observations (B, features).
 
-    The power is stated for a p01 that is raised by `effect`.
+    The power refers to a p01 that is raised by `effect`.
     """
 
     kind: ClassVar[TaskKind] = "validate"
@@ -32,7 +32,7 @@ class ValidateTask(DeviceTask):
 
     @property
     def load(self) -> Workload:
-        """Its jobs and executions."""
+        """Its number of jobs and executions."""
         _, executable = twin_program(self.calibration, self.policy.policy())
         return Workload.of_batch(len(self.observations), executable.round_count, self.shots)
 

@@ -1,4 +1,5 @@
-"""Mitigation: measured, fitted once (by cvxpy where a constraint binds), undone in closed form."""
+"""Mitigation: errors are measured, fitted once (by cvxpy if a constraint binds), and inverted in
+closed form."""
 
 from qcompile.mitigation.drift import Drift, measure_drift
 from qcompile.mitigation.enough import enough_shots

@@ -1,4 +1,4 @@
-"""The curve nearest to a fitted one that stays in [-1, 1], by cvxpy."""
+"""The curve in [-1, 1] closest to a fitted one, by cvxpy."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ def within_cone(
 ) -> tuple[FloatArray, FloatArray]:
     """The curves (b, c, s) with the least misfit under |b| + sqrt(c^2 + s^2) <= 1, and their gaps.
 
-    `free` (n, 3) are the least without that constraint, `information` (n, 3, 3) what a step away
-    from them adds to the misfit. A free curve within the cone is its own answer; cvxpy solves for
-    the others. The gap (n,) is an upper bound, in units of chi-square, on what a curve is above its
-    least misfit. A curve whose gap is above `most`, or nan, is solved for again, alone, by a second
-    solver.
+    `free` (n, 3) are the minima without the constraint, `information` (n, 3, 3) the quadratic form
+    of the misfit around them. A free curve within the cone is returned as it is; cvxpy solves for
+    the others. The gap (n,) is an upper bound, in units of chi-square, on the misfit of a curve
+    above the minimum. A curve whose gap is above `most`, or nan, is solved again by itself with a
+    second solver.
     """
     size = _size(free)
     curves = free / np.maximum(size, 1.0)[:, None]
@@ -48,11 +48,11 @@ def _size(curves: FloatArray) -> FloatArray:
 
 
 def _gap(curves: FloatArray, free: FloatArray, information: FloatArray) -> FloatArray:
-    """How far the misfit may be above the least, by the duality gap of Frank and Wolfe.
+    """How far the misfit may be above its minimum, by the duality gap of Frank and Wolfe.
 
-    The misfit is convex, so its least over the cone is not below its linearisation's, which lies at
-    a vertex: the support function of the cone is max(|g_b|, |(g_c, g_s)|). It is 0 where the
-    conditions of Karush, Kuhn and Tucker hold.
+    The misfit is convex, so its minimum over the cone is not below that of its linearisation, which
+    lies at a vertex: the support function of the cone is max(|g_b|, |(g_c, g_s)|). The gap is 0
+    where the conditions of Karush, Kuhn and Tucker hold.
     """
     slope = 2.0 * np.einsum("nij,nj->ni", information, curves - free)
     support = np.maximum(np.abs(slope[:, 0]), np.hypot(slope[:, 1], slope[:, 2]))
@@ -62,9 +62,9 @@ def _gap(curves: FloatArray, free: FloatArray, information: FloatArray) -> Float
 def _solve(
     free: FloatArray, information: FloatArray, solver: str, options: dict[str, Any]
 ) -> tuple[FloatArray, FloatArray]:
-    """Curves in the cone, and their gaps; nan where the solver has no answer.
+    """Curves in the cone, and their gaps; nan where the solver fails.
 
-    Solved for are steps in standard errors. The plane of c and s is turned so that c has the
+    The variables are steps in standard errors. The plane of c and s is rotated so that c is the
     amplitude of the free curve, which makes the cone (1 - |b| - c) (1 - |b| + c) >= s^2: near its
     surface the first factor is of the size of an error, and no digits cancel.
     """

@@ -1,4 +1,4 @@
-"""Whether a calibration still holds: fresh counts against what it says."""
+"""Testing whether a calibration is still valid, against fresh counts."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from qcompile.calibration import Calibration, ReadoutCounts, ResponseCounts
 from qcompile.errors import CalibrationError
 
 DRIFT_LEVEL = 0.001
-"""A calibration that holds is contradicted this often, all its qubits together."""
+"""The probability that a valid calibration is rejected, for all its qubits together."""
 
 
 @dataclass(frozen=True, eq=False)
 class Drift:
     """Chi-square of each qubit's fresh counts against the calibration, with its p-value.
 
-    `qubits`, `chi_square` and `p_value` are (qubits,); `drifted` are the qubits that are
+    `qubits`, `chi_square` and `p_value` are (qubits,); `drifted` lists the qubits that are
     `contradicted`.
     """
 
@@ -38,19 +38,19 @@ def contradicted(qubits: IntArray, p_value: FloatArray) -> list[int]:
 
 
 def measure_drift(old: Calibration, fresh: Calibration) -> Drift:
-    """Compare the counts of `fresh` with those of `old`, on the qubits that `fresh` has.
+    """Compare the counts of `fresh` with those of `old`, on the qubits of `fresh`.
 
-    Each pair of frequencies of the same circuit differs by shot noise alone where nothing moved:
-    the sum of squares over their variances is then chi-square distributed, a degree of freedom for
-    each circuit.
+    If nothing drifted, the two frequencies of a circuit differ by shot noise only: the sum of
+    squared differences over their variances is then chi-square distributed, with one degree of
+    freedom for each circuit.
 
     Raises:
-        CalibrationError: another device, a qubit that `old` lacks, other angles, no circuit in
-            common, or calibrations without shots.
+        CalibrationError: the devices or angles differ, `old` lacks a qubit, the calibrations have
+            no circuit in common, or one has no shots.
     """
     if old.backend != fresh.backend:
         raise CalibrationError(
-            f"The calibration is of {old.backend}, the fresh counts are of {fresh.backend}.",
+            f"The calibration is for {old.backend}, the fresh counts are from {fresh.backend}.",
             "Compare calibrations of one device.",
         )
     rows = old.rows(np.array(fresh.qubits))
@@ -61,11 +61,11 @@ def measure_drift(old: Calibration, fresh: Calibration) -> Drift:
             "Measure the fresh counts at the angles of the calibration.",
         )
     total, degrees = np.zeros(len(rows)), 0
-    for was, now in zip(_frequencies(old), _frequencies(fresh), strict=True):
-        if was is None or now is None:
+    for old_counts, fresh_counts in zip(_frequencies(old), _frequencies(fresh), strict=True):
+        if old_counts is None or fresh_counts is None:
             continue
-        p_before, shots_before = was[0][:, rows], was[1]
-        p_after, shots_after = now
+        p_before, shots_before = old_counts[0][:, rows], old_counts[1]
+        p_after, shots_after = fresh_counts
         pooled = (p_before * shots_before + p_after * shots_after + 0.5) / (
             shots_before + shots_after + 1
         )
@@ -80,9 +80,9 @@ def measure_drift(old: Calibration, fresh: Calibration) -> Drift:
 
 
 def _frequencies(calibration: Calibration) -> list[tuple[FloatArray, int] | None]:
-    """For readout and response: frequencies of ones (circuits, qubits) that compare, and shots.
+    """For readout and response: the frequencies of ones (circuits, qubits) to compare, and shots.
 
-    Readout frequencies are averaged over the patterns of a bit: two rows.
+    Readout frequencies are averaged over the patterns of each bit, which gives two rows.
     """
     frequencies: list[tuple[FloatArray, int] | None] = []
     for counts in (calibration.readout_counts, calibration.response_counts):
@@ -90,7 +90,7 @@ def _frequencies(calibration: Calibration) -> list[tuple[FloatArray, int] | None
             frequencies.append(None)
             continue
         if counts.shots is None:
-            raise CalibrationError("A calibration without shots has no scatter to compare.")
+            raise CalibrationError("A calibration without shots has no shot noise to compare with.")
         frequencies.append(_rows(counts, counts.shots))
     return frequencies
 

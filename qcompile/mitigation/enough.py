@@ -1,4 +1,4 @@
-"""How many shots a calibration needs: as few as the shots of what it mitigates ask for."""
+"""How many shots a calibration needs for the runs that it mitigates."""
 
 from __future__ import annotations
 
@@ -11,28 +11,28 @@ from qcompile.mitigation.undo import Mitigation, readout_mitigation, response_mi
 from qcompile.passes import Executable
 
 MIN_SHOTS = 256
-"""Fewer save next to nothing, and chi-square holds no longer: right response curves are doubted."""
+"""Fewer shots save almost nothing, and make the chi-square test reject good response curves."""
 SHARE = 0.05
-"""What the variance of the calibration may be of that of shot noise."""
+"""The largest variance of the calibration, as a fraction of that of the shot noise."""
 _Z = (np.arange(32) + 0.5) / 16 - 1
-"""Ideal `<Z>` over which variances are averaged."""
+"""The values of ideal `<Z>` over which variances are averaged."""
 
 
 def enough_shots(
     executable: Executable, part: Part, shots: CircuitShots, importance: FloatArray
 ) -> int:
-    """The shots of a calibration whose own counting noise matters little beside that of `shots`.
+    """The shots of a calibration whose shot noise is small compared with that of `shots`.
 
-    A calibration errs once, for the whole run. Its error of `<Z>` is taken as a variance, that of
-    `Mitigation.variances`, to be at most SHARE of the variance of the shot noise of a row:
+    The error of a calibration is the same in the whole run. Its variance in `<Z>`, by
+    `Mitigation.variances`, must be at most SHARE of the variance of the shot noise of a row:
 
         sum over circuits of importance * calibrated  <=  SHARE * sum of importance * counted,
 
-    both averaged over ideal `<Z>` in [-1, 1], as placement averages them. `importance` (circuits,)
-    is what a square error of a circuit's `<Z>` costs (`Policy.importance`); where a circuit stands
-    in several places, each has its own, and for a mean over places it has the squares of their
-    weights. The covariance is that of a calibration of the noise model: it falls as 1 / shots. The
-    result is a power of two in [MIN_SHOTS, CALIBRATION_SHOTS].
+    both averaged over ideal `<Z>` in [-1, 1], as in placement. `importance` (circuits,) is the cost
+    of a squared error of a circuit's `<Z>` (`Policy.importance`). A circuit in several places has
+    one entry for each; for a mean over places multiply by the squares of the weights. The
+    covariance is that of a calibration of the noise model, which falls as 1 / shots. The result is
+    a power of two in [MIN_SHOTS, CALIBRATION_SHOTS].
     """
     model = OfflineExecutor(executable.device, 0)
     known = calibrate(model, executable.qubits, CALIBRATION_SHOTS, parts=[part])
@@ -50,6 +50,6 @@ def enough_shots(
 
 
 def _measured_z(mitigation: Mitigation) -> FloatArray:
-    """What circuits of ideal `<Z>` show, (numbers, circuits)."""
+    """The measured `<Z>` of each circuit for each ideal `<Z>`, (numbers, circuits)."""
     polar = np.arccos(_Z)[:, None] - mitigation.tilt
     return np.asarray(mitigation.offset + mitigation.contrast * np.cos(polar))

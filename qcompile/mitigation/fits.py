@@ -1,4 +1,4 @@
-"""Fits of counts: constrained least squares, weighted by shot noise."""
+"""Fitting counts: constrained least squares, weighted by shot noise."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ from qcompile.errors import CalibrationError
 from qcompile.mitigation.cone import within_cone
 from qcompile.validation import listed
 
-_MIN_SPREAD = 1e-3  # of the angles: else one of b, c and s is hardly measured
+_MIN_SPREAD = 1e-3  # of the angles: below it one of b, c and s is hardly measured
 PRIOR_SHOTS = 8.0
-"""What all qubits together say of a qubit's readout weighs as much as so many shots of its own."""
+"""The weight, in shots, of the mean readout of all qubits in the fit of one qubit."""
 
 _MAX_GAP = 1e-3
-"""In units of chi-square: a fit is kept that is within 0.03 standard errors of the best one."""
+"""In units of chi-square: a fit within 0.03 standard errors of the best one is accepted."""
 _EXACT = 1e8
-"""The weight of exact probabilities: they are taken to be known to 1e-4 of `<Z>`."""
+"""The variance of exact probabilities: they are assumed to be known to 1e-4 of `<Z>`."""
 
 
 def fit_readout(
     prepared: IntArray, ones: FloatArray, shots: int | None, qubits: IntArray
 ) -> ReadoutFit:
-    """Assignment matrices whose columns are distributions, from ones (patterns, n) of `qubits`.
+    """The assignment matrices of `qubits`, fitted to their ones (patterns, n).
 
     `prepared` (patterns, n) holds the bit each qubit was prepared in. The frequencies of a qubit
-    and a bit are averaged over its patterns, so that crosstalk averages in, and drawn to the mean
-    of all qubits with the weight of PRIOR_SHOTS: least squares, whose solution is a mean of
-    frequencies and so a probability. Without shots `ones` are exact probabilities.
+    and a bit are averaged over patterns, which averages over crosstalk, and pulled towards the mean
+    of all qubits with the weight of PRIOR_SHOTS. The least-squares solution is a mean of
+    frequencies and so a probability. If `shots` is None, `ones` are exact probabilities.
 
     Raises:
-        CalibrationError: a qubit tells |0> and |1> apart too little, or too few shots say so.
+        CalibrationError: a qubit hardly distinguishes |0> and |1>, or too few shots show it.
     """
     frequency = ones / (shots or 1)
     trials = np.stack([(prepared == bit).sum(axis=0) for bit in (0, 1)])  # (2, n)
@@ -44,7 +44,7 @@ def fit_readout(
     total = trials * float(shots or 1)
     prior = PRIOR_SHOTS if shots is not None and len(qubits) > 1 else 0.0
     noise = _variance(mean, total)
-    # The shot noise of an entry weighs its two terms alike, and entries share no term: it cancels.
+    # Shot noise weights both terms of an entry equally, and entries share no term: it cancels.
     fitted = np.clip((total * mean + prior * common) / (total + prior), 0.0, 1.0)  # of rounding
     errors = np.sqrt(noise / total) if shots is not None else np.zeros_like(mean)
     expected, variance = (np.where(prepared == 1, of[1], of[0]) for of in (mean, noise))
@@ -64,22 +64,22 @@ def fit_readout(
 def fit_response(
     angles_rad: FloatArray, ones: FloatArray, shots: int | None, qubits: IntArray
 ) -> ResponseFit:
-    """Curves b + c cos(a) + s sin(a) of the measured `<Z>`, from ones (circuits, n) of `qubits`.
+    """The curves b + c cos(a) + s sin(a) of the measured `<Z>`, fitted to ones (circuits, n).
 
-    `angles_rad` is (circuits, n), or (circuits,) where all qubits had the same. Least squares
-    weighted by shot noise, under |b| + sqrt(c^2 + s^2) <= 1: `<Z>` stays in [-1, 1] at every angle
-    (a second-order cone). The covariance is that of the unconstrained fit. Without shots `ones` are
-    exact probabilities.
+    `angles_rad` is (circuits, n), or (circuits,) if all `qubits` had the same angles. The fit is by
+    least squares weighted by shot noise, under |b| + sqrt(c^2 + s^2) <= 1: `<Z>` stays in [-1, 1]
+    at every angle (a second-order cone). The covariance is that of the unconstrained fit. If
+    `shots` is None, `ones` are exact probabilities.
 
     Raises:
-        CalibrationError: angles that do not fix a curve, a curve that is flat, too few shots, or
-            counts to which no solver finds the curve.
+        CalibrationError: the angles do not determine a curve, a curve is flat, there are too few
+            shots, or no solver finds the curve.
     """
     angles = angles_rad if angles_rad.ndim == 2 else np.repeat(angles_rad[:, None], len(qubits), 1)
     design = np.stack([np.ones_like(angles), np.cos(angles), np.sin(angles)], axis=2)
     if (np.linalg.matrix_rank(design.transpose(1, 0, 2), tol=_MIN_SPREAD) < 3).any():
         raise CalibrationError(
-            f"{len(angles)} angles do not fix a curve.", "It needs three that differ."
+            f"{len(angles)} angles do not determine a curve.", "Use at least three different ones."
         )
     frequency = ones / (shots or 1)
     z = 1.0 - 2.0 * frequency
@@ -93,7 +93,7 @@ def fit_response(
     if lost := qubits[~(gaps <= _MAX_GAP)].tolist():
         raise CalibrationError(
             f"No solver finds the response curve of qubit {listed(list(map(str, lost)))}.",
-            "`qcompile calibrate --from FILE --qubits ...` fits the counts of the others.",
+            "Fit the other qubits with `qcompile calibrate --from FILE --qubits ...`.",
         )
     if shots is None:
         covariance = np.zeros_like(covariance)
@@ -110,7 +110,7 @@ def fit_response(
 
 
 def _nested(array: FloatArray) -> Any:
-    """The numbers of an array in tuples of tuples."""
+    """The numbers of an array as nested tuples."""
     return _tuples(array.tolist())
 
 
@@ -119,7 +119,7 @@ def _tuples(values: Any) -> Any:
 
 
 def _variance(frequency: FloatArray, shots: FloatArray | float) -> FloatArray:
-    """p (1 - p) with half a count added to ones and zeros: never 0."""
+    """The variance p (1 - p), with half a count added to ones and zeros so that it is never 0."""
     p = (frequency * shots + 0.5) / (np.asarray(shots) + 1.0)
     return np.asarray(p * (1.0 - p))
 

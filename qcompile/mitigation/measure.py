@@ -1,4 +1,4 @@
-"""Measure the readout and the response of a device's qubits, and fit them."""
+"""Measuring the readout and the response of a device's qubits, and fitting them."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from qcompile.passes import Executable, compile
 
 Part = Literal["readout", "response"]
 PARTS: tuple[Part, ...] = get_args(Part)
-"""What of a device can be measured, in the order in which it is."""
+"""The parts of a calibration, in the order in which they are measured."""
 
 CALIBRATION_SHOTS = 8192
 RESPONSE_ANGLES_RAD = np.pi / 4 * np.array([0, 4, 0, 4, 1, 3, 5, 7])
-"""Twice at the poles, where shot noise is least and contrast shows, and four that show the rest."""
+"""Twice at each pole, where shot noise is least and contrast shows, and four other angles."""
 LIVE_ANGLES_RAD = RESPONSE_ANGLES_RAD[2:]
-"""Each of them once: a machine is paid by the circuit."""
+"""Each angle once, because a machine is paid per circuit."""
 _NOTHING = np.zeros((1, 0)), np.zeros(0)
 
 
@@ -48,15 +48,14 @@ def calibrate(
 
     Readout: every qubit is prepared in |0> and |1> in `patterns`, all in one call of the executor;
     the noise of the gate that prepares |1> counts as readout error. Response: sx rz(a) sx (rx(a)
-    where it is native) at `angles_rad`, in another call: (angles,), which each qubit sees in an
-    order of its own, or (circuits, qubits) as they stand, for the sorted qubits. Without shots
-    exact probabilities are fitted. Counts that cannot be fitted are kept, and `unfitted` says why:
-    a qubit cannot be calibrated, or not with so few shots. `on_circuit` gets how many circuits are
-    done, of how many.
+    where it is native) at `angles_rad`, in another call. These are (angles,), which each qubit gets
+    in a different order, or (circuits, qubits), used as they are for the sorted qubits. If `shots`
+    is None, exact probabilities are fitted. Counts that cannot be fitted are kept, and `unfitted`
+    says why. `on_circuit` is called with the number of finished circuits and their total.
 
     Raises:
-        CalibrationError: no qubit, or one that the device lacks.
-        CountsError: shots out of range.
+        CalibrationError: there is no qubit, or one that the device does not have.
+        CountsError: shots are out of range.
     """
     qubits = check_qubits(executor.device, qubits)
     angles_rad = angle_orders(angles_rad, qubits) if angles_rad.ndim == 1 else angles_rad
@@ -94,10 +93,10 @@ def calibrate(
 
 
 def check_qubits(device: Device, qubits: Sequence[int] | IntArray) -> IntArray:
-    """The qubits, sorted, each once.
+    """The qubits, sorted, without repetitions.
 
     Raises:
-        CalibrationError: there is none, or one that the device lacks.
+        CalibrationError: there is no qubit, or one that the device does not have.
     """
     known = len(device.qubits)
     for qubit in qubits:
@@ -110,13 +109,13 @@ def check_qubits(device: Device, qubits: Sequence[int] | IntArray) -> IntArray:
     if not numbers.size:
         raise CalibrationError(
             "There is no qubit to calibrate.",
-            f"Its qubits are 0 to {known - 1}." if known else "Name one at least.",
+            f"Its qubits are 0 to {known - 1}." if known else "Give at least one.",
         )
     return numbers
 
 
 def fit_counts(counted: Calibration, qubits: Sequence[int] | None = None) -> Calibration:
-    """The calibration with new fits of its counts, on all its qubits or on these alone.
+    """The calibration with new fits of its counts, on all its qubits or only on `qubits`.
 
     Raises:
         CalibrationError: a qubit has no counts.
@@ -158,7 +157,7 @@ def fit_counts(counted: Calibration, qubits: Sequence[int] | None = None) -> Cal
 def calibration_workload(
     qubits: int, shots: int, parts: Sequence[Part], angles: int = len(RESPONSE_ANGLES_RAD)
 ) -> Workload:
-    """Jobs and executions of `calibrate` on that many qubits: a job for each part."""
+    """The jobs and executions of `calibrate` on a number of qubits: one job for each part."""
     load = Workload()
     if "readout" in parts:
         load += Workload.of_batch(1, len(patterns(qubits)), shots)
@@ -169,7 +168,7 @@ def calibration_workload(
 
 @contextmanager
 def _recorded_failure(unfitted: list[str]) -> Iterator[None]:
-    """Keep in words why a fit failed: what was counted may have been paid for."""
+    """Adds the message of a failed fit to `unfitted`: its counts may have been paid for."""
     try:
         yield
     except CalibrationError as error:
@@ -179,8 +178,8 @@ def _recorded_failure(unfitted: list[str]) -> Iterator[None]:
 def patterns(qubits: int) -> IntArray:
     """The bits that qubits are prepared in, (patterns, qubits): all 0, all 1, and balanced ones.
 
-    Bit k of a qubit's number and its opposite make two patterns, ceil(log2(qubits)) times: each
-    qubit is as often 0 as 1, and every two qubits differ in some pattern.
+    Bit k of a qubit's index and its opposite give two patterns, for ceil(log2(qubits)) bits. Each
+    qubit is 0 as often as 1, and any two qubits differ in some pattern.
     """
     number = np.arange(qubits)
     rows = [np.zeros_like(number), np.ones_like(number)]
@@ -193,7 +192,7 @@ def patterns(qubits: int) -> IntArray:
 def _ones(
     executor: Executor, executable: Executable, turns: FloatArray | None, shots: int | None
 ) -> FloatArray:
-    """Ones (rows, qubits), or without shots probabilities, for one row or for turns (rows, n)."""
+    """Ones (rows, qubits), or probabilities without shots, for one row or for angles (rows, n)."""
     x, theta = _NOTHING if turns is None else (turns, _NOTHING[1])
     if shots is None:
         return np.asarray((1.0 - executor.expectation(executable, x, theta)) / 2.0)
@@ -201,7 +200,7 @@ def _ones(
 
 
 def _readout_circuits(prepared: IntArray, qubits: IntArray, device: Device) -> Executable:
-    """|0> or |1> on every one of `qubits`, in the device's own gates; a pattern is a round."""
+    """Prepares |0> or |1> on each of `qubits`, in native gates; each pattern is a round."""
     circuits = tuple(Circuit((Gate("x"),)) if bit else Circuit() for bit in prepared.flat)
     rounds = np.repeat(np.arange(len(prepared)), len(qubits))
     compiled = compile(Program(circuits), device, level=1)
@@ -209,7 +208,7 @@ def _readout_circuits(prepared: IntArray, qubits: IntArray, device: Device) -> E
 
 
 def _response_circuits(qubits: IntArray, device: Device, order_of: IntArray) -> Executable:
-    """The response circuit on every one of `qubits`; `order_of` has the number of the input a."""
+    """The response circuit on each of `qubits`; `order_of` has the index of its input a."""
     inputs = tuple(f"x{order}" for order in range(order_of.max() + 1))
     circuits = tuple(device.native.response_circuit(Angle.symbol(inputs[i])) for i in order_of)
     program = Program(circuits, inputs)

@@ -1,4 +1,4 @@
-"""Fits that contradict their own counts: bits that depend on neighbours, or a device that moved."""
+"""Fits that contradict their counts, because of crosstalk or because the device drifted."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from qcompile.mitigation.measure import PARTS, Part
 from qcompile.validation import listed
 
 MISFIT_LEVEL = 0.001
-"""A calibration whose fits are all right is doubted this often, all its fits together."""
+"""The probability that a calibration with correct fits is doubted, for all its fits together."""
 
 _FOUND: dict[Part, str] = {
-    "readout": "depends on what the other qubits hold",
-    "response": "is not a curve of its own angle alone",
+    "readout": "depends on the state of other qubits",
+    "response": "does not depend on its own angle alone",
 }
 _ADVICE: dict[Part, str] = {
     "readout": "Use other qubits, with an unused one between neighbours.",
     "response": "Use other qubits, with an unused one between neighbours; `calibrate --parts "
-    "readout,response` tells whether it is the readout.",
+    "readout,response` shows whether the readout is the cause.",
 }
 
 
 @dataclass(frozen=True)
 class Misfit:
-    """A fit of a qubit whose chi-square is that of a right one less than MISFIT_LEVEL often."""
+    """A fit of a qubit whose chi-square is too large for a correct fit, at MISFIT_LEVEL."""
 
     qubit: int
     part: Part
@@ -38,12 +38,12 @@ class Misfit:
     p_value: float
 
     def values(self) -> dict[str, Any]:
-        """As plain values."""
+        """The misfit as plain values."""
         return asdict(self)
 
 
 def p_values(fit: ReadoutFit | ResponseFit) -> NDArray[np.float64]:
-    """How often a right fit has such a chi-square or a larger one, (qubits,); 1 without degrees."""
+    """How often a correct fit has at least this chi-square, (qubits,); 1 without degrees."""
     if not fit.degrees_of_freedom:
         return np.ones(len(fit.chi_square))
     from scipy.stats import chi2
@@ -56,8 +56,8 @@ def misfits(
 ) -> list[Misfit]:
     """The misfits among `parts` of `qubits` (all: None), by part and qubit.
 
-    The level of one fit is MISFIT_LEVEL divided by the number of fits in the calibration
-    (Bonferroni). Exact calibrations have no chi-square, and so no misfits.
+    The level for one fit is MISFIT_LEVEL divided by the number of fits in the calibration
+    (Bonferroni). Exact calibrations have no chi-square and so no misfits.
     """
     fits = {"readout": calibration.readout, "response": calibration.response}
     fitted = [fit for fit in fits.values() if fit is not None and fit.degrees_of_freedom]
@@ -80,7 +80,7 @@ def misfits(
 
 
 def misfit_warnings(misfits: Sequence[Misfit | dict[str, Any]]) -> list[str]:
-    """A few sentences for each part with misfits: which qubits, what it means, what helps."""
+    """A warning for each part with misfits: the qubits, the likely cause, and what to do."""
     plain = [one.values() if isinstance(one, Misfit) else one for one in misfits]
     lines = []
     for part in PARTS:
@@ -90,6 +90,6 @@ def misfit_warnings(misfits: Sequence[Misfit | dict[str, Any]]) -> list[str]:
         worst = min(row["p_value"] for row in rows)
         lines.append(
             f"The {part} of qubit {listed([str(row['qubit']) for row in rows])} {_FOUND[part]}, or "
-            f"the device moved while it was measured (p-value {worst:.0e}). {_ADVICE[part]}"
+            f"the device drifted during the measurement (p-value {worst:.0e}). {_ADVICE[part]}"
         )
     return lines

@@ -1,7 +1,7 @@
-"""The order in which each qubit sees the angles of a calibration, so that neighbours show.
+"""The order in which each qubit gets the angles of a calibration, chosen to reveal crosstalk.
 
-Were all qubits turned by the same angle, a bit read in part from its neighbour would lie on a curve
-all the same. With orders that differ it does not, and the chi-square of the fit tells.
+If all qubits had the same angle, a bit that depends on its neighbour would still lie on a curve.
+With different orders it does not, which shows in the chi-square of the fit.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ import numpy as np
 from qcompile.arrays import FloatArray, IntArray
 
 ORDERS = 64
-"""Qubits whose numbers differ by a multiple of this share an order; neighbours never do."""
+"""The number of orders. Qubits whose indices differ by a multiple of it share an order."""
 _CANDIDATES = 720
 _USUAL_CONTRAST = 0.95
 
 
 def angle_orders(angles_rad: FloatArray, qubits: IntArray) -> FloatArray:
-    """The angle of each of `qubits` in each circuit, (angles, qubits): every qubit sees every one.
+    """The angle of each of `qubits` in each circuit, (angles, qubits): each qubit gets every angle.
 
-    A qubit has its order by its number, whatever is measured beside it.
+    The order depends only on the index of the qubit, not on the other qubits measured.
     """
     orders = np.array(_orders(tuple(angles_rad.tolist())))
     return np.ascontiguousarray(orders[np.asarray(qubits) % len(orders)].T)
@@ -31,8 +31,8 @@ def angle_orders(angles_rad: FloatArray, qubits: IntArray) -> FloatArray:
 def mismatch(orders: FloatArray) -> FloatArray:
     """How badly `<Z>` of a qubit with order j fits a curve of one with order i, (orders, orders).
 
-    `orders` is (orders, angles). It is the chi-square of one shot, by the shot noise of a usual
-    qubit: a bit that copies a share e of its neighbour's adds shots e^2 times as much.
+    `orders` is (orders, angles). The result is the chi-square of one shot, with the shot noise of a
+    typical qubit. A bit that copies a fraction e of its neighbour adds shots e^2 times that.
     """
     root = 1.0 / np.sqrt(1.0 - (_USUAL_CONTRAST * np.cos(orders)) ** 2)
     design = np.stack([np.ones_like(orders), np.cos(orders), np.sin(orders)], axis=-1)
@@ -43,7 +43,7 @@ def mismatch(orders: FloatArray) -> FloatArray:
 
 @lru_cache(maxsize=8)
 def _orders(angles_rad: tuple[float, ...]) -> tuple[tuple[float, ...], ...]:
-    """Up to ORDERS orders, each the one least like those before it (farthest point first)."""
+    """Up to ORDERS orders, each the most different from those before it (farthest point first)."""
     few = list(islice(permutations(angles_rad), _CANDIDATES + 1))
     if len(few) > _CANDIDATES:
         rng = np.random.default_rng(0)

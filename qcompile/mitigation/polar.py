@@ -1,4 +1,4 @@
-"""Response curves in the ideal polar angle."""
+"""Response curves as functions of the ideal polar angle."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class PolarCurves:
 
 
 def polar_curves(fit: ResponseFit, native: NativeGates) -> PolarCurves:
-    """The curves of the response circuit of `native` gates in the ideal polar angle."""
+    """The curves of the response circuit of `native` gates, as functions of the polar angle."""
     sign = math.cos(native.angle_offset_rad)
     b, c, s = (np.array(fit.curves) * [1.0, sign, sign]).T
     side = np.where(c < 0.0, -1.0, 1.0)

@@ -1,4 +1,4 @@
-"""Angles changed when they are bound, so that the device's own curve gives the ideal `<Z>`."""
+"""Predistortion: angles changed when they are bound, so that the device shows the ideal `<Z>`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from qcompile.passes import Executable
 
 @dataclass(frozen=True, eq=False)
 class Predistortion:
-    """From the angle whose ideal answer is wanted to the angle at which the device gives it."""
+    """Maps an angle to the one at which the device shows the ideal `<Z>` of the first."""
 
     response: Mitigation
     offset_rad: float
@@ -31,17 +31,18 @@ class Predistortion:
 
 
 def predistorted(executable: Executable, calibration: Calibration) -> Executable:
-    """The executable whose measured `<Z>` is the ideal one, where that is reachable.
+    """An executable whose measured `<Z>` is the ideal one, where the device can reach it.
 
-    Reachable is [offset - contrast, offset + contrast] of the qubit's response curve; beyond it the
-    nearest is taken. No shot noise is amplified, as mitigation afterwards would do.
+    It can reach [offset - contrast, offset + contrast] of the qubit's response curve; values beyond
+    are clipped. Unlike mitigation after the measurement, this amplifies no shot noise.
 
     Raises:
-        CalibrationError: the executable is not of level 2, or a qubit's response is not calibrated.
+        CalibrationError: the executable is not of level 2, or the response of a qubit is not
+            calibrated.
     """
     if executable.predistort is not None:
         raise CalibrationError(
-            "The executable is predistorted already.", "Start from the compiled one."
+            "The executable is already predistorted.", "Start from the compiled one."
         )
     response = response_mitigation(calibration, executable, any_side=True)
     circuits = executable.native.circuits

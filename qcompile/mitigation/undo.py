@@ -1,4 +1,4 @@
-"""What a qubit does to `<Z>`, undone in closed form."""
+"""Undoing the effect of a qubit on `<Z>`, in closed form."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from qcompile.passes import Executable
 from qcompile.validation import listed
 
 MAX_TILT_RAD = 0.25
-"""Near a pole `<Z>` that differ by 2 sin(tilt)^2 may be confused: up to 0.12 at this tilt."""
+"""Near a pole, `<Z>` values up to 2 sin(tilt)^2 apart are indistinguishable: 0.12 at this tilt."""
 _MAX_DOUBTFUL_RAD = math.pi / 4
-"""A neighbour that is read along makes a tilt that is not there: a misfit's is left as it is."""
-_SEEN = 3.0
+"""Crosstalk can look like a tilt. The tilt of a misfit is not corrected; this is its largest."""
+_SIGNIFICANT = 3.0
 
 
 @dataclass(frozen=True, eq=False)
 class Mitigation:
-    """The measured `<Z>` of circuit i is offset_i + contrast_i cos(w - tilt_i) for ideal cos(w).
+    """Inverts measured `<Z>` = offset_i + contrast_i cos(w - tilt_i) of circuit i, ideal cos(w).
 
-    Arrays of (circuits,); w lies in [0, pi], the polar angle of the ideal Bloch vector. Contrasts
-    are negative where 0 and 1 are swapped. Tilts lie in [-pi/2, pi/2]. Readout errors alone have
-    none; where it is not 0, two w near a pole show the same `<Z>`, and the one farther from that
-    pole is taken. `covariance` is that of (offset, contrast, tilt), (circuits, 3, 3).
+    Arrays of (circuits,); w in [0, pi] is the polar angle of the ideal Bloch vector. Contrasts are
+    negative if 0 and 1 are swapped. Tilts lie in [-pi/2, pi/2]; readout errors alone cause none.
+    With a tilt, two w near a pole have the same measured `<Z>`; the one farther from that pole is
+    chosen. `covariance` is that of (offset, contrast, tilt), (circuits, 3, 3).
     """
 
     offset: FloatArray
@@ -42,24 +42,24 @@ class Mitigation:
     def apply(self, z: FloatArray) -> FloatArray:
         """The ideal `<Z>` for measured z (B, circuits).
 
-        What no ideal circuit shows is clipped to [-1, 1]; without tilt this is the least-squares
-        solution under that constraint.
+        Values that no ideal circuit can show are clipped to [-1, 1]; without tilt this is the
+        least-squares solution under that constraint.
         """
         return self.ideal_cosine(self.tilted_cosine(z))
 
     def tilted_cosine(self, z: FloatArray) -> FloatArray:
-        """cos(w - tilt) for measured z, and beyond what w can show where shot noise takes z."""
+        """cos(w - tilt) for measured z; shot noise may take it out of the range of w."""
         return np.asarray((z - self.offset) / self.contrast)
 
     def ideal_cosine(self, u: FloatArray) -> FloatArray:
-        """cos(w) for u = cos(w - tilt), w in [0, pi]; what that cannot show is clipped."""
+        """cos(w) for u = cos(w - tilt), w in [0, pi]; u is clipped to the range of w."""
         u = self._reachable(u)
         if not self._tilted:
             return u
         return np.asarray(np.cos(self.tilt) * u - np.sin(self.tilt) * np.sqrt(1.0 - u * u))
 
     def _reachable(self, u: FloatArray) -> FloatArray:
-        """u = cos(w - tilt) in what w in [0, pi] can show."""
+        """u = cos(w - tilt), clipped to the values that w in [0, pi] can reach."""
         if not self._tilted:
             return np.asarray(np.minimum(np.maximum(u, -1.0), 1.0))
         border = np.cos(self.tilt)
@@ -68,12 +68,12 @@ class Mitigation:
         return np.asarray(np.minimum(np.maximum(u, least), most))
 
     def of_mean(self, weights: FloatArray) -> Mitigation:
-        """What undoes the mean of `tilted_cosine` over places, of weights (places,) that sum to 1.
+        """The mitigation of the mean of `tilted_cosine` over places; `weights` (places,) sum to 1.
 
-        The arrays of this one come place by place, as circuits side by side do. The mean of
-        cos(w - tilt_p) is contrast cos(w - tilt) too: it is undone and clipped once, so that shot
-        noise which takes a place beyond [-1, 1] averages out. Without tilts it is the mean itself.
-        The covariances are those of the mean of places that were calibrated independently.
+        The arrays of this one are ordered place by place, as those of circuits side by side. The
+        mean of cos(w - tilt_p) is again contrast cos(w - tilt): it is inverted and clipped once, so
+        that shot noise beyond [-1, 1] at a place averages out. Without tilts it is the mean itself.
+        The covariances are those of the mean over independently calibrated places.
         """
         tilt = self.tilt.reshape(len(weights), -1)
         along, across = weights @ np.cos(tilt), weights @ np.sin(tilt)
@@ -92,9 +92,9 @@ class Mitigation:
         return np.asarray(np.sqrt(counted + calibrated))
 
     def variances(self, z: FloatArray, shots: CircuitShots) -> tuple[FloatArray, FloatArray]:
-        """Those of `apply(z)` for z (B, circuits) measured with `shots`, to first order.
+        """The variances of `apply(z)` for z (B, circuits) measured with `shots`, to first order.
 
-        The first is that of shot noise, the second comes from the uncertainty of the calibration.
+        The first is due to shot noise, the second to the uncertainty of the calibration.
         """
         u = self._reachable(self.tilted_cosine(z))
         across = np.sqrt(1.0 - u * u)
@@ -117,12 +117,12 @@ def readout_mitigation(calibration: Calibration, executable: Executable) -> Miti
     """Undo the readout of the executable's qubits: offset p01 - p10, contrast 1 - p01 - p10.
 
     Raises:
-        CalibrationError: a qubit was not calibrated, or no readout was.
+        CalibrationError: a qubit, or the readout, was not calibrated.
     """
     fit, rows = calibration.readout, calibration.rows(executable.qubits)
     if fit is None:
         raise CalibrationError(
-            "The calibration holds no assignment matrices.",
+            "The calibration has no assignment matrices.",
             *calibration.unfitted,
             _missing_part_hint("response", calibration.response, "readout"),
         )
@@ -142,9 +142,10 @@ def response_mitigation(
     """Undo readout and gate errors of circuits sx rz(a) sx (rx(a) where it is native).
 
     The response curve b + c cos(a) + s sin(a) is offset + contrast cos(w - tilt) in the ideal polar
-    angle w = a - pi (a for rx). Circuits without a rotation are taken to lie on the same curve.
-    Angles that are not polar may lie on both sides of |0>, where a tilt acts oppositely: `<Z>` does
-    not tell which, and their mean is undone. `any_side` says that the side is known all the same.
+    angle w = a - pi (a for rx). Circuits without a rotation are assumed to lie on the same curve.
+    Angles that are not polar may lie on either side of |0>, where a tilt has opposite effects.
+    `<Z>` does not tell the side, so the mean effect is undone; with `any_side` the tilt is undone
+    as if the side were known.
 
     Raises:
         CalibrationError: the executable is not of level 2, a qubit was not calibrated or is tilted
@@ -154,7 +155,7 @@ def response_mitigation(
     fit, rows = calibration.response, calibration.rows(executable.qubits)
     if fit is None:
         raise CalibrationError(
-            "The calibration holds no response curves.",
+            "The calibration has no response curves.",
             *calibration.unfitted,
             _missing_part_hint("readout", calibration.readout, "response"),
         )
@@ -162,8 +163,8 @@ def response_mitigation(
     offset, contrast, tilt = (of[rows] for of in (polar.offset, polar.contrast, polar.tilt))
     scatter = _scatter(calibration)[rows]
     covariance = polar.covariance[rows] * scatter[:, None, None]
-    # A tilt within its error costs more than it brings.
-    significant = np.abs(tilt) > _SEEN * np.sqrt(covariance[:, 2, 2])
+    # Correcting a tilt smaller than its error does more harm than good.
+    significant = np.abs(tilt) > _SIGNIFICANT * np.sqrt(covariance[:, 2, 2])
     doubtful = scatter > 1.0
     if not any_side:
         most = np.where(doubtful, _MAX_DOUBTFUL_RAD, MAX_TILT_RAD)
@@ -174,10 +175,10 @@ def response_mitigation(
 
 
 def _scatter(calibration: Calibration) -> FloatArray:
-    """What the variances of response curves are multiplied by, (qubits,): 1 where the fit is right.
+    """The factors for the variances of response curves, (qubits,): 1 where the fit is correct.
 
-    Counts that scatter about a misfit more than shots do say that much less of its curve: by their
-    chi-square of its degrees of freedom (Birge's ratio).
+    For a misfit the factor is the chi-square per degree of freedom (Birge's ratio), because its
+    counts scatter more than shot noise.
     """
     factor = np.ones(len(calibration.qubits))
     for misfit in misfits(calibration, ["response"]):
@@ -189,29 +190,29 @@ def _check_tilt(tilted: NDArray[np.intp]) -> None:
     if tilted.size:
         which = listed([str(q) for q in np.unique(tilted)])
         raise CalibrationError(
-            f"The response of qubit {which} is turned by more "
-            f"than {MAX_TILT_RAD} rad: one measured <Z> then belongs to two ideal ones.",
+            f"The response of qubit {which} is tilted by more "
+            f"than {MAX_TILT_RAD} rad, so one measured <Z> can come from two ideal ones.",
             "Predistort the angles instead (--predistort), or use --mitigation readout, or other "
             "qubits.",
         )
 
 
 def _missing_part_hint(other: str, fit: object, part: str) -> str:
-    """What to try where a calibration lacks a part: the other, if it has that."""
+    """What to try if a calibration lacks a part: use the other one, if it has that."""
     if fit is None:
         return f"Calibrate the {part}: `qcompile calibrate`."
     return f"Use mitigation {other}, or calibrate the {part}."
 
 
 def check_response_level(level: int, *, predistort: bool = False) -> None:
-    """Raise CalibrationError where response curves say nothing of the circuits of a level.
+    """Raise CalibrationError if response curves do not describe the circuits of a level.
 
-    `predistort` says that angles are to be predistorted, to which there is no other way.
+    `predistort` means that they are needed to predistort angles, so the hint differs.
     """
     if level != 2:
         raise CalibrationError(
             f"Response curves need level 2, found level {level}.",
-            "They are those of sx rz sx; take --level 2"
+            "They describe sx rz sx; use --level 2"
             + (
                 ", or --mitigation readout without --predistort."
                 if predistort

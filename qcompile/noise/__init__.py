@@ -1,4 +1,4 @@
-"""The noise of devices: its physics, what it makes of qubits, and circuits that have it."""
+"""The noise of devices: channels, the quality of qubits, and noisy circuits."""
 
 from qcompile.noise.channels import Channel, channel_after
 from qcompile.noise.circuits import NoisyCircuits, noise_after, readout_row, rotation_map

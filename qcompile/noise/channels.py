@@ -1,7 +1,7 @@
-"""What the noise after a gate does to a Bloch vector.
+"""The effect of gate noise on a Bloch vector.
 
-After every gate with a calibration Aer's model puts a depolarising channel, then thermal
-relaxation; together they have the gate error of the calibration.
+After every calibrated gate Aer's model applies a depolarising channel, then thermal relaxation;
+together they have the gate error of the calibration.
 Source: qiskit_aer.noise.device.models (basic_device_gate_errors), temperature 0.
 """
 
@@ -14,7 +14,7 @@ from qcompile.device import GateCalibration, Qubit
 
 
 class Channel(NamedTuple):
-    """A channel symmetric about z: r_x and r_y times `across`, r_z times `along` plus `added`."""
+    """A channel symmetric about z: r_x and r_y times `across`; r_z times `along`, plus `added`."""
 
     across: float
     along: float
@@ -39,9 +39,9 @@ def relaxation_error(qubit: Qubit, length_ns: float) -> float:
 
 
 def depolarising(calibration: GateCalibration, qubit: Qubit) -> float:
-    """The depolarising probability that brings relaxation up to the gate error of a calibration.
+    """The depolarising probability that, with relaxation, gives the calibrated gate error.
 
-    It is 0 where relaxation alone is worse than the stated error, and at most 4/3.
+    It is 0 if relaxation alone exceeds the stated error, and at most 4/3.
     """
     error = min(calibration.error, 2 / 3)
     relaxed = relaxation_error(qubit, calibration.length_ns)
@@ -53,7 +53,7 @@ def depolarising(calibration: GateCalibration, qubit: Qubit) -> float:
 
 
 def channel_after(gate: str, qubit: Qubit | None) -> Channel:
-    """The noise that follows `gate` on `qubit`; None is a perfect qubit."""
+    """The noise after `gate` on `qubit`; None is a perfect qubit."""
     if qubit is None:
         return NOISELESS
     calibration = qubit.gates.get(gate)

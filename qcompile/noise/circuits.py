@@ -1,4 +1,4 @@
-"""Circuits with the noise of a device, as affine maps of the Bloch vector, for whole batches.
+"""Circuits with the noise of a device, as affine maps on the Bloch vector, for whole batches.
 
 Noise maps the Bloch vector r to A r + t, so a noisy circuit with K rotations is K rotations about
 z between fixed maps.
@@ -21,7 +21,7 @@ _EYE = np.eye(4)
 
 
 def noise_after(gate: str, qubit: Qubit | None) -> FloatArray:
-    """The map of the noise that follows `gate` on `qubit`, (4, 4); None is a perfect qubit."""
+    """The map of the noise after `gate` on `qubit`, (4, 4); None is a perfect qubit."""
     across, along, added = channel_after(gate, qubit)
     noise = np.diag([1.0, across, across, along])
     noise[3, 0] = added
@@ -48,7 +48,7 @@ def rotation_map(axis: str, angle: float) -> FloatArray:
 class NoisyCircuits:
     """Native circuits on physical `qubits` (circuits,) of a device, evaluated for whole batches.
 
-    Angles are flat: a column for each of their `native.slots`.
+    Angles are flat: one column for each of the `native.slots`.
     """
 
     def __init__(self, circuits: Sequence[Circuit], device: Device, qubits: IntArray):
@@ -74,17 +74,17 @@ class NoisyCircuits:
         return f"NoisyCircuits({self._columns.shape[1]} circuits on {self._device.name})"
 
     def expectation(self, angles: FloatArray) -> FloatArray:
-        """The measured `<Z>` for angles (B, slots), as `Executable.bind` gives them.
+        """The measured `<Z>`, (B, circuits), for angles (B, slots) from `Executable.bind`.
 
-        (B, circuits), exact: no shot noise. With one slot it is the response curve of the qubit,
+        It is exact, without shot noise. With one slot it is the response curve of the qubit,
         b + c cos(a) + s sin(a).
         """
         return np.asarray(1.0 - 2.0 * self.p_one(np.cos(angles), np.sin(angles)))
 
     def p_one(self, cos: FloatArray, sin: FloatArray) -> FloatArray:
-        """P(1) of each circuit for the cosines and sines of its angles, as `bind_turns` gives them.
+        """P(1) of each circuit, (B, circuits), in [0, 1] up to rounding.
 
-        Arrays of (B, slots) to (B, circuits), in [0, 1] up to rounding.
+        `cos` and `sin` (B, slots) are those of the angles, from `Executable.bind_turns`.
         """
         if self._response is not None:
             b, c, s = self._response
@@ -107,7 +107,7 @@ class NoisyCircuits:
     def _curve(
         self, r_x: FloatArray, r_y: FloatArray, r_z: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """b, c, s of P(1) as a function of the last angle, after a Bloch vector."""
+        """b, c, s of P(1) as a function of the last angle, for a Bloch vector before it."""
         b, e_x, e_y, e_z = self._end
         z = b + e_z * r_z, e_x * r_x + e_y * r_y, e_y * r_x - e_x * r_y
         return (1.0 - z[0]) / 2, -z[1] / 2, -z[2] / 2
@@ -116,7 +116,7 @@ class NoisyCircuits:
 def _maps_between_slots(circuit: Circuit, qubit: Qubit | None) -> Iterator[FloatArray]:
     """The fixed maps before, between and after the slots of a native circuit.
 
-    A slot is Rz(a). Rx(a) = Ry(pi/2) Rz(a) Ry(-pi/2): turns of the frame, without noise.
+    A slot is Rz(a). Rx(a) = Ry(pi/2) Rz(a) Ry(-pi/2), where the Ry are noiseless frame changes.
     """
     current = _EYE
     for gate in circuit.gates:

@@ -1,4 +1,4 @@
-"""How good the qubits of a device are: which are used, and which come first."""
+"""The quality of a device's qubits: which are used, and how they are ranked."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from qcompile.native import NativeGates
 from qcompile.noise.channels import channel_after
 
 USABLE_CONTRAST = 0.8
-"""A qubit whose pulses and readout leave less of `<Z>` is not used as long as there are others."""
+"""A qubit whose pulses and readout preserve less of `<Z>` is used only if none is better."""
 REFERENCE_SHOTS = 1024
-"""The shots for which the error of a qubit is stated, and by which qubits are ranked."""
+"""The shots at which the error of a qubit is stated, and qubits are ranked."""
 
 
 class _Quality(NamedTuple):
-    """What the pulses of a circuit and the readout leave of `<Z>`, and its mean square error."""
+    """The fraction of `<Z>` left after pulses and readout, and its mean square error."""
 
     left: float
     error: float
 
 
 def usable(device: Device) -> tuple[int, ...]:
-    """The qubits worth using, the one with the least `mean_square_error` first."""
+    """The qubits good enough to use, sorted by `mean_square_error`."""
     qualities = _qualities(device)
     reasons = _reasons(device, qualities)
     rest = [q for q in range(len(qualities)) if q not in reasons]
@@ -31,33 +31,33 @@ def usable(device: Device) -> tuple[int, ...]:
 
 
 def unusable(device: Device) -> dict[int, str]:
-    """The qubits that are not used, each with the reason in words.
+    """The qubits that are not used, each with the reason.
 
-    They are those of `left_out`, and those that keep less than USABLE_CONTRAST of `<Z>`. If none
-    keeps as much, those whose 0 and 1 are swapped and that keep as much otherwise are used, which
-    need mitigation; if there are none of them, the best alone.
+    They are those in `left_out`, and those that preserve less than USABLE_CONTRAST of `<Z>`. If no
+    qubit preserves that much, qubits with 0 and 1 swapped that otherwise do are used, which need
+    mitigation. If there are none of those either, only the best qubit is used.
     """
     return _reasons(device, _qualities(device))
 
 
 def expected_error(device: Device, qubit: int) -> float | None:
-    """The root of `mean_square_error`, in units of `<Z>`; None where it is infinite."""
+    """The root of `mean_square_error`, in units of `<Z>`; None if it is infinite."""
     error = mean_square_error(device, qubit)
     return math.sqrt(error) if math.isfinite(error) else None
 
 
 def mean_square_error(device: Device, qubit: int) -> float:
-    """The expected square of the error of `<Z>` on `qubit` with readout mitigation.
+    """The expected squared error of `<Z>` on `qubit` with readout mitigation.
 
-    It is that of a circuit at level 2, sx rz sx (or rx), at REFERENCE_SHOTS, averaged over `<Z>` in
-    [-1, 1]. The measured `<Z>` is b + k `<Z>`, by the pulses and the readout; readout mitigation
-    takes it for h + g `<Z>`, the line through |0> and |1> as they are measured, and undoes that.
-    What remains is shot noise, 1 / g^2 of it, and what the pulses do beyond the calibration:
+    It is that of a level 2 circuit, sx rz sx (or rx), at REFERENCE_SHOTS, averaged over `<Z>` in
+    [-1, 1]. Because of pulses and readout the measured `<Z>` is b + k `<Z>`; readout mitigation
+    assumes h + g `<Z>`, the line through |0> and |1> as they are measured, and inverts it. That
+    leaves shot noise, amplified by 1 / g^2, and the effect of pulses that the line misses:
 
         (1 - b^2 - k^2 / 3) / (shots g^2)  +  ((b - h) / g)^2  +  (k / g - 1)^2 / 3
 
-    It is infinite where g is 0; where 0 and 1 are swapped, g is negative and undoes that too. The
-    clipping to [-1, 1] is not counted.
+    It is infinite if g is 0. If 0 and 1 are swapped, g is negative and corrects that too. Clipping
+    to [-1, 1] is ignored.
     """
     return _quality(device.qubits[qubit], device.native).error
 
@@ -69,8 +69,8 @@ def _qualities(device: Device) -> list[_Quality]:
 
 def _quality(qubit: Qubit, native: NativeGates) -> _Quality:
     shift, contrast = qubit.p01 - qubit.p10, qubit.contrast
-    # Between two pulses the vector lies across; what the first adds along z, the second turns to y,
-    # where it is not seen.
+    # Between the two pulses the vector lies in the xy plane; the z component that the first one
+    # adds is turned into y by the second, where it is not measured.
     *others, last = native.pulses
     pulse = channel_after(last, qubit)
     slope = pulse.across * pulse.along if others else pulse.along

@@ -1,4 +1,4 @@
-"""What a pass is: a frozen dataclass that takes a program and returns a new one."""
+"""The protocol of passes: frozen dataclasses that take a program and return a new one."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ Promise = Literal["unitary", "distribution"]
 class Pass(Protocol):
     """A step of compilation.
 
-    `keeps` is its promise for every circuit and every value of the symbols: "unitary" up to global
-    phase, or the "distribution" of the Z measurement from |0>. A pass never touches its input; one
-    property test runs every pass of `qcompile.passes.PASSES` on random programs and checks exactly
-    its promise.
+    `keeps` is what the pass promises to preserve for every circuit and every value of the symbols:
+    the "unitary" up to global phase, or the "distribution" of the Z measurement from |0>. A pass
+    never changes its input. A property test runs every pass of `qcompile.passes.PASSES` on random
+    programs and checks exactly its promise.
     """
 
     name: ClassVar[str]

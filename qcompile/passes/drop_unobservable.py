@@ -1,4 +1,4 @@
-"""Drop what the Z measurement from |0> cannot see."""
+"""Drop rotations that do not affect the Z measurement from |0>."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from qcompile.passes.base import Promise
 
 @dataclass(frozen=True)
 class DropUnobservable:
-    """After it no circuit begins or ends with a rotation about z, and no late angle is unused.
+    """Afterwards no circuit begins or ends with a rotation about z, and no late angle is unused.
 
-    |0> is an eigenstate of Rz, and Rz before a Z measurement changes a phase only.
+    |0> is an eigenstate of Rz, and Rz before a Z measurement only changes a phase.
     """
 
     name: ClassVar[str] = "drop_unobservable"

@@ -1,4 +1,4 @@
-"""What compilation makes: native circuits on physical qubits, and the numbers that bind them."""
+"""The result of compilation: native circuits on physical qubits, and the binding of angles."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Executable:
-    """A program compiled for a device, once; `bind` gives it its angles, often.
+    """A program compiled for a device: compiled once, then bound to angles as often as needed.
 
-    `source` is the program as it was, `native` the same in the device's gates. `qubits` and
+    `source` is the original program, `native` the same program in the device's gates. `qubits` and
     `rounds` hold the physical qubit and the round of each circuit, (circuits,) integers.
 
     Each native rotation (rz, or rx where it is native) is a slot, circuit by circuit; a circuit
-    without a rotation has one that is not used. At level 2, where a circuit has one rotation at
-    most, slot i is that of circuit i. `predistort` changes the angles (B, slots) of level 2 after
-    they are bound; `mitigation.predistorted` sets it.
+    without a rotation has one unused slot. At level 2 a circuit has at most one rotation, so slot i
+    belongs to circuit i. `predistort` changes the angles (B, slots) of level 2 after they are
+    bound; `mitigation.predistorted` sets it.
     """
 
     source: Program
@@ -51,17 +51,17 @@ class Executable:
 
     @property
     def slot_positions(self) -> IntArray:
-        """Which slot of its circuit each slot is, (slots,): 0, 1, ..."""
+        """The position of each slot within its circuit, (slots,): 0, 1, ..."""
         return self._slots[1]
 
     def bind(self, x: FloatArray, theta: FloatArray) -> FloatArray:
         """The native angles for x (B, inputs) and theta (parameters,), in radians: (B, slots).
 
-        A slot that is not used holds 0. Where angles are so large that adding them would round,
-        they are given modulo 2 pi, exactly.
+        Unused slots hold 0. Angles so large that adding them would round are reduced modulo 2 pi,
+        exactly.
 
         Raises:
-            CircuitError: x or theta has another shape.
+            CircuitError: x or theta has the wrong shape.
         """
         self._check(x, theta)
         rows = len(x)
@@ -74,10 +74,9 @@ class Executable:
         return np.asarray(angles if self.predistort is None else self.predistort(angles))
 
     def bind_turns(self, x: FloatArray, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Cosine and sine of the angles that `bind` gives, each (B, slots).
+        """Cosine and sine of the angles that `bind` returns, each (B, slots).
 
-        Where every angle is a polar angle of its own, up to the offset of the native gates, they
-        follow from `<Z>` without trigonometry.
+        If `has_polar_angles`, they are computed from `<Z>` without trigonometry.
         """
         if self._late_angles is None or not self.has_polar_angles or self.predistort is not None:
             angles = self.bind(x, theta)
@@ -110,7 +109,7 @@ class Executable:
 
     @cached_property
     def _slot_angles(self) -> tuple[Angle | None, ...]:
-        """The angle of each slot; None for one that is not used."""
+        """The angle of each slot; None if the slot is unused."""
         unused = (None,)
         return tuple(a for circuit in self.native.circuits for a in circuit.angles or unused)
 
@@ -123,7 +122,7 @@ class Executable:
 
     @cached_property
     def _mixed(self) -> bool:
-        """Whether slots use the program's own inputs beside the late angles."""
+        """Whether slots use inputs of the program besides the late angles."""
         used = {s for circuit in self.native.circuits for s in circuit.symbols}
         return not used.isdisjoint(self.native.inputs)
 
@@ -147,9 +146,9 @@ class Executable:
 
     @property
     def copies_that_fit(self) -> int:
-        """How many such programs fit side by side in one round, 1 at least.
+        """How many copies of the program fit side by side in one round, at least 1.
 
-        It is 1 on the ideal device too, where side by side saves nothing.
+        It is 1 on the ideal device, where running copies side by side saves nothing.
         """
         return copies_that_fit(len(self.native), self.device)
 
@@ -158,13 +157,13 @@ class Executable:
     ) -> list[Any]:
         """A Qiskit QuantumCircuit for each round, on the physical qubits of the device.
 
-        Native gates alone. Without x (inputs,) and theta (parameters,) the open angles are
-        parameters a{i}_{k}, slot k of circuit i, whose values `bind` gives; with both the circuit
-        holds numbers. Its register c has a bit for each circuit of the round, in their order;
-        `measure=False` leaves measurements and register out.
+        The circuits have native gates only. Without x (inputs,) and theta (parameters,) the open
+        angles are parameters a{i}_{k} for slot k of circuit i, whose values `bind` returns; with
+        both, the circuits contain numbers. Register c has a bit for each circuit of the round, in
+        order; `measure=False` omits the measurements and the register.
 
         Raises:
-            CircuitError: x or theta has another shape, or one of them is missing.
+            CircuitError: x or theta has the wrong shape, or only one of them is given.
             MissingExtraError: Qiskit is not installed.
         """
         from qcompile.interop.qiskit import circuits_of
@@ -182,14 +181,14 @@ class Executable:
         return draw_executable(self, form, circuit)
 
     def gate_counts(self) -> list[Counter[str]]:
-        """Native gates of each circuit by name."""
+        """The number of native gates of each circuit, by name."""
         return [Counter(gate.name for gate in c.gates) for c in self.native.circuits]
 
     @cached_property
     def open_slots(self) -> IntArray:
-        """The slots whose angles are not known before binding, in order.
+        """The slots whose angles are unknown before binding, in order.
 
-        With `predistort` constant angles are among them, which it changes too.
+        With `predistort` they include constant angles, because it changes those too.
         """
         known = self.predistort is None
         is_open = [a is not None and not (known and a.is_constant) for a in self._slot_angles]
@@ -200,9 +199,8 @@ class Executable:
     ) -> Program:
         """The native circuits with an input for each of the `open_slots`, in that order.
 
-        Slot k of circuit i is the input a{i}_{k}; what `bind` gives is its value. `numbers` are
-        what the names call the circuits instead of 0, 1, ...; with names that are `taken` it is
-        a_{i}_{k}, with as many underscores as it takes.
+        Slot k of circuit i is the input a{i}_{k}; `bind` returns its value. `numbers` replace
+        0, 1, ... as the circuit numbers i. If a name is `taken`, more underscores follow the a.
         """
         numbers = range(len(self.native)) if numbers is None else numbers
         prefix = "a"
@@ -222,7 +220,7 @@ class Executable:
 
 
 def _shape(array: Any) -> tuple[int, ...]:
-    """The shape of an array of real numbers; () for anything else."""
+    """The shape of an array of real numbers; () for any other value."""
     dtype = getattr(array, "dtype", None)
     if not isinstance(dtype, np.dtype) or dtype.kind not in "biuf":
         return ()
@@ -231,7 +229,7 @@ def _shape(array: Any) -> tuple[int, ...]:
 
 
 def _described(array: Any) -> str:
-    """What an array is, in a few words."""
+    """The shape or type of an argument, for messages."""
     if not isinstance(array, np.ndarray):
         return f"has type {type(array).__name__}"
     masked = ", masked," if hasattr(array, "mask") else ""

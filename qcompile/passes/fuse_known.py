@@ -1,4 +1,4 @@
-"""Fuse circuits whose angles are all known into three rotations."""
+"""Fuse circuits whose angles are all known into at most three rotations."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from qcompile.simulate import euler_angles
 
 @dataclass(frozen=True)
 class FuseKnown:
-    """After it every circuit without symbols is at most rz(first) ry(polar) rz(last).
+    """Afterwards every circuit without symbols is at most rz(first) ry(polar) rz(last).
 
-    Gates are unit quaternions, w - i (x X + y Y + z Z), and all circuits are multiplied at once,
-    neighbour by neighbour: a million gates are twenty steps, and rounding errors do not pile up.
+    Gates are unit quaternions, w - i (x X + y Y + z Z). The quaternions of all circuits are
+    multiplied pairwise: a million gates take twenty steps, and rounding errors do not accumulate.
     """
 
     name: ClassVar[str] = "fuse_known"
@@ -39,7 +39,7 @@ class FuseKnown:
 
 
 def euler_circuit(first: Angle, polar: Angle, last: Angle) -> Circuit:
-    """rz(first) ry(polar) rz(last) without the rotations by nothing."""
+    """rz(first) ry(polar) rz(last), without rotations by 0."""
     gates = (Gate("rz", first), Gate("ry", polar), Gate("rz", last))
     return Circuit(tuple(g for g in gates if not g.angle.equals(0.0)))  # type: ignore[union-attr]
 

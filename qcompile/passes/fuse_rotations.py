@@ -1,4 +1,4 @@
-"""Fuse a run of rotations whose angles are not known yet into three."""
+"""Fuse a sequence of rotations whose angles are not known yet into three."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ _EULER_RUNS = {("rz", "ry", "rz"), ("rz", "ry"), ("ry", "rz"), ("rz",), ("ry",),
 
 @dataclass(frozen=True)
 class FuseRotations:
-    """After it a circuit with symbols is at most rz(first) ry(polar) rz(last): its Euler angles.
+    """Afterwards a circuit with symbols is at most rz(first) ry(polar) rz(last): its Euler angles.
 
-    Requires circuits of rz and ry (`to_rotations`). A run that is longer than three becomes three
-    new symbols, defined by the run itself: the structure is fused now, the numbers when the program
-    is bound, for a whole batch at once. Circuits without symbols are left to `fuse_known`.
+    Requires circuits of rz and ry (`to_rotations`). More than three rotations become three late
+    angles, defined by those rotations: the structure is fused now, the numbers when the program is
+    bound, for a whole batch at once. Circuits without symbols are left to `fuse_known`.
     """
 
     name: ClassVar[str] = "fuse_rotations"
@@ -40,7 +40,7 @@ class FuseRotations:
 
 
 def _free_prefix(program: Program) -> str:
-    """A prefix that keeps the new names apart from the program's own symbols."""
+    """A prefix for new names that no symbol of the program starts with."""
     prefix = ""
     while any(
         s.startswith(tuple(prefix + p for p in ("first", "polar", "last"))) for s in program.symbols

@@ -1,4 +1,4 @@
-"""Add neighbouring rotations about one axis, symbols included."""
+"""Add neighbouring rotations about the same axis, including symbolic ones."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ _ROTATIONS = {"rx", "ry", "rz"}
 
 @dataclass(frozen=True)
 class MergeRotations:
-    """After it no two neighbours are rotations about one axis, and no rotation is the identity.
+    """Afterwards no neighbours rotate about the same axis, and no rotation is the identity.
 
-    A half turn about another axis does not part two rotations: R(b) H R(a) = R(b-a) H, because
-    H R(a) = R(-a) H. Angles are kept in (-pi, pi]. Gates that are no rotations stay as they are.
+    Two rotations merge even with a half turn about another axis between them: R(b) H R(a) =
+    R(b-a) H, because H R(a) = R(-a) H. Angles stay in (-pi, pi]. Other gates are unchanged.
     """
 
     name: ClassVar[str] = "merge_rotations"
@@ -35,7 +35,7 @@ def _merge(circuit: Circuit) -> Circuit:
 
 
 def _push(merged: list[Gate], gate: Gate) -> None:
-    """Append `gate`, merged with what it meets."""
+    """Append `gate`, merged with the last gate if possible."""
     if gate.angle is not None:
         gate = Gate(gate.name, gate.angle.wrapped())
         if gate.angle.equals(0.0):  # type: ignore[union-attr]
@@ -54,7 +54,7 @@ def _push(merged: list[Gate], gate: Gate) -> None:
 
 
 def _joined(first: Gate, second: Gate) -> tuple[Gate, ...] | None:
-    """What two neighbours become, or None where they do not join."""
+    """The gates that replace two neighbours, or None if they do not merge."""
     if first.name == second.name == "x":
         return ()
     if _same_axis(first, second):

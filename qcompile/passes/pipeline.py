@@ -1,4 +1,4 @@
-"""The levels: which passes run, and so what stays the same."""
+"""The compilation levels: which passes run, and what they preserve."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from qcompile.passes.to_rotations import ToRotations
 
 LEVELS = {
     0: "gate by gate, nothing fused",
-    1: "the unitary stays, up to global phase",
-    2: "the distribution of the Z measurement from |0> stays",
+    1: "preserves the unitary, up to global phase",
+    2: "preserves the distribution of the Z measurement from |0>",
 }
 
 PASSES: tuple[type[Pass], ...] = (
@@ -34,7 +34,7 @@ PASSES: tuple[type[Pass], ...] = (
     ToNative,
     DropUnobservable,
 )
-"""Every pass there is; the property test of their promises reads this."""
+"""Every pass; the property test of their promises uses this list."""
 
 
 def pipeline(level: int, native: NativeGates) -> tuple[Pass, ...]:
@@ -72,24 +72,25 @@ def compile(
     """Compile `program` for `device`.
 
     At level 2 a circuit is sx rz sx or shorter, at level 1 rz sx rz sx rz or shorter (rx and
-    rz rx rz where rx is native); angles that are not known are fused when the executable is bound.
+    rz rx rz where rx is native); unknown angles are fused when the executable is bound.
 
     `importance` (circuits,) says how much the error of a circuit's `<Z>` matters, as
     `Policy.importance` does: the most important circuits get the best qubits (`passes.place`). With
-    `copies` the executable is that many copies of the program, which share its parameters: inputs
-    (B, copies * inputs) and results (B, copies * circuits), both copy by copy.
+    `copies` the executable contains that many copies of the program, which share its parameters:
+    inputs (B, copies * inputs) and results (B, copies * circuits), both copy by copy.
 
     Raises:
-        CircuitError: `program` is no Program (the message says how to make it one), there is no
+        CircuitError: `program` is not a Program (the message says how to make one), there is no
             such level, or importance or copies are out of range.
-        DeviceError: `device` is no Device.
+        DeviceError: `device` is not a Device.
     """
     if not isinstance(program, Program):
-        what = f"compile takes a Program; this is {describe(program)}"
-        raise CircuitError(f"{what}: {program_hint(program)}")
+        raise CircuitError(
+            f"compile takes a Program, found {describe(program)}.", program_hint(program)
+        )
     if not isinstance(device, Device):
-        door = "load_backend(backend).device" if is_qiskit_backend(device) else "load_device(name)"
-        raise DeviceError(f"compile takes a Device; this is {describe(device)}: {door}")
+        call = "load_backend(backend).device" if is_qiskit_backend(device) else "load_device(name)"
+        raise DeviceError(f"compile takes a Device, found {describe(device)}.", f"Use {call}.")
     qubits, rounds = place(len(program), device, importance, copies)
     program = program.side_by_side(copies)
     native = lower(program, level, device.native)

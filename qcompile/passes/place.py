@@ -12,7 +12,7 @@ from qcompile.noise import usable
 
 
 def copies_that_fit(circuits: int, device: Device) -> int:
-    """How many copies of `circuits` fit side by side on the usable qubits; one at least."""
+    """How many copies of `circuits` circuits fit on the usable qubits at once, at least one."""
     return max(len(usable(device)) // max(circuits, 1), 1)
 
 
@@ -21,18 +21,18 @@ def place(
 ) -> tuple[IntArray, IntArray]:
     """Physical qubit and round of each circuit, two (copies * circuits,) arrays, copy by copy.
 
-    `importance` (circuits,) is what a square error of a circuit's `<Z>` costs; left out, it is the
-    same for all. The placement is the one of the least cost, the sum over circuits of importance
-    times `mean_square_error` of the qubit, among those of the fewest rounds that hold every circuit
-    on `usable` qubits (`qcompile.noise`): a round has one place on each qubit. The ideal device has
-    a qubit for each circuit.
+    `importance` (circuits,) is the cost of a squared error of a circuit's `<Z>`; by default it is
+    the same for all. The placement has the least cost, the sum over circuits of importance times
+    `mean_square_error` of the qubit, among those with the fewest rounds that hold every circuit on
+    `usable` qubits (`qcompile.noise`): in a round each qubit has one place. The ideal device has a
+    qubit for each circuit.
 
-    A cost that is a product needs no solver for the assignment problem: by the rearrangement
-    inequality the most important circuits get the best places, and the worst stay empty. To this
-    end the pulses of every circuit count as those of sx rz sx: that the circuits of a program
-    differ by a pulse matters far less than what they are read with.
+    Because the cost is a product, no solver for the assignment problem is needed: by the
+    rearrangement inequality the most important circuits get the best places, and the worst stay
+    empty. For this, every circuit is assumed to have the pulses of sx rz sx: a pulse more or less
+    matters far less than the readout error.
 
-    Ties go by index, so a placement repeats exactly. Copies tie: they take turns at who comes
+    Ties are broken by index, so a placement repeats exactly. Copies tie, and take turns in going
     first, so that all get equally good qubits.
 
     Raises:
@@ -41,18 +41,18 @@ def place(
     if not isinstance(copies, int | np.integer) or not 1 <= copies <= MAX_EPISODES:
         raise CircuitError(
             f"{copies!s:.60} copies of a program cannot be placed.",
-            f"One is the least, and {MAX_EPISODES} are the most.",
+            f"The number of copies is 1 to {MAX_EPISODES}.",
         )
     importance = real_array(np.ones(circuits) if importance is None else importance)
     if importance is None:
         raise CircuitError(
-            "The importance of circuits is not real numbers.",
-            f"It needs ({circuits},), each a finite number that is not negative.",
+            "The importance of circuits is not an array of real numbers.",
+            f"It needs shape ({circuits},) and finite entries, none negative.",
         )
     if importance.shape != (circuits,) or not (np.isfinite(importance) & (importance >= 0)).all():
         raise CircuitError(
-            f"The importance of circuits has shape {importance.shape} or wrong entries.",
-            f"It needs ({circuits},), each a finite number that is not negative.",
+            f"The importance of circuits has shape {importance.shape}, or invalid entries.",
+            f"It needs shape ({circuits},) and finite entries, none negative.",
         )
     index = np.arange(copies * circuits)
     if device.is_ideal:

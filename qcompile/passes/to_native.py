@@ -1,4 +1,4 @@
-"""Write every gate in a device's own gates."""
+"""Translate every gate into native gates."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ _PI, _HALF_PI = math.pi, math.pi / 2
 
 @dataclass(frozen=True)
 class ToNative:
-    """After it every gate is one of `native`, or id; gates are translated one by one.
+    """Afterwards every gate is one of `native`, or id; gates are translated one by one.
 
-    An id is a wait, and stays where it is: every device has it, and no other pass keeps it.
+    An id is a delay, and stays where it is: every device has it. All other passes remove it.
 
     Identities, up to global phase, the right operator acts first: Ry(a) = Rz(pi) sx Rz(a+pi) sx
     (McKay et al., arXiv:1612.00858); Ry(pi/2) = Rz(pi/2) sx Rz(-pi/2); Ry(pi) = x Rz(pi);

@@ -1,4 +1,4 @@
-"""Write every gate as rotations about z and y."""
+"""Translate every gate into rotations about z and y."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from qcompile.passes.base import Promise
 
 @dataclass(frozen=True)
 class ToRotations:
-    """After it every gate is rz or ry. Symbols stay symbols. Source: the gate table, `ir.gate`."""
+    """Afterwards every gate is rz or ry. Symbols are kept. Source: the gate table, `ir.gate`."""
 
     name: ClassVar[str] = "to_rotations"
     keeps: ClassVar[Promise] = "unitary"

@@ -1,1 +1,1 @@
-"""Planning: what a run takes, and the cheapest settings that keep the reward, before it is sent."""
+"""Planning: the cost of a run, and the cheapest settings that keep the reward."""

@@ -1,8 +1,8 @@
-"""What speculation measures, job by job, from where prediction and measurement agree.
+"""The rows that speculation measures in each job, given where predictions are right.
 
-Episodes that were played with a job for each decision, and in which it was noted whether the
-predicted action was the measured one, tell the rows of every job at every depth: an episode
-advances in a job to its first wrong prediction, which still counts, or by the depth, or to its end.
+From episodes played with one job per decision, and a record of which predicted actions were
+measured, follow the rows of every job at every depth: in each job an episode advances to its first
+wrong prediction, which still counts, or by the depth, or to its end.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from qcompile.execution import Workload
 
 @dataclass(frozen=True, eq=False)
 class Chains:
-    """Where the predicted actions of some episodes are the measured ones.
+    """For each decision of some episodes, whether the predicted action was measured.
 
-    `agree` is (episodes, most decisions); of each episode the first `decisions` (episodes,) mean
-    something.
+    `agree` is (episodes, most decisions); only the first `decisions` (episodes,) entries of an
+    episode are meaningful.
     """
 
     agree: BoolArray
@@ -31,14 +31,14 @@ class Chains:
 
     @cached_property
     def _stop(self) -> IntArray:
-        """For each decision the first one from it on that was predicted wrongly, or the width."""
+        """For each decision, the first wrong prediction at or after it, or the width."""
         width = self.agree.shape[1]
         wrong = np.where(self.agree, width, np.arange(width))
         return np.asarray(np.minimum.accumulate(wrong[:, ::-1], axis=1)[:, ::-1])
 
     @cached_property
     def _wrong(self) -> IntArray:
-        """How many decisions before each were predicted wrongly, (episodes, width + 1)."""
+        """The number of wrong predictions before each decision, (episodes, width + 1)."""
         zero = np.zeros((len(self.agree), 1), dtype=np.intp)
         return np.concatenate([zero, (~self.agree).cumsum(axis=1)], axis=1)
 
@@ -47,7 +47,7 @@ class Chains:
         return Chains(self.agree[:, :decisions], np.minimum(self.decisions, decisions))
 
     def take(self, episodes: IntArray) -> Chains:
-        """These of the episodes, by number, some more than once perhaps."""
+        """A selection of the episodes, by number, possibly with repeats."""
         return Chains(self.agree[episodes], self.decisions[episodes])
 
     def rows(self, depth: int) -> IntArray:
@@ -55,9 +55,9 @@ class Chains:
         return self._walk(lambda living: depth, lambda compared, agreed: None)
 
     def rows_of(self, depth: Depth, load: Callable[[BoolArray], Workload]) -> IntArray:
-        """The rows of each episode in each job, (jobs, episodes), as `depth` chooses job by job.
+        """The rows of each episode in each job, (jobs, episodes), with depths chosen by `depth`.
 
-        `load` is that of one row of each living episode, which `living` (episodes,) says.
+        `load` maps `living` (episodes,) to the load of one row of each running episode.
         """
         return self._walk(lambda living: depth.next(load(living)), depth.note)
 

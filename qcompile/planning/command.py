@@ -1,4 +1,4 @@
-"""The command that plays what a plan found, as it is typed."""
+"""The command that plays a plan's settings, ready to type."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from qcompile.planning.point import Point
 
 
 def option_words(point: Point) -> list[str]:
-    """The options of `qcompile run` that the plan has found."""
+    """The options of `qcompile run` that the plan has chosen."""
     settings = point.settings
     measures = point.simulated.calibration.jobs > 0
     options: dict[str, Any] = {
@@ -33,11 +33,10 @@ def run_command(
     env: Mapping[str, Any] | None = None,
     live: Mapping[str, Any] | None = None,
 ) -> str:
-    """`qcompile run` with the settings of the point; `policy` and `backend` as they were named.
+    """`qcompile run` with the settings of the point, and `policy` and `backend` as given.
 
-    With `live`, the options of a live run, it is played on the machine.
-
-    Nothing in it needs quotes, but names of files with blanks or the like, which have them.
+    With `live`, the options of a live run, it plays on the machine. Only file names with spaces or
+    similar characters are quoted.
     """
     settings = point.settings
     usual = RunSettings.of(settings, mitigation=None).resolved(point.device)
@@ -58,17 +57,17 @@ def run_command(
 
 
 def _words(options: Mapping[str, Any]) -> list[str]:
-    """The options with their values, without those that are None."""
-    said = [
+    """The options and their values, without those that are None."""
+    texts = [
         (name, f"{value:.12g}" if isinstance(value, float) else str(value))
         for name, value in options.items()
         if value is not None
     ]
-    return [word for name, value in said for word in (f"--{name}", value)]
+    return [word for name, value in texts for word in (f"--{name}", value)]
 
 
 def _value_word(value: Any) -> str:
-    """The value as `--env` takes it: a text as it stands, unless it would be read as JSON."""
+    """The value in the form that `--env` reads: text unchanged, unless it would parse as JSON."""
     if isinstance(value, str) and value == value.strip():
         try:
             json.loads(value)

@@ -1,4 +1,4 @@
-"""What runs cost on a machine: the mean of many, and where most of them lie."""
+"""The cost of runs on a machine: its mean and an interval."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from qcompile.execution.cost import job_counts, qpu_seconds
 from qcompile.planning.chains import Chains
 
 RESAMPLES = 100
-"""Runs that are resampled for a mean and an interval."""
+"""Resampled runs for a mean and an interval."""
 _PERCENT = 10.0, 90.0
 
 
@@ -22,8 +22,8 @@ _PERCENT = 10.0, 90.0
 class Packing:
     """How rows are measured: `shots` in each execution of a program of `rounds` circuits.
 
-    Rows of up to `copies` episodes share an execution, each in the place of its episode modulo
-    `copies`; a row whose shots are split over all places has one of its own.
+    Rows of up to `copies` episodes share an execution, each in the copy given by its episode modulo
+    `copies`; a row whose shots are split over all copies has its own execution.
     """
 
     rounds: int
@@ -48,11 +48,11 @@ class Packing:
 
 @dataclass(frozen=True, eq=False)
 class Price:
-    """What runs of `episodes` like those of the chains take, at a depth.
+    """The cost of runs of `episodes` episodes like those in the chains, at a depth.
 
-    They are resampled: as many episodes, drawn with replacement from all of the chains by `seed`. A
-    machine draws noise of its own, so that even a run from the same resets is one of them.
-    `calibration` is what is measured before the first episode.
+    Runs are resampled: their episodes are drawn with replacement from the chains, by `seed`, since
+    a machine has its own noise even with the same resets. `calibration` is the load of the
+    calibration before the first episode.
     """
 
     chains: Chains
@@ -64,13 +64,13 @@ class Price:
 
     @cached_property
     def load(self) -> Workload:
-        """Jobs and executions of a run on average, each rounded, those of the calibration too."""
+        """Mean jobs and executions of a run, each rounded, including the calibration."""
         jobs, executions = np.mean([(run.jobs, run.executions) for run in self._runs], axis=0)
         return Workload(round(jobs), round(executions))
 
     @cached_property
     def seconds(self) -> float:
-        """The QPU seconds of a run on average."""
+        """The mean QPU seconds of a run."""
         return float(np.mean([run.qpu_seconds for run in self._runs]))
 
     @cached_property
@@ -103,5 +103,5 @@ class Price:
 
 
 def at_sub_jobs(load: Workload, sub_jobs: int = 4) -> float:
-    """QPU seconds if IBM counts every job as `sub_jobs` sub-jobs."""
+    """QPU seconds if IBM counts each job as `sub_jobs` sub-jobs."""
     return qpu_seconds(sub_jobs * load.jobs, load.executions)

@@ -1,4 +1,4 @@
-"""A point of the frontier: a policy with its settings, its reward and its price."""
+"""A point of the frontier: a policy with its settings, reward and price."""
 
 from __future__ import annotations
 
@@ -21,34 +21,34 @@ from qcompile.policy import Policy
 
 DEPTHS: tuple[int, ...] = (1, 2, 4, 8, 16, 32, MOST_AHEAD)
 _AUTO_MARGIN = 1.15
-"""`auto` is taken where it costs no more than this much of the best depth: it adapts on the
-machine, where predictions may fail more often than on a model of it."""
+"""`auto` is chosen if it costs at most this factor more than the best depth: it adapts on the
+machine, where predictions may fail more often than on the model."""
 _MOST_CUT = 0.02
-"""The share of the episodes that a recommended cut may touch."""
+"""The largest share of episodes that a recommended cut may shorten."""
 
 
 T = TypeVar("T")
 
 
 def undominated(points: Iterable[T], place: Callable[[T], tuple[float, float]]) -> list[T]:
-    """The points of which none is cheaper and as good, the cheapest first.
+    """The points that no cheaper point matches or beats, the cheapest first.
 
     `place` gives the QPU seconds and the mean reward of a point.
     """
-    best, found = -np.inf, list[T]()
+    best, best_points = -np.inf, list[T]()
     for point in sorted(points, key=lambda point: (place(point)[0], -place(point)[1])):
         if place(point)[1] > best:
             best = place(point)[1]
-            found.append(point)
-    return found
+            best_points.append(point)
+    return best_points
 
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """`policy` as it was simulated, with what `episodes` of it cost at a depth.
+    """A simulated policy, with the cost of `episodes` episodes at a depth.
 
-    `cut` is the number of environment steps after which an episode is stopped, in its price alone:
-    rewards are those of whole episodes.
+    `cut` is the number of environment steps after which an episode is stopped. It affects only the
+    price: rewards are those of whole episodes.
     """
 
     policy: Policy
@@ -76,18 +76,18 @@ class Point:
 
     @cached_property
     def settings(self) -> RunSettings:
-        """What plays it."""
+        """The settings that play it."""
         changes = {"speculate": self.speculate, "max_steps": self.cut}
         return RunSettings.of(self.simulated.settings, **changes)
 
     @property
     def device(self) -> Device:
-        """What it is planned for."""
+        """The device it is planned for."""
         return self.simulated.device
 
     @property
     def seconds(self) -> float:
-        """QPU seconds of the episodes on average."""
+        """The mean QPU seconds of the episodes."""
         return self.price.seconds
 
     @property
@@ -97,7 +97,7 @@ class Point:
 
     @property
     def most_seconds(self) -> float:
-        """What a limit must allow: the upper end of the interval."""
+        """The seconds a limit must allow: the upper end of the interval."""
         return max(self.seconds, self.seconds_80[1])
 
     @property
@@ -106,17 +106,17 @@ class Point:
 
     @cached_property
     def share(self) -> float:
-        """What it keeps of the ideal reward over random actions."""
+        """The share of the ideal reward over random actions that it keeps."""
         return self.baseline.share(self.simulated.rewards)
 
     def shortened(self) -> Point | None:
-        """With the shortest cut that touches at most 2 % of the episodes; None if it saves none."""
+        """The point with the shortest cut affecting at most 2 % of episodes; None if useless."""
         steps = np.sort(self.simulated.steps)
         cut = int(steps[len(steps) - 1 - int(_MOST_CUT * len(steps))])
         return replace(self, cut=cut) if cut < steps[-1] else None
 
     def with_episodes(self, episodes: int) -> Point:
-        """The same for another number of episodes."""
+        """The same point for another number of episodes."""
         return replace(self, episodes=episodes)
 
     @cached_property
@@ -149,9 +149,9 @@ class Point:
 
 
 def best_depth(point: Point, speculate: Speculate | None = None) -> Point:
-    """The point at the cheapest depth, or at `auto` where that costs hardly more.
+    """The point at the cheapest depth, or at `auto` if that costs hardly more.
 
-    `speculate` is the depth where it is given.
+    `speculate` fixes the depth, if given.
     """
     if speculate is not None:
         return replace(point, speculate=speculate)

@@ -1,4 +1,4 @@
-"""The cheapest settings that keep a policy's reward, within a number of QPU seconds."""
+"""Finds the cheapest settings that keep a policy's reward within a limit of QPU seconds."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ from qcompile.policy import Policy
 
 KEEP = 0.97
 LADDER = tuple(2**k for k in range(3, 14))
-"""Numbers of shots that are tried: 8, 16, ..., 8192."""
+"""The numbers of shots tried: 8, 16, ..., 8192."""
 _FIRST = 256
 _WORTH = 0.97
-"""A second way to place rows must be so much cheaper than the first."""
+"""A second placement of rows must cost at most this fraction of the first."""
 _WORTH_A_CUT = 0.8
-"""A run whose longest episodes are cut must be so much cheaper than one of whole episodes."""
+"""A run with cut episodes must cost at most this fraction of one with whole episodes."""
 _EMPTY = 0.05
-"""The share of a split row's shots that the places with fewer leave unused, at most."""
+"""The largest share of a split row's shots that may stay unused in copies with fewer."""
 _LEAST, _MOST = 200, 1000
-"""Episodes that settings are judged by: at least, and at most to confirm them."""
+"""Episodes to evaluate settings: at least, and at most to confirm them."""
 
 Show = Callable[[float, str], None]
 
 
 @dataclass(frozen=True)
 class Goal:
-    """What is asked of a plan: `episodes` from `settings.seed` on, in at most `within` QPU seconds.
+    """The goal of a plan: `episodes` from `settings.seed` on within `within` QPU seconds.
 
-    `settings` say level, mitigation and calibration. What stands in `given` (shots, copies, split,
-    speculate, calibration_shots, max_steps) is kept; the others are found.
+    `settings` has level, mitigation and calibration. Settings in `fixed` (shots, copies, split,
+    speculate, calibration_shots, max_steps) are kept; the others are searched for.
     """
 
     settings: RunSettings
@@ -50,22 +50,22 @@ class Goal:
 
     @property
     def trial_episodes(self) -> int:
-        """How many episodes settings are looked at with."""
+        """The number of episodes that settings are first evaluated with."""
         return max(_LEAST, self.episodes)
 
     @property
     def confirming_episodes(self) -> int:
-        """How many episodes the recommended settings are judged by.
+        """The number of episodes that recommended settings are evaluated with.
 
-        The longest of n new episodes is longer than all of m others in n / (m + n) of all cases:
-        m = 9 n leave one in ten above the interval, as they should.
+        The longest of n new episodes exceeds all of m others with probability n / (m + n): with m =
+        9 n one run in ten lies above the interval, as it should.
         """
         return max(self.trial_episodes, min(9 * self.episodes, _MOST))
 
 
 @dataclass(frozen=True, eq=False)
 class SearchResult:
-    """All points that were looked at, and the recommended one, if one fits."""
+    """All evaluated points, and the recommended one if any fits."""
 
     goal: Goal
     points: list[Point]
@@ -73,7 +73,7 @@ class SearchResult:
 
     @property
     def frontier(self) -> list[Point]:
-        """The points of which none is cheaper and as good, the cheapest first; and the chosen."""
+        """The undominated points and the recommended one, the cheapest first."""
         frontier = undominated(self.points, lambda point: (point.seconds, point.mean_reward))
         chosen = self.recommended
         if chosen is not None and chosen not in frontier:
@@ -82,14 +82,14 @@ class SearchResult:
 
     @property
     def closest(self) -> Point:
-        """What comes nearest where nothing fits: the cheapest that keeps enough, or the best."""
+        """The nearest point if none fits: the cheapest that keeps the reward, or the best."""
         keeping = [point for point in self.points if point.share >= self.goal.keep]
         if keeping:
             return min(keeping, key=lambda point: point.most_seconds)
         return max(self.points, key=lambda point: point.share)
 
     def nearest(self) -> dict[str, Any]:
-        """What would fit: fewer episodes, more seconds, a smaller share; None: nothing."""
+        """What would fit: fewer episodes, more seconds or a smaller share; None if nothing."""
         within, points = self.goal.within, [*self.points, *_shortened(self.points, self.goal)]
         keeping = [point for point in points if point.share >= self.goal.keep]
         cheapest = min(keeping, key=lambda point: point.most_seconds, default=None)
@@ -107,39 +107,39 @@ def search(
     goal: Goal,
     show: Show = lambda done, words: None,
 ) -> SearchResult:
-    """Play the policies with fewer and fewer shots, and choose the cheapest that keep the reward.
+    """Play the policies with fewer and fewer shots, and choose the cheapest that keeps the reward.
 
-    A policy keeps it where the mean over whole episodes has at least `keep` of what the best of the
-    policies earns over random actions without noise. Points are judged from 256 shots downwards
-    until one fails, or upwards until one passes, and then one in between; what is to be recommended
-    is judged again by more episodes. An episode is cut only where that saves a fifth of the
-    seconds, or nothing fits without.
+    A point keeps the reward if its mean over whole episodes has at least the share `keep` of the
+    noiseless gain of the best policy over random actions. Points are evaluated from 256 shots
+    downwards until one fails, or upwards until one passes, and then one in between; the candidate
+    is evaluated again with more episodes. Episodes are cut only if that saves a fifth of the
+    seconds, or if nothing fits otherwise.
 
     Raises:
-        OptionError: the policies are of different environments, or no better than random.
+        OptionError: the policies have different environments, or are no better than random.
     """
     _check(policies)
     show(0, "random actions")
     evaluator = Evaluator(policies, goal)
     points: list[Point] = []
     for number, policy in enumerate(policies):
-        shown = _PartialProgress(show, 0.8 * number / len(policies), 0.8 / len(policies))
-        points += Ladder(policy, backend, goal, evaluator, shown).points()
+        progress = _PartialProgress(show, 0.8 * number / len(policies), 0.8 / len(policies))
+        points += Ladder(policy, backend, goal, evaluator, progress).points()
 
     while (chosen := _candidate(points, goal)) is not None:
         if len(chosen.simulated.rewards) >= goal.confirming_episodes:
             break
         words = f"{chosen.policy.name}, {chosen.settings.shots} shots"
         show(0.9, f"{words}, {goal.confirming_episodes} episodes")
-        again = evaluator.confirm(replace(chosen, cut=goal.fixed.get("max_steps")), backend)
-        points = [again if p.simulated is chosen.simulated else p for p in points]
+        confirmed = evaluator.confirm(replace(chosen, cut=goal.fixed.get("max_steps")), backend)
+        points = [confirmed if p.simulated is chosen.simulated else p for p in points]
     if chosen is not None and chosen not in points:
         points.append(chosen)
     return SearchResult(goal, points, chosen)
 
 
 def _candidate(points: Sequence[Point], goal: Goal) -> Point | None:
-    """The cheapest point that keeps the reward and fits, cut only where that saves much."""
+    """The cheapest point that keeps the reward and fits, cut only if that saves much."""
     keeping = [point for point in points if point.share >= goal.keep]
     whole = _cheapest(keeping, goal.within)
     cut = _cheapest(_shortened(keeping, goal), goal.within)
@@ -149,16 +149,16 @@ def _candidate(points: Sequence[Point], goal: Goal) -> Point | None:
 
 
 def _shortened(points: Sequence[Point], goal: Goal) -> list[Point]:
-    """Points with a cut that touches few of their episodes; none where a cut is given."""
+    """The points with a cut that affects few episodes; none if the cut is fixed."""
     if "max_steps" in goal.fixed:
         return []
     return [short for point in points if (short := point.shortened()) is not None]
 
 
 def _check(policies: Sequence[Policy]) -> None:
-    made = {(policy.environment, repr(policy.environment_kwargs)) for policy in policies}
-    if len(made) > 1:
-        names = ", ".join(sorted({environment for environment, _ in made}))
+    environments = {(policy.environment, repr(policy.environment_kwargs)) for policy in policies}
+    if len(environments) > 1:
+        names = ", ".join(sorted({name for name, _ in environments}))
         raise OptionError(
             f"The policies play in different environments: {names}.",
             "A plan chooses among policies of one environment.",
@@ -171,12 +171,12 @@ def _cheapest(points: Sequence[Point], within: float) -> Point | None:
 
 
 def _floor(share: float) -> float:
-    """Two digits that the share reaches."""
+    """The share rounded down to two digits."""
     return float(np.floor(100 * share) / 100)
 
 
 def _episodes_that_fit(point: Point, within: float) -> int | None:
-    """The most episodes whose seconds stay within, at the point's settings."""
+    """The most episodes that fit `within` seconds at the point's settings."""
     low, high = 0, point.episodes
     while high - low > 1:
         middle = (low + high) // 2
@@ -198,7 +198,7 @@ class _PartialProgress:
 
 
 class Evaluator:
-    """What the rewards of some policies are held to: random actions, and the best one's ideal."""
+    """Evaluates points against random actions and the noiseless reward of the best policy."""
 
     def __init__(self, policies: Sequence[Policy], goal: Goal):
         self._goal = goal
@@ -215,7 +215,7 @@ class Evaluator:
         return Baseline(self._random, ideal)
 
     def confirm(self, point: Point, backend: Backend | Executor) -> Point:
-        """The point, judged by as many episodes as a recommended one is."""
+        """The point, evaluated again with `confirming_episodes`."""
         settings, episodes = point.simulated.settings, self._goal.confirming_episodes
         simulated = simulate(point.policy, backend, settings, episodes)
         return replace(point, simulated=simulated, baseline=self._confirming_baseline)
@@ -223,7 +223,7 @@ class Evaluator:
 
 @dataclass(frozen=True, eq=False)
 class Ladder:
-    """One policy with more and fewer shots."""
+    """The points of one policy for more and fewer shots."""
 
     policy: Policy
     backend: Backend | Executor
@@ -232,7 +232,7 @@ class Ladder:
     show: Show
 
     def points(self) -> list[Point]:
-        """A point for each number of shots: the best way to measure them."""
+        """The best point for each number of shots tried."""
         if "shots" in self.goal.fixed:
             return [self.point(self.goal.fixed["shots"])]
         ladder = [shots for shots in LADDER if self._placements(shots)] or [LADDER[-1]]
@@ -249,11 +249,11 @@ class Ladder:
         return points
 
     def point(self, shots: int) -> Point:
-        """The cheapest placement of rows and depth for `shots`, each simulated by itself."""
+        """The point with the cheapest row placement and depth for `shots`."""
         self.show(1 - np.log2(shots) / 14, f"{self.policy.name}, {shots} shots")
         played, *others = self._placements(shots) or [self._fixed_placement()]
         first = best = self._point(self._simulated(shots, *played))
-        for copies, split in others:  # priced by the same episodes, and played if it is worth it
+        for copies, split in others:  # priced with the same episodes, and played if it pays
             settings = RunSettings.of(first.simulated.settings, copies=copies, split=split)
             other = self._point(replace(first.simulated, settings=settings))
             if other.seconds < _WORTH * first.seconds:
@@ -261,17 +261,17 @@ class Ladder:
         return min(first, best, key=lambda point: point.seconds)
 
     def _point(self, simulated: Simulated) -> Point:
-        """At the depth that is given, or the best one."""
+        """The point at the fixed depth, or at the best one."""
         fixed, episodes = self.goal.fixed, self.goal.episodes
         cut = fixed.get("max_steps")
         point = Point(self.policy, simulated, self.evaluator.baseline, episodes, 1, cut)
         return best_depth(point, fixed.get("speculate"))
 
     def _placements(self, shots: int) -> list[tuple[int | None, bool]]:
-        """Numbers of copies, and whether a row is split over them: the likelier one first.
+        """Pairs of a number of copies and whether rows are split, the likelier one first.
 
-        Split rows leave no copy empty, but where their shots are few the copies get unequal ones.
-        There is no way where each copy of a split row has no shot, or others have no episode.
+        Split rows leave no copy empty, but with few shots the copies get unequal numbers. Empty if
+        a copy of a split row would have no shot, or another copy no episode.
         """
         fixed, episodes = self.goal.fixed, self.goal.episodes
         fit = copies_that_fit(len(self.policy.program), self.backend.device)
@@ -284,7 +284,7 @@ class Ladder:
         return placements if is_even else placements[::-1]
 
     def _fixed_placement(self) -> tuple[int | None, bool]:
-        """What is given, where that is not a way: simulating it says why.
+        """The fixed copies and split when they are not feasible; simulating them says why.
 
         Raises:
             OptionError: there are more copies than episodes.

@@ -1,4 +1,4 @@
-"""What is left of a policy's reward: (R - R_random) / (R_ideal - R_random)."""
+"""The share of a policy's reward that is kept: (R - R_random) / (R_ideal - R_random)."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from qcompile.arrays import FloatArray
 from qcompile.errors import OptionError
 
 _LEAST_ERRORS = 3.0
-"""Standard errors that the ideal lies above random actions at least, or no share means anything."""
+"""The least gap between ideal and random rewards, in standard errors, for a meaningful share."""
 _NORMAL = 1.96
 
 
 @dataclass(frozen=True, eq=False)
 class Baseline:
-    """The rewards that a share is counted between: of random actions, and ideal, without noise.
+    """The rewards that define shares 0 and 1: of random actions, and ideal without noise.
 
-    `ideal` are rewards of the same resets as those that are judged.
+    `ideal` has the same resets as the rewards that are evaluated.
 
     Raises:
-        OptionError: the ideal is not above random actions, or hardly.
+        OptionError: the ideal reward is not clearly above random actions.
     """
 
     random: FloatArray
@@ -33,21 +33,21 @@ class Baseline:
             raise OptionError(
                 f"Without noise the mean reward is {self.ideal.mean():.4g}, with random actions "
                 f"{self.random.mean():.4g}: there is nothing to keep.",
-                "Settings are judged by the share of this difference that they keep. "
+                "Settings are ranked by the share of this difference that they keep. "
                 "Train the policy further, or choose shots yourself.",
             )
 
     @property
     def gap(self) -> float:
-        """What the policy earns over random actions without noise."""
+        """The noiseless gain of the policy over random actions."""
         return float(self.ideal.mean() - self.random.mean())
 
     def share(self, rewards: FloatArray) -> float:
-        """The share of the gap that is left with these rewards, of the ideal's resets."""
+        """The share of the gap that these rewards keep; they have the ideal's resets."""
         return float(rewards.mean() - self.random.mean()) / self.gap
 
     def share_95(self, rewards: FloatArray) -> tuple[float, float]:
-        """Its 95 % interval, to first order; rewards of the same reset are compared."""
+        """The 95 % interval of the share, to first order; rewards are paired by reset."""
         share = self.share(rewards)
         variance = _variance_of_mean(rewards - share * self.ideal)
         variance += (1 - share) ** 2 * _variance_of_mean(self.random)
@@ -56,5 +56,5 @@ class Baseline:
 
 
 def _variance_of_mean(values: FloatArray) -> float:
-    """That of the mean of values (n,)."""
+    """The variance of the mean of values (n,)."""
     return float(values.var(ddof=1) / len(values)) if len(values) > 1 else 0.0

@@ -1,4 +1,4 @@
-"""Episodes played to their end on a model of the machine, and what they are judged by."""
+"""Episodes played to their end on a model of the machine, and their reference rewards."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ RANDOM_EPISODES = 100
 
 @dataclass(frozen=True, eq=False)
 class Simulated:
-    """Episodes that were played to their end: rewards and steps (episodes,), and their chains.
+    """Episodes played to their end: rewards and steps (episodes,), and chains.
 
-    `settings` are resolved for `device`, `rounds` those of the executable, `calibration` what was
-    measured first.
+    `settings` are resolved for `device`; `rounds` belong to the executable; `calibration` is the
+    load of the initial calibration.
     """
 
     device: Device
@@ -44,7 +44,7 @@ class Simulated:
 
 
 class _Agreement(Recorder):
-    """Notes of every decision whether the predicted action is the measured one."""
+    """Records for every decision whether the predicted action was measured."""
 
     def __init__(self, predict: Act):
         self._predict = predict
@@ -56,7 +56,7 @@ class _Agreement(Recorder):
         return actions
 
     def rewards(self, rewards: list[float]) -> None:
-        """They are those of the episodes."""
+        """Ignored: the episodes have them."""
 
     def chains(self, episodes: int) -> Chains:
         decisions = np.zeros(episodes, dtype=np.intp)
@@ -70,17 +70,17 @@ class _Agreement(Recorder):
 def simulate(
     policy: Policy, backend: Backend | Executor, settings: RunSettings, episodes: int
 ) -> Simulated:
-    """`episodes` of the policy played on the backend, each to its end.
+    """Play `episodes` episodes of the policy on the backend, each to its end.
 
-    A job measures one decision of each, whatever the settings say of speculation and cuts.
+    A job measures one decision of each episode, whatever the settings say about speculation and
+    cuts.
 
     Raises:
-        OptionError: an episode does not end.
-        QcompileError: as `Deployment` and `play`.
+        OptionError: an episode does not end. QcompileError: as for `Deployment` and `play`.
     """
     deployment = Deployment(policy, backend, settings, speculate=1, max_steps=MOST_STEPS)
-    noted = _Agreement(deployment.predict)
-    run = _whole(play(deployment, episodes, recorder=noted))
+    agreement = _Agreement(deployment.predict)
+    run = _whole(play(deployment, episodes, recorder=agreement))
     shots = deployment.calibration_shots
     counted = {} if shots is None else {"calibration_shots": shots}
     return Simulated(
@@ -88,14 +88,14 @@ def simulate(
         RunSettings.of(deployment.settings, max_steps=None, **counted),
         run.rewards,
         np.array([episode.length for episode in run.episodes]),
-        noted.chains(episodes),
+        agreement.chains(episodes),
         deployment.executable.round_count,
         deployment.calibration_load,
     )
 
 
 def ideal_rewards(policy: Policy, settings: RunSettings, episodes: int) -> FloatArray:
-    """The rewards of the policy on exact `<Z>` without noise, from the resets of the settings."""
+    """The policy's rewards with exact `<Z>` without noise, from the resets of the settings."""
     exact = RunSettings(
         shots=None, seed=settings.seed, greedy=settings.greedy, max_steps=MOST_STEPS
     )
@@ -103,11 +103,10 @@ def ideal_rewards(policy: Policy, settings: RunSettings, episodes: int) -> Float
 
 
 def _whole(run: Run) -> Run:
-    """The run, if each of its episodes was played to its end.
+    """The run, checked to have only whole episodes.
 
     Raises:
-        KeyboardInterrupt: Ctrl-C came before.
-        OptionError: one does not end.
+        KeyboardInterrupt: Ctrl-C was pressed. OptionError: an episode does not end.
     """
     if run.interrupted:
         raise KeyboardInterrupt
@@ -119,15 +118,15 @@ def _whole(run: Run) -> Run:
 def _endless(environment: str) -> OptionError:
     return OptionError(
         f"An episode of {environment} did not end within {MOST_STEPS:,} environment steps.",
-        "Settings are judged by whole episodes. Register the environment with "
+        "Settings are evaluated with whole episodes. Register the environment with "
         "max_episode_steps, or choose shots yourself.",
     )
 
 
 def random_rewards(policy: Policy, seed: int) -> FloatArray:
-    """The rewards of 100 episodes of random actions in the policy's environment, same resets.
+    """Rewards of 100 episodes with random actions in the policy's environment, same resets.
 
-    A new action is drawn at every step of the environment, each as likely as the others.
+    A new action is drawn uniformly at every step of the environment.
 
     Raises:
         OptionError: an episode does not end.

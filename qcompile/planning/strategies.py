@@ -1,4 +1,4 @@
-"""What a run takes in each way to run it, before anything is sent."""
+"""The cost of a run with each strategy, before anything is sent."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ LOCKSTEP, TWIN = "packed, lockstep", "calibrate, play twin"
 
 @dataclass(frozen=True)
 class Strategy:
-    """One way to run a policy, and its jobs and executions."""
+    """A strategy for running a policy, with its jobs and executions."""
 
     name: str
     load: Workload
 
     def values(self, usd_per_second: float = USD_PER_SECOND) -> dict[str, Any]:
-        """As plain values, with seconds, price and share of the free plan's minutes."""
+        """The strategy as plain values, with seconds, price and share of the free plan."""
         seconds = self.load.qpu_seconds
         return {
             "name": self.name,
@@ -53,12 +53,12 @@ def run_task(
     backend: str,
     **where: Any,
 ) -> RunTask:
-    """The episodes as the task of a live run on `backend`; `where` are fields on how it is sent.
+    """The task of a live run of the episodes on `backend`; `where` are fields on how it is sent.
 
-    Where the settings leave copies open, as many episodes, or places of a split row, as fit.
+    Without `copies` in the settings, as many episodes, or copies of a split row, as fit.
 
     Raises:
-        OptionError: rows are to be split, and two places do not fit.
+        OptionError: rows are to be split, but two copies do not fit.
     """
     task = RunTask.model_validate(
         {
@@ -79,17 +79,17 @@ def run_task(
 
 
 def forecast(task: RunTask, backend: Backend | Executor | None = None) -> Run:
-    """The task played on the backend, by default its device's noise model, from the same resets.
+    """Play the task on the backend, by default its device's noise model, from the same resets.
 
-    Its `total_load` is what `run --live` sends if the episodes last as long on the machine.
+    Its `total_load` is the load of `run --live` if the episodes last as long on the machine.
     """
     return play(task.deploy(backend or task.device), task.episodes)
 
 
 def strategies(task: RunTask, forecasted: Run) -> list[Strategy]:
-    """The ways to run the task, the paper's first, for episodes as long as forecast.
+    """The strategies for running the task, the paper's first, with the forecast episode lengths.
 
-    All but the paper's and the twin's include the calibration of the task's mitigation.
+    All except the paper's and the twin's include the calibration of the task's mitigation.
     """
     policy, steps, shots = task.policy.policy(), forecasted.decisions, task.shots or 0
     executable = compile(policy.trained_program, task.device, task.level, policy.importance)

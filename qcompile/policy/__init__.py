@@ -1,4 +1,4 @@
-"""Policies, of circuits and of networks; their files; the circuits they are usually made of."""
+"""Policies of circuits and networks, their files, and common circuit layouts."""
 
 from qcompile.policy.ansatz import Ansatz
 from qcompile.policy.ansatz_file import load_ansatz

@@ -1,4 +1,4 @@
-"""Circuits to train: a program, what its inputs read, and the numbers it starts from."""
+"""Circuits to train: a program, the encoder of its inputs, and its initial parameters."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ NO_FACTOR = -1
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Ansatz:
-    """Circuits as `train` takes them in place of a layout.
+    """Circuits that `train` takes in place of a layout.
 
-    The circuits' own inputs are called `inputs`, their trained numbers `parameters`. The program
-    has symbols x0, ... and theta0, ...: theta_j is parameter j, and x_i is input `reads[i]`, times
-    parameter `factors[i]` unless that is -1. So an angle such as scale*x + shift, of two trained
-    numbers, is affine in what the program declares.
+    `inputs` and `parameters` are the names of the circuits' inputs and trained parameters. The
+    program has symbols x0, ... and theta0, ...: theta_j is parameter j, and x_i is input
+    `reads[i]`, multiplied by parameter `factors[i]` unless that is -1. So an angle such as scale*x
+    + shift, with two trained parameters, is affine in the program's symbols.
 
-    What is None is left to the training: `encoder` says how the inputs follow from an observation,
-    `theta` (parameters,), `weights` (actions, circuits) and `bias` (actions,) where to start.
+    Parts that are None are left to the training: `encoder` computes the inputs from an observation;
+    `theta` (parameters,), `weights` (actions, circuits) and `bias` (actions,) are initial values.
     `origin` says in a few words where the circuits come from.
 
     Raises:
@@ -54,12 +54,12 @@ class Ansatz:
     def __post_init__(self) -> None:
         symbols = len(self.program.inputs), len(self.program.parameters)
         if self.program.late_angles:
-            raise PolicyError("A compiled program cannot be trained.", "Give what it came from.")
+            raise PolicyError("A compiled program cannot be trained.", "Use its source program.")
         if not len(self.program) or not symbols[0]:
             raise PolicyError(
-                f"Circuits to train need an input: found {count(len(self.program), 'circuit')} "
-                f"that read{'s' * (len(self.program) == 1)} {symbols[0]}.",
-                "Inputs are the symbols whose names start with x; in Python inputs= names others.",
+                f"Circuits to train need an input: {count(len(self.program), 'circuit')} "
+                f"read{'s' * (len(self.program) == 1)} {symbols[0]}.",
+                "Inputs are symbols whose names start with x; in Python, inputs= can name others.",
             )
         check_arrays(
             {
@@ -75,7 +75,7 @@ class Ansatz:
             ("factors", self.factors, NO_FACTOR, symbols[1]),
         ):
             if not ((numbers >= least) & (numbers < size)).all():
-                raise PolicyError(f"{name} holds a number outside {least} to {size - 1}.")
+                raise PolicyError(f"{name} contains a number outside {least} to {size - 1}.")
         if self.encoder is not None:
             self.encoder.check(len(self.inputs))
         if self.weights is not None and self.bias is not None:
@@ -84,7 +84,7 @@ class Ansatz:
 
     @classmethod
     def of_program(cls, program: Program, origin: str = "a Program") -> Ansatz:
-        """The circuits of a program; inputs and parameters are its own."""
+        """The circuits of a program, with its own inputs and parameters."""
         count = len(program.inputs)
         return cls._read(
             program,
@@ -97,7 +97,7 @@ class Ansatz:
 
     @classmethod
     def of_policy(cls, policy: Policy, *, head: bool = False) -> Ansatz:
-        """The circuits of a policy, its encoder and its theta, with `head` weights and bias too."""
+        """The circuits, encoder and theta of a policy; with `head` also its weights and bias."""
         ansatz = replace(
             cls.of_program(policy.program, f"policy {policy.name}"),
             encoder=policy.encoder,
@@ -109,12 +109,12 @@ class Ansatz:
 
     @classmethod
     def from_qiskit(cls, circuit: Any, inputs: str | Iterable[Any] | None = None) -> Ansatz:
-        """Those of a Qiskit QuantumCircuit, as `Program.from_qiskit` reads it.
+        """The circuits of a Qiskit QuantumCircuit, read as by `Program.from_qiskit`.
 
-        Its angles may hold products of an input and a parameter, such as s * x + t.
+        Its angles may contain products of an input and a parameter, such as s * x + t.
 
         Raises:
-            CircuitError, MissingExtraError: as there.
+            CircuitError, MissingExtraError: as for that method.
         """
         from qcompile.interop.qiskit import uploads_of
 
@@ -124,12 +124,12 @@ class Ansatz:
     def from_pennylane(
         cls, function: Any, inputs: int | tuple[int, ...] = 0, parameters: int | tuple[int, ...] = 0
     ) -> Ansatz:
-        """Those of a PennyLane function, as `Program.from_pennylane` reads it.
+        """The circuits of a PennyLane function, read as by `Program.from_pennylane`.
 
-        Its angles may hold products of an input and a parameter.
+        Its angles may contain products of an input and a parameter.
 
         Raises:
-            CircuitError, MissingExtraError: as there.
+            CircuitError, MissingExtraError: as for that method.
         """
         from qcompile.interop.pennylane import uploads_of
 
@@ -140,12 +140,12 @@ class Ansatz:
     def from_qasm(
         cls, text_or_path: str | Path, inputs: str | Iterable[Any] | None = None
     ) -> Ansatz:
-        """Those of OpenQASM 2 or 3, as `Program.from_qasm` reads it.
+        """The circuits of OpenQASM 2 or 3, read as by `Program.from_qasm`.
 
-        Its angles may hold products of an input and a parameter.
+        Its angles may contain products of an input and a parameter.
 
         Raises:
-            CircuitError, ProgramFileError: as there.
+            CircuitError, ProgramFileError: as for that method.
         """
         from qcompile.interop.openqasm import uploads_of
 
@@ -163,11 +163,11 @@ class Ansatz:
         reuse: int = 1,
         metadata: Mapping[str, Any] | None = None,
     ) -> Policy:
-        """The policy of these circuits with numbers that are trained, here or elsewhere.
+        """The policy of these circuits with trained parameters, from here or elsewhere.
 
-        `encoder` is that of `inputs`, `theta` has a number for each of `parameters`, in an array of
-        any shape; weights and bias are a Policy's. Factors of inputs become gains of its encoder,
-        and parameters that are nothing else are not among its own.
+        `encoder` computes `inputs`; `theta` has a value for each of `parameters`, in an array of
+        any shape; `weights` and `bias` are as in Policy. Factors of inputs become gains of its
+        encoder, and parameters that are only factors are dropped from theta.
 
         Raises:
             PolicyError: the shapes do not fit each other.
@@ -177,15 +177,15 @@ class Ansatz:
         check_arrays({"theta": (numbers, (len(self.parameters),))})
         used = {symbol for circuit in self.program.circuits for symbol in circuit.symbols}
         named = enumerate(self.program.parameters)
-        kept = [j for j, symbol in named if symbol in used or j not in self.factors]
-        names = {f"theta{j}": f"theta{index}" for index, j in enumerate(kept)}
+        indices = [j for j, symbol in named if symbol in used or j not in self.factors]
+        names = {f"theta{j}": f"theta{index}" for index, j in enumerate(indices)}
         circuits = [circuit.rename(names) for circuit in self.program.circuits]
         return Policy(
             name,
             environment,
             self._encoder(encoder, np.append(numbers, 1.0)[self.factors]),
-            Program.of(circuits, len(self.reads), len(kept)),
-            numbers[kept],
+            Program.of(circuits, len(self.reads), len(indices)),
+            numbers[indices],
             np.asarray(weights, dtype=float),
             np.asarray(bias, dtype=float),
             reuse,
@@ -193,7 +193,7 @@ class Ansatz:
         )
 
     def _encoder(self, encoder: Encoder, factor: FloatArray) -> Encoder:
-        """The encoder of the program's inputs, from that of `inputs`; factors (inputs,)."""
+        """The encoder of the program's inputs, from that of `inputs` and factors (inputs,)."""
         gain = None if encoder.gain is None else encoder.gain[self.reads]
         if (self.factors != NO_FACTOR).any():
             gain = factor if gain is None else gain * factor
@@ -209,7 +209,7 @@ class Ansatz:
         )
 
     def save(self, path: str | Path) -> None:
-        """Write it to a JSON file, which `train --circuits` reads.
+        """Write the circuits to a JSON file that `train --circuits` reads.
 
         Raises:
             PolicyError: the name does not end with .json.
@@ -221,24 +221,24 @@ class Ansatz:
 
     @property
     def has_own_names(self) -> bool:
-        """Whether its parameters are called other than theta0, theta1, ..."""
+        """Whether its parameters have names other than theta0, theta1, ..."""
         return self.parameters != self.program.parameters
 
     @property
     def without_numbers(self) -> Ansatz:
-        """The same circuits and encoder, to start from numbers of their own."""
+        """The same circuits and encoder, without initial parameters."""
         return replace(self, theta=None, weights=None, bias=None)
 
     @classmethod
     def _of_uploads(cls, uploads: Uploads, origin: str) -> Ansatz:
-        own = len(uploads.inputs)
+        count = len(uploads.inputs)
         products = np.array(uploads.products, dtype=np.intp).reshape(-1, 2)
         return cls._read(
             uploads.program,
             uploads.inputs,
             uploads.parameters,
-            np.concatenate([np.arange(own), products[:, 0]]),
-            np.concatenate([np.full(own, NO_FACTOR), products[:, 1]]),
+            np.concatenate([np.arange(count), products[:, 0]]),
+            np.concatenate([np.full(count, NO_FACTOR), products[:, 1]]),
             origin,
         )
 
@@ -252,17 +252,17 @@ class Ansatz:
         factors: IntArray,
         origin: str,
     ) -> Ansatz:
-        """Its symbols are renamed; inputs of the program that no circuit uses are left out."""
+        """The circuits with renamed symbols; inputs that no circuit uses are dropped."""
         if program.late_angles:
-            raise PolicyError("A compiled program cannot be trained.", "Give what it came from.")
+            raise PolicyError("A compiled program cannot be trained.", "Use its source program.")
         used = {symbol for circuit in program.circuits for symbol in circuit.symbols}
         order = np.lexsort((factors, reads)).tolist()  # an input, then its products
-        kept = [index for index in order if program.inputs[index] in used]
-        names = {program.inputs[index]: f"x{i}" for i, index in enumerate(kept)}
+        used_inputs = [index for index in order if program.inputs[index] in used]
+        names = {program.inputs[index]: f"x{i}" for i, index in enumerate(used_inputs)}
         names |= {name: f"theta{j}" for j, name in enumerate(program.parameters)}
         circuits = [circuit.rename(names) for circuit in program.circuits]
-        renamed = Program.of(circuits, len(kept), len(program.parameters))
-        return cls(renamed, inputs, parameters, reads[kept], factors[kept], origin)
+        renamed = Program.of(circuits, len(used_inputs), len(program.parameters))
+        return cls(renamed, inputs, parameters, reads[used_inputs], factors[used_inputs], origin)
 
     def __repr__(self) -> str:
         sizes = [count(len(self.program), "circuit"), count(len(self.inputs), "input")]

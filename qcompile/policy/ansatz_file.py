@@ -1,6 +1,6 @@
-"""Files of circuits to train: JSON, counted symbols, numbers only where there are some.
+"""Files of circuits to train: JSON with numbered symbols and optional initial parameters.
 
-A checkpoint holds the same text, so that a training of such circuits resumes from it alone.
+A checkpoint contains the same text, so that a training of such circuits resumes from it alone.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _Names = Annotated[list[Line], FirstFault()]
 
 
 class AnsatzFile(Part):
-    """Circuits to train; of what is left out, inputs and parameters are those the circuits use."""
+    """Circuits to train; inputs and parameters default to those the circuits use."""
 
     format: Literal["qcompile-ansatz-1"]
     circuits: Annotated[
@@ -52,7 +52,7 @@ class AnsatzFile(Part):
     bias: Numbers | None = None
 
     def ansatz(self) -> Ansatz:
-        """The circuits that this describes.
+        """The circuits that the file describes.
 
         Raises:
             CircuitError, PolicyError: the parts do not fit each other.
@@ -81,14 +81,14 @@ class AnsatzFile(Part):
 
 
 def _counted(symbols: set[str], name: str) -> list[str]:
-    """name0, name1, ... up to the last one among `symbols`."""
+    """The names name0, name1, ... up to the last one among `symbols`."""
     numbers = [symbol.removeprefix(name) for symbol in symbols if symbol.startswith(name)]
     last = max((int(n) for n in numbers if n.isdecimal() and len(n) < 7), default=-1)
     return [f"{name}{i}" for i in range(last + 1)]
 
 
 def ansatz_text(ansatz: Ansatz) -> str:
-    """The JSON of a file, which `read_ansatz` reads back to the same circuits and numbers."""
+    """The JSON of a file, for `read_ansatz`."""
     values: dict[str, Any] = {
         "format": FORMAT,
         "origin": ansatz.origin,
@@ -117,16 +117,18 @@ def read_ansatz(text: str) -> Ansatz:
 
     Raises:
         ContentsError: it is not JSON.
-        ValidationError: its values are not those of such a file.
+        ValidationError: its values do not fit the schema.
         CircuitError, PolicyError: they do not fit each other.
     """
     return AnsatzFile.model_validate_json(check_json(text.encode())).ansatz()
 
 
 def save_ansatz(ansatz: Ansatz, path: Path) -> None:
-    """Write circuits to a JSON file; what `Ansatz.save` says."""
+    """Write circuits to a JSON file; see `Ansatz.save`."""
     if path.suffix != ".json":
-        raise PolicyError(f"{path} is not the name of a file of circuits.", "It ends with .json.")
+        raise PolicyError(
+            f"{path} is not the name of a file of circuits.", "It must end with .json."
+        )
     try:
         read_ansatz(text := ansatz_text(ansatz))
     except (ContentsError, ValidationError) as error:
@@ -137,11 +139,11 @@ def save_ansatz(ansatz: Ansatz, path: Path) -> None:
 def load_ansatz(source: Any) -> Ansatz:
     """The circuits of an Ansatz, a Program, a Policy, a Qiskit circuit, or a file.
 
-    A file is that of a policy (or the name of a shipped one), one that `Ansatz.save` wrote, or
+    A file is a policy file (or the name of a shipped policy), a file from `Ansatz.save`, or
     OpenQASM.
 
     Raises:
-        QcompileError: it cannot be read, or holds what cannot be trained.
+        QcompileError: it cannot be read, or its circuits cannot be trained.
     """
     if isinstance(source, Ansatz):
         return source
@@ -155,7 +157,7 @@ def load_ansatz(source: Any) -> Ansatz:
         return Ansatz.from_qiskit(source)
     raise CircuitError(
         f"circuits cannot be {describe(source)}.",
-        "It is an Ansatz, a Program, a Policy, a Qiskit circuit, or a file of one of these.",
+        "Give an Ansatz, a Program, a Policy, a Qiskit circuit, or a file of one of these.",
         program_hint(source).replace("Program.from", "Ansatz.from"),
     )
 
@@ -165,23 +167,23 @@ def _loaded(path: Path) -> Ansatz:
         return ansatz
     if path.suffix == ".py":
         raise PolicyError(
-            f"{path} is a Python file, found where circuits are needed.",
-            "Have it write them to a file: qcompile.Ansatz.from_qiskit(circuit).save('mine.json').",
+            f"{path} is a Python file, not a file of circuits.",
+            "Make it write them to a file: qcompile.Ansatz.from_qiskit(circuit).save('mine.json').",
         )
     known = [] if os.path.lexists(path) else policy_names()
     if path.suffix in SUFFIXES or fspath(path) in known:
         return Ansatz.of_policy(load_circuits(path))
     if known:
         raise PolicyError(
-            f"There is no file {path}, and no policy of this name.",
+            f"There is no file or policy {path}.",
             nearest(fspath(path), known),
-            "Circuits are those of a policy, an OpenQASM file, or a file that Ansatz.save wrote.",
+            "Give a policy, an OpenQASM file, or a file written by Ansatz.save.",
         )
     return replace(Ansatz.from_qasm(path), origin=f"OpenQASM {path.name}")
 
 
 def _from_json(path: Path) -> Ansatz | None:
-    """The circuits of a file with our format, None for any other."""
+    """The circuits of a file in this format; None for any other."""
     try:
         text = read_json(path)
         values = json.loads(text)

@@ -25,11 +25,11 @@ _WORDS = re.compile(r"[A-Za-z0-9 _-]{0,200}")
 
 
 def with_arguments(policy: P, env: Mapping[str, Any] | None, *, kept: bool = False) -> P:
-    """The policy, whose environment is made with `env` over the arguments that it has.
+    """The policy with `env` merged over its environment's arguments.
 
     Raises:
-        OptionError: an argument is reserved or not a plain value, or `kept`, and a policy file
-            could not keep it.
+        OptionError: an argument is reserved or not a plain value, or with `kept` not allowed in a
+            policy file.
     """
     if not env:
         return policy
@@ -38,15 +38,15 @@ def with_arguments(policy: P, env: Mapping[str, Any] | None, *, kept: bool = Fal
 
 
 def check_env(env: Mapping[str, Any], *, kept: bool = False) -> None:
-    """Raise OptionError where a user's arguments are reserved, or not plain values.
+    """Raise OptionError if a user's arguments are reserved or not plain values.
 
-    With `kept` they must be such as a policy file may give, too.
+    With `kept` they must also be allowed in a policy file.
     """
     for name, value in env.items():
         if name in RESERVED or not name.isidentifier():
             raise OptionError(
-                f"env {name[:60]}: that is not an argument of an environment.",
-                f"Those of gymnasium.make itself ({', '.join(RESERVED)}) are set by a run.",
+                f"env {name[:60]}: this is not an argument of an environment.",
+                f"The arguments of gymnasium.make itself ({', '.join(RESERVED)}) are set by a run.",
             )
         try:
             plain = json.loads(json.dumps(value, allow_nan=False)) == value
@@ -55,28 +55,28 @@ def check_env(env: Mapping[str, Any], *, kept: bool = False) -> None:
         if not plain:
             raise OptionError(
                 f"env {name} is {value!r:.60}.",
-                "An argument is a number, a text, true, false, null, or a list or dict of these; "
-                "gymnasium.register gives an environment any other.",
+                "An argument is a number, a string, true, false, null, or a list or dict of these; "
+                "use gymnasium.register for any other.",
             )
     if kept:
         try:
             check_arguments(env)
         except ValueError as error:
             raise OptionError(
-                f"env cannot be kept in a policy file: {error}.",
-                "Register the environment with it, in a module of yours: --import MODULE.",
+                f"env cannot be stored in a policy file: {error}.",
+                "Register the environment with it in a module of your own: --import MODULE.",
             ) from error
 
 
 def check_arguments(arguments: Mapping[str, Any]) -> Mapping[str, Any]:
-    """`arguments`, unless one could make an environment import a module or open a file.
+    """The `arguments`, checked not to make an environment import a module or open a file.
 
     Some environments import what an argument names ("module:name", "module.Class") or read the file
-    at a path; texts of letters, digits, spaces, - and _ cannot name either.
+    at a path; strings of letters, digits, spaces, - and _ cannot name either.
 
     Raises:
-        ValueError: an argument is reserved, its name is not one of Python's, a number is not
-            finite, or a text has other characters.
+        ValueError: an argument is reserved, its name is not a Python identifier, a number is not
+            finite, or a string has other characters.
     """
     for name, value in arguments.items():
         if name in RESERVED or not (name.isidentifier() and name.isascii()):
@@ -84,7 +84,7 @@ def check_arguments(arguments: Mapping[str, Any]) -> Mapping[str, Any]:
         _check_plain(name, value)
     steps = arguments.get("max_episode_steps", 1)
     if type(steps) is not int or steps < 1:
-        raise ValueError("max_episode_steps is not a whole number from 1 on")
+        raise ValueError("max_episode_steps is not a whole number of at least 1")
     return arguments
 
 
@@ -98,8 +98,9 @@ def _check_plain(name: str, argument: Any) -> None:
             values += value
         elif isinstance(value, str) and not _WORDS.fullmatch(value):
             raise ValueError(
-                f"{name} has the text {value[:40]!a}: texts are of letters, digits, spaces, - and "
-                "_, so that they name no module and no file"
+                f"{name} has the string {value[:40]!a}: strings may have letters, digits, "
+                "spaces, - "
+                "and _, so that they cannot name a module or a file"
             )
         elif isinstance(value, float) and not math.isfinite(value):
             raise ValueError(f"{name} has a number that is not finite")

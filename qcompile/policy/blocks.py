@@ -13,7 +13,7 @@ from qcompile.limits import MAX_ANGLE_LETTERS, MAX_QUBITS
 from qcompile.validation import FirstFault
 
 COUPLINGS = ("cx", "cz", "ecr")
-"""The gates on two qubits."""
+"""The two-qubit gates."""
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Natural = Annotated[int, Field(ge=0, le=1_000_000)]
@@ -34,11 +34,11 @@ class BlockFile(BaseModel):
 
     @property
     def couplings(self) -> list[str]:
-        """The names of its gates on two qubits."""
+        """The names of its two-qubit gates."""
         return [name for name in COUPLINGS if any(gate[0] == name for gate in self.gates)]
 
     def check(self, symbols: Set[str]) -> None:
-        """Raise PolicyError for the first gate that is none, or whose angle has other symbols."""
+        """Raise PolicyError for the first invalid gate, or the first unknown symbol."""
         for index, parts in enumerate(self.gates):
             try:
                 self._check_gate(parts, symbols)
@@ -55,12 +55,12 @@ class BlockFile(BaseModel):
         count = 2 if name in COUPLINGS else 1
         angle, qubits = rest[:-count], rest[-count:]
         if len(qubits) < count or len(set(map(str, qubits))) < count:
-            raise CircuitError(f"Gate {name!r} needs {count} different qubits, at its end.")
+            raise CircuitError(f"Gate {name!r} must end with {count} different qubits.")
         for qubit in qubits:
             if not isinstance(qubit, int) or qubit >= self.qubits:
                 raise CircuitError(
                     f"Gate {name!r} acts on {qubit!r}.",
-                    f"The block has qubits 0 to {self.qubits - 1}, which come last in a gate.",
+                    f"The block has qubits 0 to {self.qubits - 1}; a gate ends with its qubits.",
                 )
         if len(angle) > (count == 1):
             raise CircuitError(f"Gate {name!r} has {len(angle)} angles.")
@@ -72,17 +72,17 @@ class BlockFile(BaseModel):
             raise CircuitError(f"Unknown symbol {min(unknown)!r}.")
 
     def circuit(self) -> Circuit:
-        """The circuit of a block of one qubit that `check` has passed."""
+        """The circuit of a one-qubit block that `check` has accepted."""
         return Circuit.of([parts[:-1] for parts in self.gates])
 
 
 def single_bits(bits: int) -> list[list[int]]:
-    """The observables where none are given: every bit is one."""
+    """The default observables: each bit alone."""
     return [[bit] for bit in range(bits)]
 
 
 def check_observables(observables: Observables, widths: Sequence[int]) -> None:
-    """Raise PolicyError where one is not a set of bits of one of the blocks, of `widths` qubits."""
+    """Raise PolicyError for an observable with bits outside one block; `widths` are the blocks'."""
     blocks = [block for block, width in enumerate(widths) for _ in range(width)]
     for index, bits in enumerate(observables):
         if max(bits) >= len(blocks):
@@ -94,6 +94,6 @@ def check_observables(observables: Observables, widths: Sequence[int]) -> None:
             raise PolicyError(f"observables.{index} has a bit twice.")
         if len({blocks[bit] for bit in bits}) > 1:
             raise PolicyError(
-                f"observables.{index} has bits of several circuits.",
-                "The bits of an observable belong to one block.",
+                f"observables.{index} has bits of more than one circuit.",
+                "The bits of an observable must belong to one block.",
             )

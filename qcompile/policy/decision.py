@@ -10,45 +10,45 @@ from qcompile.foreign import describe
 from qcompile.notebook import count
 
 MOST_HELD = 1_000_000
-"""Steps of the environment that a decision can be held for."""
+"""The most environment steps that a decision can be held for."""
 
 
 def softmax(logits: FloatArray) -> FloatArray:
-    """Logits (B, actions) to probabilities (B, actions)."""
+    """The probabilities (B, actions) of logits (B, actions)."""
     odds = _odds(logits)
     return np.asarray(odds / odds.sum(axis=1, keepdims=True))
 
 
 def _odds(logits: FloatArray) -> FloatArray:
-    """Probabilities (B, actions) times a number of each row, which makes its largest 1."""
+    """Probabilities (B, actions), scaled so that the largest in each row is 1."""
     odds = logits - np.maximum.reduce(logits, axis=1, keepdims=True)
     return np.asarray(np.exp(odds, odds))
 
 
 class Softmax:
-    """Decides by the softmax of its `logits`.
+    """Draws actions from the softmax of its `logits`.
 
-    The values that it decides by, (B, ...), are the `<Z>` of a policy's circuits and the
-    observations of a network.
+    Its input values, (B, ...), are the `<Z>` of a policy's circuits or the observations of a
+    network.
     """
 
     reads_bits = False
-    """Whether an observation is one whole number, whose bits are the inputs."""
+    """Whether an observation is one whole number whose bits are the inputs."""
 
     def logits(self, values: FloatArray, /) -> FloatArray:
-        """Values to the logarithms of the action probabilities, plus a constant: (B, actions)."""
+        """The logarithms of the action probabilities, up to a constant: (B, actions)."""
         raise NotImplementedError
 
     def probabilities(self, values: FloatArray, /) -> FloatArray:
-        """Values to action probabilities (B, actions)."""
+        """The action probabilities (B, actions)."""
         return softmax(self.logits(values))
 
     def decide(self, values: FloatArray, /, u: FloatArray) -> IntArray:
-        """Values and numbers u (B,) in [0, 1) to actions (B,).
+        """The actions (B,) for values and uniform numbers u (B,) in [0, 1).
 
         The action is the first whose cumulative probability exceeds u, so that uniform u draw from
-        the exact probabilities; where rounding leaves the sum of a row at u or below, it is the
-        last.
+        the exact probabilities; if rounding leaves the sum of a row at or below u, it is the last
+        action.
 
         Raises:
             PolicyError: there is not one u for each row.
@@ -71,16 +71,16 @@ class Softmax:
 def checked_observations(
     observations: FloatArray, features: int, reader: str, *, wider: bool
 ) -> FloatArray:
-    """`observations` as an array of doubles (B, features), or `wider` ones where that will do.
+    """`observations` as a float64 array (B, features), or with more features if `wider`.
 
     Raises:
-        PolicyError: they are not; the message says that `reader` needs them.
+        PolicyError: they have another shape or type; the message names `reader`.
     """
     needed = f"{reader} needs (B, {features}){' or wider' * wider}."
     array = real_array(observations)
     if array is None:
-        found = describe(observations)
-        raise PolicyError(f"Observations are not an array of real numbers: {found}.", needed)
+        what = describe(observations)
+        raise PolicyError(f"Observations are not an array of real numbers: {what}.", needed)
     fits = array.ndim == 2 and array.shape[1] >= features
     if not fits or (array.shape[1] > features and not wider):
         raise PolicyError(f"Observations have shape {array.shape}.", needed)
@@ -88,7 +88,7 @@ def checked_observations(
 
 
 def check_hold(hold: int) -> None:
-    """Nothing, if a decision can be held for `hold` steps of the environment.
+    """Check that a decision can be held for `hold` environment steps.
 
     Raises:
         PolicyError: it is not a whole number from 1 to MOST_HELD.
@@ -96,15 +96,15 @@ def check_hold(hold: int) -> None:
     if isinstance(hold, bool) or not isinstance(hold, int) or not 1 <= hold <= MOST_HELD:
         raise PolicyError(
             f"hold is {hold!r}.",
-            f"A decision is held for a whole number of environment steps, from 1 to {MOST_HELD:,}.",
+            f"It must be a whole number of environment steps from 1 to {MOST_HELD:,}.",
         )
 
 
-def held_words(hold: int) -> str:
-    """How long each decision is held, in words."""
+def hold_text(hold: int) -> str:
+    """The hold of each decision, in words."""
     return f"held for {count(hold, 'environment step')}"
 
 
 def hold_values(hold: int) -> dict[str, int]:
-    """The key `hold` of a file; files say it where a decision is held for more than one step."""
+    """The key `hold` of a file, omitted if it is 1."""
     return {"hold": hold} if hold > 1 else {}

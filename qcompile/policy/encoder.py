@@ -1,4 +1,4 @@
-"""Encoders: from observations to the angles that the circuits take as inputs."""
+"""Encoders map observations to the input angles of circuits."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ ENCODINGS: dict[str, Callable[[FloatArray], FloatArray]] = {
     "identity": np.asarray,
     "clip": _clip,
 }
-"""The functions an encoder can apply to a scaled feature; all are odd. `clip` limits to [-1, 1]."""
+"""The functions an encoder can apply to a scaled feature; all are odd. `clip` clips to [-1, 1]."""
 
 BITS = "bits"
-"""Encodes an observation that is a number: bit b of it, times pi."""
+"""The function for an observation that is one number: pi times one of its bits."""
 
 MOST_BIT = 52
-"""The last bit of a whole number that float64 holds exactly."""
+"""The highest bit of the whole numbers that float64 represents exactly."""
 
 MOST_SCALE = 1e9
 
@@ -38,10 +38,10 @@ MOST_SCALE = 1e9
 class Encoder:
     """x_i = gain_i * function_i(scale_i * (observation[f] - mean[f]) / std[f]), f = feature_i.
 
-    x in radians. `function` is a name of ENCODINGS for all inputs, or one for each input. `gain`
-    has an entry for each input, `mean` and `std` for each feature of the observation; left out they
-    are 1, 0 and 1. The function `bits` is for observations that are one whole number, and then for
-    all inputs: x_i = gain_i * pi * (bit feature_i of the number), bit 0 the lowest.
+    x is in radians. `function` is a name in ENCODINGS for all inputs, or one per input. `gain` has
+    an entry per input, `mean` and `std` have one per feature of the observation; the defaults are
+    1, 0 and 1. The function `bits` is for observations that are one whole number, and must be used
+    for all inputs: x_i = gain_i * pi * (bit feature_i of the number), with bit 0 the lowest.
     """
 
     function: str | tuple[str, ...]
@@ -65,7 +65,7 @@ class Encoder:
 
     @cached_property
     def features(self) -> int:
-        """The least number of features that an observation must have."""
+        """The smallest number of features that an observation may have."""
         if self.reads_bits:
             return 1
         statistics = [len(array) for array in (self.mean, self.std) if array is not None]
@@ -77,10 +77,10 @@ class Encoder:
         return np.ones(len(self.feature)) if self.gain is None else self.gain
 
     def __call__(self, observations: FloatArray) -> FloatArray:
-        """Observations (B, features) to inputs x (B, inputs).
+        """The inputs x (B, inputs) of observations (B, features).
 
         Raises:
-            PolicyError: bits are read of what is no whole number from 0 to 2^53.
+            PolicyError: bits are read from a value that is not a whole number from 0 to 2^53.
         """
         if self.reads_bits:
             return self._turned_bits(observations)
@@ -101,7 +101,7 @@ class Encoder:
         numbers = observations[:, :1]
         if not ((numbers >= 0) & (numbers < 2.0**53) & (numbers == np.floor(numbers))).all():
             raise PolicyError(
-                "The function bits needs observations that are whole numbers from 0 on.",
+                "The function bits needs observations that are whole numbers of at least 0.",
                 "It is for environments with a Discrete observation.",
             )
         bits = (numbers.astype(np.int64) >> self.feature) & 1
@@ -118,7 +118,7 @@ class Encoder:
 
     @cached_property
     def _columns(self) -> dict[str, IntArray]:
-        """The inputs of each function."""
+        """The input indices of each function."""
         names = np.array(self.functions)
         return {name: np.flatnonzero(names == name) for name in dict.fromkeys(self.functions)}
 
@@ -132,7 +132,7 @@ class Encoder:
         return html_table(["input", "of an observation"], rows)
 
     def formula(self, index: int) -> str:
-        """Input `index` as a text, such as "0.5*arctan(2 * (observation[3] - 1) / 4)"."""
+        """Input `index` as text, such as "0.5*arctan(2 * (observation[3] - 1) / 4)"."""
         name, feature = self.functions[index], int(self.feature[index])
         gain = "" if self.gain is None else f"{self.gain[index]:.6g}*"
         if name == BITS:
@@ -146,7 +146,7 @@ class Encoder:
         return f"{gain}{scaled}" if name == "identity" else f"{gain}{name}({scaled})"
 
     def check(self, inputs: int) -> None:
-        """Raise PolicyError where this is no encoder of `inputs` inputs."""
+        """Raise PolicyError if this is not a valid encoder for `inputs` inputs."""
         names = (self.function,) if isinstance(self.function, str) else self.function
         for name in names:
             if name not in (*ENCODINGS, BITS):
@@ -162,14 +162,14 @@ class Encoder:
         )
         if not isinstance(self.function, str) and len(names) != inputs:
             raise PolicyError(
-                f"encoder.function has {len(names)} names.", f"It needs one, or {inputs}."
+                f"encoder.function has {len(names)} names.", f"It needs one or {inputs}."
             )
         for key, array in (("scale", self.scale), ("gain", self.gain)):
             if array is not None and np.abs(array).max(initial=0.0) > MOST_SCALE:
                 raise PolicyError(
                     f"encoder.{key} has an entry of {np.abs(array).max():.3g}.",
-                    f"{key.capitalize()}s lie within {MOST_SCALE:.0e}: more turns every angle "
-                    "into noise.",
+                    f"{key.capitalize()}s must lie within {MOST_SCALE:.0e}: larger ones turn every "
+                    "angle into noise.",
                 )
         if self.reads_bits:
             self._check_bits()
@@ -187,47 +187,48 @@ class Encoder:
             if len(array) < needed:
                 raise PolicyError(
                     f"encoder.{key} has {len(array)} numbers.",
-                    f"It needs one for each feature of an observation: {needed} or more.",
+                    f"It needs one per feature of an observation: {needed} or more.",
                 )
         if len(set(lengths.values())) > 1:
             raise PolicyError(
-                f"encoder.mean has {lengths['mean']} numbers, encoder.std {lengths['std']}.",
-                "Each has one for each feature of an observation.",
+                f"encoder.mean has {lengths['mean']} numbers, but encoder.std has "
+                f"{lengths['std']}.",
+                "Each needs one per feature of an observation.",
             )
         if self.std is None:
             return
         if not (self.std > 0).all():
-            raise PolicyError("encoder.std holds a number that is not positive.")
+            raise PolicyError("encoder.std contains a number that is not positive.")
         if (np.abs(self.scale) > MOST_SCALE * self.std[self.feature]).any():
             raise PolicyError(
-                "encoder.std holds a number that is too small for its scale.",
-                f"Scales divided by std lie within {MOST_SCALE:.0e}.",
+                "encoder.std contains a number that is too small for its scale.",
+                f"Scales divided by std must lie within {MOST_SCALE:.0e}.",
             )
 
     def _check_bits(self) -> None:
         if set(self.functions) - {BITS}:
             raise PolicyError(
-                f"encoder.function has {BITS} beside other functions.",
-                "Bits are read of an observation that is one number: use it for all inputs.",
+                f"encoder.function has {BITS} and other functions.",
+                "Bits are read from an observation that is one number: use {BITS} for all inputs.",
             )
         if self.feature.max(initial=0) > MOST_BIT:
             raise PolicyError(
                 f"encoder.feature has an entry of {self.feature.max()}.",
-                f"With the function {BITS} it is the number of a bit, {MOST_BIT} at most.",
+                f"With the function {BITS} it is the number of a bit, at most {MOST_BIT}.",
             )
         if (self.scale != 1).any() or self.mean is not None or self.std is not None:
             raise PolicyError(
-                f"The encoder function {BITS} takes no scale but 1, no mean and no std.",
+                f"The encoder function {BITS} needs scale 1, and no mean or std.",
                 "A gain multiplies the angle.",
             )
 
 
 def check_arrays(needed: dict[str, tuple[FloatArray | IntArray | None, tuple[int, ...]]]) -> None:
-    """Raise PolicyError for the first array without its shape or with numbers not finite."""
+    """Raise PolicyError for the first array with the wrong shape or infinite or NaN entries."""
     for name, (array, shape) in needed.items():
         if array is None:
             continue
         if np.shape(array) != shape:
             raise PolicyError(f"{name} has shape {np.shape(array)}.", f"It needs {shape}.")
         if not np.isfinite(array).all():
-            raise PolicyError(f"{name} holds a number that is not finite.")
+            raise PolicyError(f"{name} contains a number that is not finite.")

@@ -1,4 +1,4 @@
-"""Policy files: JSON, and .pt with the same plain values and tensors for the numbers."""
+"""Policy files: JSON, or .pt with the same values and tensors for the numbers."""
 
 from __future__ import annotations
 
@@ -46,32 +46,32 @@ _Schema = TypeVar("_Schema", bound=BaseModel)
 SUFFIXES = (".pt", ".json")
 
 AnyPolicy = Policy | Network
-"""What decides: circuits, or a network."""
+"""A policy of circuits, or a network."""
 
 
 def policy_names() -> list[str]:
-    """Every policy known by name."""
+    """The names of all shipped policies."""
     return names("trained", SUFFIXES)
 
 
 def load_policy(policy: str | PathLike[str] | AnyPolicy) -> AnyPolicy:
-    """The policy of the file at a path, or shipped in trained/ under a bare name.
+    """The policy in a file, or the shipped policy with a bare name.
 
-    It is a Policy of circuits or a Network, as the file says; one that is loaded is given back.
+    The result is a Policy of circuits or a Network; a loaded policy is returned unchanged.
 
     Raises:
-        PolicyError: there is no such file, or its contents are wrong; the message says what.
+        PolicyError: there is no such file, or its contents are not valid.
     """
     if isinstance(policy, Policy | Network):
         return policy
     if not isinstance(policy, str | PathLike):
-        raise PolicyError(f"load_policy takes a name or a file, found {describe(policy)}.")
+        raise PolicyError(f"load_policy takes a name or a file, not {describe(policy)}.")
     path = find("trained", fspath(policy), SUFFIXES)
     if path is None:
         raise PolicyError(
             f"Unknown policy {fspath(policy)!r}.",
             nearest(fspath(policy), policy_names()),
-            "A path to a .pt or .json policy file works too.",
+            "You can also give the path of a .pt or .json policy file.",
         )
     try:
         return _validated(read_pt(path) if path.suffix == ".pt" else read_json(path)).policy()
@@ -88,27 +88,27 @@ def load_policy(policy: str | PathLike[str] | AnyPolicy) -> AnyPolicy:
 
 
 def load_circuits(policy: str | PathLike[str] | AnyPolicy) -> Policy:
-    """The policy that `load_policy` gives, if it is made of circuits.
+    """The policy from `load_policy`, which must be made of circuits.
 
     Raises:
-        PolicyError: as `load_policy`, and where it is a network.
+        PolicyError: as for `load_policy`, or it is a network.
     """
     loaded = load_policy(policy)
     if isinstance(loaded, Policy):
         return loaded
     word = fspath(policy) if isinstance(policy, str | PathLike) else loaded.name
     raise PolicyError(
-        f"{word} is a network, not circuits: there is nothing to compile or to measure.",
+        f"{word} is a network, not circuits: there is nothing to compile or measure.",
         "`qcompile run` and `qcompile evaluate` play it, on `ideal`.",
     )
 
 
 def _validated(source: str | dict[str, Any]) -> PolicyFile | PolicyFile2 | NetworkFile:
-    """The policy file with this JSON text, or with these plain values.
+    """The policy file with this JSON text or these plain values.
 
     Raises:
-        PolicyError: they are not those of a policy file; keys that are not known are told the
-            nearest that are.
+        PolicyError: they do not form a policy file; for unknown keys the message suggests the
+            nearest known ones.
     """
     try:
         format_ = _by_schema(AnyFormat, source).format
@@ -126,7 +126,7 @@ def _by_schema(schema: type[_Schema], source: str | dict[str, Any]) -> _Schema:
 
 
 def _hints(error: ValidationError, values: Any) -> list[str]:
-    """What to do about unknown keys, and about a file that says the wrong format."""
+    """Advice on unknown keys and on a wrong format."""
     format_ = values.get("format") if isinstance(values, dict) else None
     if str(format_).startswith("qcompile-ansatz"):
         return ["These are circuits to train: qcompile train ENVIRONMENT --circuits FILE."]
@@ -137,7 +137,7 @@ def _hints(error: ValidationError, values: Any) -> list[str]:
         except ValidationError:
             pass
         else:
-            return [f'It is right in the other format: "format": "{FORMAT_2}".']
+            return [f'It is valid in the other format: "format": "{FORMAT_2}".']
     parts = {FORMAT_1: _PARTS_1, NETWORK_1: _PARTS_OF_NETWORKS}.get(str(format_), _PARTS_2)
     lines = []
     for fault in error.errors(include_url=False, include_context=False)[:2]:
@@ -145,7 +145,7 @@ def _hints(error: ValidationError, values: Any) -> list[str]:
         if fault["type"] == "extra_forbidden":
             part = place[-1] if place else ""
             is_later = is_first and key in _PARTS_2[part].model_fields
-            later = f'{key} is a key of format "{FORMAT_2}".'
+            later = f'{key} belongs to format "{FORMAT_2}".'
             lines.append(later if is_later else nearest(str(key), parts[part].model_fields))
     return lines
 
@@ -169,10 +169,10 @@ _SCHEMAS: dict[object, type[PolicyFile | PolicyFile2 | NetworkFile]] = {
 
 
 def policy_values(policy: AnyPolicy) -> dict[str, Any]:
-    """The plain values of a policy file; its schema reads them back to an equal policy.
+    """The plain values of a policy file, which its schema reads back as an equal policy.
 
-    Those of circuits are of format 1, unless they need format 2; then of that with what they need.
-    A file counts its symbols: input i is called x{i} there and parameter i theta{i}.
+    Policies of circuits use format 1, or format 2 if they need it. A file numbers its symbols:
+    input i is x{i} and parameter i is theta{i}.
     """
     if isinstance(policy, Network):
         return network_values(policy)
@@ -205,7 +205,7 @@ def policy_values(policy: AnyPolicy) -> dict[str, Any]:
 
 
 def _beyond_format_1(encoder: Encoder) -> dict[str, Any]:
-    """The keys of an encoder that format 1 does not have, or not with this value."""
+    """The keys and values of an encoder that format 1 does not allow."""
     names = encoder.functions
     values: dict[str, Any] = {}
     if len(set(names)) > 1:
@@ -220,20 +220,20 @@ def _beyond_format_1(encoder: Encoder) -> dict[str, Any]:
 
 
 def save_policy(policy: AnyPolicy, path: str | Path) -> None:
-    """Write `policy` to `path`, whole or not at all; the suffix, .pt or .json, says how.
+    """Write `policy` to `path`, whole or not at all; the suffix .pt or .json sets the format.
 
     Raises:
-        PolicyError: another suffix, or a policy that the file could not give back.
+        PolicyError: the suffix is different, or the policy cannot be stored in a file.
         OutputError: the file cannot be written.
     """
     if not isinstance(path, str | PathLike) or not isinstance(policy, Policy | Network):
         raise PolicyError(
-            f"save_policy takes a Policy or a Network, and a path, found {describe(policy)} "
+            f"save_policy takes a Policy or a Network, and a path, not {describe(policy)} "
             f"and {describe(path)}."
         )
     path = Path(path)
     if path.suffix not in SUFFIXES:
-        raise PolicyError(f"{path} is not a policy file name.", "It ends with .pt or .json.")
+        raise PolicyError(f"{path} is not a policy file name.", "It must end with .pt or .json.")
     file = policy_file(policy)
     if path.suffix == ".json":
         write_file(path, file.model_dump_json(indent=1, exclude_unset=True).encode())
@@ -242,10 +242,10 @@ def save_policy(policy: AnyPolicy, path: str | Path) -> None:
 
 
 def policy_file(policy: AnyPolicy) -> PolicyFile | PolicyFile2 | NetworkFile:
-    """The file of a policy, which gives it back.
+    """The file that stores a policy.
 
     Raises:
-        PolicyError: no file could.
+        PolicyError: the policy cannot be stored in a file.
     """
     values = policy_values(policy)
     try:

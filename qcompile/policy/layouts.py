@@ -1,4 +1,4 @@
-"""The circuits that policies are usually made of.
+"""Common circuit layouts of policies.
 
 Every circuit starts with h; a feature is encoded by ry(x) rz(x); ry(theta) is trained.
 Source: arXiv 2203.14348, section "The model".
@@ -13,9 +13,9 @@ from qcompile.ir import Circuit, Program
 
 
 def parallel(features: int, copies: int) -> tuple[Program, list[int]]:
-    """One circuit for each feature and copy, h ry(x) rz(x) ry(theta), copy by copy.
+    """One circuit h ry(x) rz(x) ry(theta) per feature and copy, copy by copy.
 
-    Returns the program and the feature of each of its inputs; so do the other layouts.
+    Returns the program and the feature of each input, like the other layouts.
     """
     count = features * copies
     circuits = [Circuit.parse(f"h ry(x{i}) rz(x{i}) ry(theta{i})") for i in range(count)]
@@ -23,9 +23,9 @@ def parallel(features: int, copies: int) -> tuple[Program, list[int]]:
 
 
 def serial(features: int, layers: int) -> tuple[Program, list[int]]:
-    """One circuit for each feature, encoded `layers` times on the same qubit (re-uploading).
+    """One circuit per feature, which encodes it `layers` times (re-uploading).
 
-    Layer l of feature f has the input x and the theta with index l * features + f.
+    Layer l of feature f uses the input and theta with index l * features + f.
     """
     circuits = []
     for feature in range(features):
@@ -37,7 +37,7 @@ def serial(features: int, layers: int) -> tuple[Program, list[int]]:
 
 
 def single(features: int, copies: int) -> tuple[Program, list[int]]:
-    """One circuit that encodes the last three features, h rz(x0) ry(x1) rz(x2) rx(theta).
+    """One circuit h rz(x0) ry(x1) rz(x2) rx(theta) per copy, for the last three features.
 
     The paper's device circuit (a), for CartPole: velocity, angle and angular velocity.
 
@@ -45,7 +45,7 @@ def single(features: int, copies: int) -> tuple[Program, list[int]]:
         PolicyError: there are fewer than three features.
     """
     if features < 3:
-        raise PolicyError(f"The layout 'single' needs 3 features, found {features}.")
+        raise PolicyError(f"The layout 'single' needs 3 features; there are {features}.")
     circuits = [
         Circuit.parse(f"h rz(x{3 * c}) ry(x{3 * c + 1}) rz(x{3 * c + 2}) rx(theta{c})")
         for c in range(copies)
@@ -58,4 +58,4 @@ LAYOUTS: dict[str, Callable[[int, int], tuple[Program, list[int]]]] = {
     "serial": serial,
     "single": single,
 }
-"""Layouts by name: (features, copies or layers) to a program and the feature of each input."""
+"""Layouts by name: they map (features, copies) to a program and the feature of each input."""

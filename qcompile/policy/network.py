@@ -1,4 +1,4 @@
-"""Networks: policies of dense and convolutional layers, played without circuits."""
+"""Networks: policies of dense and convolutional layers, without circuits."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ import numpy as np
 from qcompile.arrays import FloatArray
 from qcompile.errors import PolicyError
 from qcompile.notebook import count, html_table
-from qcompile.policy.decision import Softmax, check_hold, checked_observations, held_words
+from qcompile.policy.decision import Softmax, check_hold, checked_observations, hold_text
 from qcompile.policy.encoder import check_arrays
 
 WIDTH = 3
-"""Features that a convolution sees at once."""
+"""The width of a convolution, in features."""
 
 MOST_UNITS = 100_000
-"""Outputs of a layer, for one observation."""
+"""The most outputs of a layer for one observation."""
 
 
 def _relu(values: FloatArray) -> FloatArray:
@@ -32,14 +32,14 @@ ACTIVATIONS: dict[str, Callable[[FloatArray], FloatArray]] = {
     "tanh": np.tanh,
     "none": np.asarray,
 }
-"""The functions that a layer can apply to its outputs."""
+"""The activation functions of a layer."""
 
 
 @dataclass(frozen=True, eq=False)
 class Dense:
     """activation(weights values + bias): weights (outputs, inputs), bias (outputs,).
 
-    Its inputs are all values of the layer before, those of a convolution channel by channel.
+    Its inputs are all outputs of the previous layer, for a convolution channel by channel.
     """
 
     weights: FloatArray
@@ -47,7 +47,7 @@ class Dense:
     activation: str = "none"
 
     def __call__(self, values: FloatArray) -> FloatArray:
-        """Values (B, ...) to (B, outputs)."""
+        """The outputs (B, outputs) of values (B, ...)."""
         flat = values.reshape(len(values), -1)
         return ACTIVATIONS[self.activation](flat @ self.weights.T + self.bias)
 
@@ -62,7 +62,7 @@ class Convolution:
     """A convolution of width 3 over the features: weights (outputs, inputs, 3), bias (outputs,).
 
     Inputs and outputs are channels. Position i of an output is activation(bias + the sum over
-    inputs and k of weights[., ., k] times position i + k - 1), beyond the features 0.
+    inputs and k of weights[., ., k] times position i + k - 1), with zero padding.
     """
 
     weights: FloatArray
@@ -70,7 +70,7 @@ class Convolution:
     activation: str = "none"
 
     def __call__(self, values: FloatArray) -> FloatArray:
-        """Values (B, inputs, features) to (B, outputs, features); (B, features) are one channel."""
+        """Maps (B, inputs, features) to (B, outputs, features); (B, features) is one channel."""
         if values.ndim == 2:
             values = values[:, np.newaxis]
         padded = np.pad(values, ((0, 0), (0, 0), (1, 1)))
@@ -89,15 +89,15 @@ Layer = Dense | Convolution
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Network(Softmax):
-    """A policy that is a network: the last of its `layers` gives the logits of the actions.
+    """A network policy: the last of its `layers` gives the logits of the actions.
 
     Convolutions come before dense layers, and the last layer is dense. `mean` and `std` (features,)
-    normalise the observations first: (observation - mean) / std; left out they are 0 and 1. The
-    environment is made with the arguments `environment_kwargs`, and `hold` is the number of its
-    steps that a decision is held for.
+    normalise the observations first: (observation - mean) / std; the defaults are 0 and 1. The
+    environment is made with the arguments `environment_kwargs`, and each decision is held for
+    `hold` environment steps.
 
-    Everything is computed in double precision. In training torch computes in float32 with the same
-    numbers, so that logits differ from those there by rounding, and so do action probabilities.
+    Everything is computed in double precision. Training computes in float32 with the same
+    parameters, so its logits and action probabilities differ by rounding.
 
     Raises:
         PolicyError: the shapes do not fit each other, a number is not finite, or `hold` is not a
@@ -115,7 +115,7 @@ class Network(Softmax):
 
     def __post_init__(self) -> None:
         if not self.layers or not isinstance(self.layers[-1], Dense):
-            raise PolicyError("The last layer of a network is dense: it gives the logits.")
+            raise PolicyError("The last layer of a network must be dense: it gives the logits.")
         for index, layer in enumerate(self.layers):
             _check_layer(f"layers.{index}", layer)
         for index, (before, layer) in enumerate(pairwise(self.layers), 1):
@@ -123,26 +123,26 @@ class Network(Softmax):
         for key, array in (("mean", self.mean), ("std", self.std)):
             check_arrays({key: (array, (self.features,))})
         if self.std is not None and not (self.std > 0).all():
-            raise PolicyError("std holds a number that is not positive.")
+            raise PolicyError("std contains a number that is not positive.")
         check_hold(self.hold)
 
     def _check_after(self, index: int, before: Layer, layer: Layer) -> None:
         if isinstance(layer, Convolution) and isinstance(before, Dense):
             raise PolicyError(
                 f"layers.{index} is a convolution after a dense layer.",
-                "Convolutions come first: they see neighbouring features.",
+                "Convolutions must come first: they act on neighbouring features.",
             )
         per_channel = self.features if isinstance(before, Convolution) else 1
         needed = len(before.bias) * (1 if isinstance(layer, Convolution) else per_channel)
         if layer.weights.shape[1] != needed:
             raise PolicyError(
                 f"layers.{index} has {layer.weights.shape[1]} inputs.",
-                f"The layer before it has {needed} outputs.",
+                f"The previous layer has {needed} outputs.",
             )
         if len(before.bias) * per_channel > MOST_UNITS:
             raise PolicyError(
                 f"layers.{index - 1} has {len(before.bias) * per_channel:,} outputs.",
-                f"A layer has {MOST_UNITS:,} at most.",
+                f"A layer may have at most {MOST_UNITS:,}.",
             )
 
     @cached_property
@@ -158,12 +158,12 @@ class Network(Softmax):
 
     @property
     def model(self) -> str:
-        """What a training calls it: cnn if it begins with a convolution, else fcn."""
+        """The name of the model in training: cnn if it begins with a convolution, else fcn."""
         return "cnn" if isinstance(self.layers[0], Convolution) else "fcn"
 
     @property
     def parameter_count(self) -> int:
-        """The numbers of all layers."""
+        """The number of parameters of all layers."""
         return sum(layer.weights.size + layer.bias.size for layer in self.layers)
 
     def __repr__(self) -> str:
@@ -174,7 +174,7 @@ class Network(Softmax):
     def _repr_html_(self) -> str:
         rows = [["environment", self.environment]]
         rows += [[f"{noun}s", f"{number:,}"] for noun, number in self._sizes.items()]
-        rows += [["decision", held_words(self.hold)]] * (self.hold > 1)
+        rows += [["decision", hold_text(self.hold)]] * (self.hold > 1)
         return html_table(["network", self.name], rows)
 
     @property
@@ -183,11 +183,10 @@ class Network(Softmax):
         return {"layer": len(self.layers), "parameter": parameters, "action": self.actions}
 
     def logits(self, observations: FloatArray, /) -> FloatArray:
-        """Observations (B, features) to the logits of the actions (B, actions).
+        """The logits of the actions (B, actions) for observations (B, features).
 
         Raises:
-            PolicyError: the observations have other features, or lead to numbers that are not
-                finite.
+            PolicyError: the observations have the wrong shape, or lead to infinite or NaN logits.
         """
         reader = f"Network {self.name!r}"
         values = checked_observations(observations, self.features, reader, wider=False)
@@ -199,12 +198,12 @@ class Network(Softmax):
             for layer in self.layers:
                 values = layer(values)
         if not np.isfinite(values).all():
-            raise PolicyError(f"{reader} gives logits that are not finite.")
+            raise PolicyError(f"{reader} returns logits that are not finite.")
         return values
 
 
 def _check_layer(key: str, layer: Layer) -> None:
-    """Raise PolicyError where the arrays of a layer are not those of one."""
+    """Raise PolicyError if the arrays of a layer do not fit each other."""
     if layer.activation not in ACTIVATIONS:
         raise PolicyError(
             f"{key}: unknown activation {layer.activation!r}.", f"Known: {', '.join(ACTIVATIONS)}."

@@ -40,24 +40,24 @@ class _Layer(_Part):
 
 
 class DenseFile(_Layer):
-    """A dense layer: `weights` has a row for each output."""
+    """A dense layer: `weights` has a row per output."""
 
     type: Literal["dense"]
     weights: _Rows
 
     def layer(self) -> Layer:
-        """The layer this describes."""
+        """The layer that this describes."""
         return Dense(_array(self.weights), np.array(self.bias, dtype=float), self.activation)
 
 
 class ConvolutionFile(_Layer):
-    """A convolution of width 3: `weights` has three numbers for each output and input."""
+    """A convolution of width 3: `weights` has three numbers per output and input."""
 
     type: Literal["convolution"]
     weights: _Kernels
 
     def layer(self) -> Layer:
-        """The layer this describes."""
+        """The layer that this describes."""
         return Convolution(_array(self.weights), np.array(self.bias, dtype=float), self.activation)
 
 
@@ -102,7 +102,7 @@ class NetworkFile(_Part):
 
 
 def network_values(network: Network) -> dict[str, Any]:
-    """The plain values of a network file; its schema reads them back to an equal network."""
+    """The plain values of a network file, which its schema reads back as an equal network."""
     layers = [
         {
             "type": "dense" if isinstance(layer, Dense) else "convolution",

@@ -1,4 +1,4 @@
-"""The .pt form of policy files: the plain values of the JSON, with tensors for the numbers."""
+"""The .pt form of policy files: the values of the JSON, with tensors for the numbers."""
 
 from __future__ import annotations
 
@@ -17,20 +17,19 @@ from qcompile.reading import CodeError, ContentsError, load_json, read_file, rea
 _TENSORS = ("theta", "weights", "bias", "mean", "std")
 _CHECKPOINT_1 = "qcompile-checkpoint-1"
 _ENVIRONMENT = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_./-]{0,99}")
-"""What may stand in a command that a reader will type."""
+"""An environment id that is safe to quote in a command."""
 
 
 class UnreadableError(PolicyError):
-    """A file that could not even be opened as what it claims to be."""
+    """The file is not in the format that its suffix claims."""
 
 
 def read_pt(path: Path) -> dict[str, Any]:
-    """The plain values of a .pt file, lists in place of its tensors.
+    """The plain values of a .pt file, with lists in place of tensors.
 
     Raises:
-        OSError: it cannot be read.
-        UnreadableError: it is not a dict of tensors and plain values, or the checkpoint of a
-            training.
+        OSError: the file cannot be read.
+        UnreadableError: it is not a dict of tensors and plain values, or is a checkpoint.
     """
     contents = read_file(path)
     try:
@@ -40,9 +39,9 @@ def read_pt(path: Path) -> dict[str, Any]:
             raise UnreadableError(
                 f"{path} cannot be read as a .pt file.",
                 str(error),
-                "Copy or train it again.",
+                "Copy it again, or train the policy again.",
             ) from error
-        what = "holds more than tensors and plain values"
+        what = "contains more than tensors and plain values"
         if contents[:1] == pickle.PROTO:
             what = "cannot be read as a .pt file: it is a bare pickle"
         raise UnreadableError(
@@ -52,11 +51,11 @@ def read_pt(path: Path) -> dict[str, Any]:
         ) from error
     if not isinstance(values, dict):
         raise UnreadableError(
-            f"{path} holds a {type(values).__name__}.", "A policy file is a dict."
+            f"{path} contains a {type(values).__name__}.", "A policy file must contain a dict."
         )
     if values.get("format") == _CHECKPOINT_1:
         raise UnreadableError(
-            f"{path} is the checkpoint of a training, found where a policy file is needed.",
+            f"{path} is the checkpoint of a training, not a policy file.",
             *_resume_hint(path, values),
         )
     if sum(tensor.numel() for tensor in _tensors(values)) > MAX_VALUES:
@@ -65,22 +64,22 @@ def read_pt(path: Path) -> dict[str, Any]:
 
 
 def _resume_hint(path: Path, checkpoint: Mapping[str, Any]) -> list[str]:
-    """How a checkpoint becomes a policy; of its values none is known to be whole."""
+    """How to turn a checkpoint into a policy; its values are not yet validated."""
     try:
         model = load_json(str(checkpoint.get("settings")))["model"]
     except (ContentsError, KeyError, TypeError):
         model = None
     if model == "mvqc":
-        return ["Its model 'mvqc' is an entangling circuit, which this version does not play yet."]
+        return ["Its model 'mvqc' is an entangling circuit, which cannot be played yet."]
     environment = checkpoint.get("environment")
     if not isinstance(environment, str) or not _ENVIRONMENT.fullmatch(environment):
         environment = "ENVIRONMENT"
     command = f"qcompile train {environment} --resume {shlex.quote(str(path))} --out POLICY.pt"
-    return [f"It becomes a policy with: {command}", "A finished training is not trained further."]
+    return [f"This makes a policy of it: {command}", "A finished training is not trained further."]
 
 
 def _tensors(value: Any) -> Iterator[Any]:
-    """The tensors in a value, in whatever depth."""
+    """All tensors nested in a value."""
     if hasattr(value, "tolist"):
         yield value
     elif isinstance(value, dict | list | tuple):
@@ -98,7 +97,7 @@ def _plain(value: Any) -> Any:
 
 
 def pt_bytes(values: Mapping[str, Any]) -> bytes:
-    """The .pt file of the values of a policy file."""
+    """The contents of a .pt file with the values of a policy file."""
     import torch
 
     buffer = io.BytesIO()
@@ -107,7 +106,7 @@ def pt_bytes(values: Mapping[str, Any]) -> bytes:
 
 
 def _packed(values: Mapping[str, Any]) -> dict[str, Any]:
-    """The values, with tensors in place of numbers, those of layers too."""
+    """The values with tensors in place of numbers, also in layers."""
     import torch
 
     packed = dict(values)

@@ -1,4 +1,4 @@
-"""Policies: an encoder, a program and a head, from observations to actions."""
+"""Policies map observations to actions with an encoder, a program and a head."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from qcompile.arrays import FloatArray
 from qcompile.errors import PolicyError
 from qcompile.ir import Program
 from qcompile.notebook import count, html_table
-from qcompile.policy.decision import Softmax, check_hold, checked_observations, held_words
+from qcompile.policy.decision import Softmax, check_hold, checked_observations, hold_text
 from qcompile.policy.encoder import Encoder, check_arrays
 
 NO_THETA = np.zeros(0)
-"""The parameters of a trained program: none is open."""
+"""The parameters of a trained program: there are none left."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Policy(Softmax):
-    """What is deployed: k actions from n circuits.
+    """A policy that chooses among k actions with n circuits.
 
-    theta (parameters,); weights (k, reuse * n), the columns ordered copy by copy; bias (k,). The
-    action probabilities are softmax(weights y + bias), y the `<Z>` of the circuits, `reuse` times.
-    `metadata` says where the policy comes from. Its environment is made with the arguments
-    `environment_kwargs`, and `hold` is the number of its steps that a decision is held for.
+    theta (parameters,); weights (k, reuse * n), with columns ordered copy by copy; bias (k,). The
+    action probabilities are softmax(weights y + bias), where y is the `<Z>` of the circuits,
+    repeated `reuse` times. `metadata` says where the policy comes from. Its environment is made
+    with the arguments `environment_kwargs`, and each decision is held for `hold` environment steps.
 
     Raises:
-        PolicyError: the shapes do not fit each other, a number is not finite, or `hold` is not a
-            number of steps.
+        PolicyError: the shapes do not fit each other, a number is not finite, or `hold` is out of
+            range.
     """
 
     name: str
@@ -66,7 +66,7 @@ class Policy(Softmax):
 
     @property
     def reads_bits(self) -> bool:  # type: ignore[override]
-        """Whether an observation is one whole number, whose bits are the inputs."""
+        """Whether an observation is one whole number whose bits are the inputs."""
         return self.encoder.reads_bits
 
     def __repr__(self) -> str:
@@ -77,7 +77,7 @@ class Policy(Softmax):
     def _repr_html_(self) -> str:
         rows = [["environment", self.environment]]
         rows += [[f"{noun}s", f"{number:,}"] for noun, number in self._sizes.items()]
-        rows += [["decision", held_words(self.hold)]] * (self.hold > 1)
+        rows += [["decision", hold_text(self.hold)]] * (self.hold > 1)
         return html_table(["policy", self.name], rows)
 
     @property
@@ -87,19 +87,19 @@ class Policy(Softmax):
 
     @property
     def parameter_count(self) -> int:
-        """Numbers after folding: theta, scales and gains unless all 1, weights, bias."""
+        """The parameters after folding: theta, scales and gains unless all 1, weights, bias."""
         factors = (self.encoder.scale, self.encoder.gains)
         count = sum(array.size for array in factors if (array != 1).any())
         return self.theta.size + count + self.actions * (len(self.program) + 1)
 
     @cached_property
     def trained_program(self) -> Program:
-        """The program with the numbers of theta put in: what is left open are the inputs."""
+        """The program with theta substituted; only the inputs are left."""
         values = zip(self.program.parameters, self.theta.tolist(), strict=True)
         return self.program.substitute(dict(values))
 
     def encode(self, observations: FloatArray) -> FloatArray:
-        """Observations (B, features) to inputs x (B, inputs), in radians.
+        """The inputs x (B, inputs), in radians, of observations (B, features).
 
         Raises:
             PolicyError: the observations have too few features.
@@ -117,17 +117,17 @@ class Policy(Softmax):
 
     @cached_property
     def importance(self) -> FloatArray:
-        """How much an error of a circuit's `<Z>` matters: the variance of its weights over actions.
+        """How much an error in a circuit's `<Z>` matters: the variance of its weights over actions.
 
-        (circuits,). An error dz of `<Z>` moves the logits by W dz, W the folded weights. What all
-        actions share of it changes no probability: the Kullback-Leibler divergence of the softmax
-        before from that after is, to second order, half the variance over actions of W dz. Taken
-        with all actions equally likely, and for errors that are independent and zero on average,
-        it is half the sum over circuits of importance times the mean of dz^2. Errors of qubits
-        have a bias too; the sum then is what it would be if their signs were random.
+        Shape (circuits,). An error dz in `<Z>` moves the logits by W dz, where W are the folded
+        weights. A shift common to all actions changes no probability: to second order, the
+        Kullback-Leibler divergence between the softmax before and after is half the variance of W
+        dz over actions. For equally likely actions and independent errors of zero mean, it is half
+        the sum over circuits of importance times the mean of dz^2. Errors of qubits also have a
+        bias; the sum then treats their signs as random.
         """
         return np.asarray(self._folded_weights.var(axis=0))
 
     def logits(self, z: FloatArray, /) -> FloatArray:
-        """`<Z>` (B, circuits) to the logarithms of the action probabilities, plus a constant."""
+        """The logarithms of the action probabilities, up to a constant, for `<Z>` (B, circuits)."""
         return np.asarray(z @ self._folded_weights.T + self.bias)

@@ -1,4 +1,4 @@
-"""What a policy file may say and this version cannot run, in words."""
+"""Explains valid parts of policy files that this version cannot run."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from qcompile.validation import listed
 
 
 class UnsupportedPolicyError(PolicyError):
-    """A policy file is right, but this version cannot run what it describes."""
+    """The policy file is valid, but this version cannot run what it describes."""
 
 
 def wide_blocks(blocks: Sequence[BlockFile | None]) -> list[str]:
-    """A line about the circuits of more than one qubit, if there are any; None is a circuit."""
+    """A line about blocks of more than one qubit, if any; None stands for a plain circuit."""
     wide = {
         index: block for index, block in enumerate(blocks) if block is not None and block.qubits > 1
     }
@@ -31,11 +31,11 @@ def wide_blocks(blocks: Sequence[BlockFile | None]) -> list[str]:
 
 
 def products(observables: Observables | None, bits: int) -> list[str]:
-    """A line about observables that are not one bit each, in order; `bits` is their number."""
+    """A line about observables other than each of the `bits` bits alone, in order."""
     if observables is None or [*map(list, observables)] == single_bits(bits):
         return []
     few = listed([str([*bits]) for bits in observables], 4)
-    return [f"observables {few}: this version measures each bit once, in order ([0], [1], ...)."]
+    return [f"observables {few}: this version measures each bit alone, in order ([0], [1], ...)."]
 
 
 def other_decision(decision: str) -> list[str]:

@@ -1,7 +1,8 @@
 """The schema of policy files, formats qcompile-policy-1 and qcompile-policy-2.
 
-docs/reference/policies.md explains both. Format 2 says more than this version can run: what it
-cannot is read and checked like the rest, and then refused by name (qcompile/policy/refusals.py).
+docs/reference/policies.md explains both. Format 2 allows more than this version can run:
+unsupported parts are read and checked like the rest, and then refused by name
+(qcompile/policy/refusals.py).
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ FORMAT_2: Literal["qcompile-policy-2"] = "qcompile-policy-2"
 
 Numbers = Annotated[list[Number], FirstFault()]
 CircuitFile = Annotated[list[Annotated[list[Word | Number], FirstFault()]], FirstFault()]
-"""Gates, each a name and its angle."""
+"""A list of gates, each a name and an angle."""
 
 FUNCTIONS_1 = {"arctan", "tanh", "identity"}
 """The encoder functions of format 1."""
@@ -51,7 +52,7 @@ MOST_OBSERVABLES = 10_000
 
 
 class Part(BaseModel):
-    """A part of a policy file: unknown keys and other types are refused."""
+    """A part of a policy file; unknown keys and wrong types are refused."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
@@ -64,7 +65,7 @@ class EncoderFile(Part):
     scale: Numbers
 
     def encoder(self) -> Encoder:
-        """The encoder this describes."""
+        """The encoder that this describes."""
         return Encoder(
             self.function,
             np.array(self.feature, dtype=np.intp),
@@ -80,7 +81,7 @@ _Functions = Annotated[
 
 
 class EncoderFile2(Part):
-    """The encoder of format 2: what is None has no effect."""
+    """The encoder of format 2; None has no effect."""
 
     function: _Functions
     feature: Annotated[list[Natural], FirstFault()]
@@ -90,7 +91,7 @@ class EncoderFile2(Part):
     std: Numbers | None = None
 
     def encoder(self) -> Encoder:
-        """The encoder this describes."""
+        """The encoder that this describes."""
         factors = (self.scale, self.gain, self.mean, self.std)
         return Encoder(
             self.function if isinstance(self.function, str) else tuple(self.function),
@@ -105,14 +106,14 @@ _Circuit = TypeVar("_Circuit")
 
 
 def few_gates(circuits: list[Any]) -> list[Any]:
-    """`circuits`, unless a policy cannot have so many gates."""
+    """The `circuits`, checked to have at most MAX_POLICY_GATES gates."""
     if sum(map(len, circuits)) > MAX_POLICY_GATES:
         raise ValueError(f"more than {MAX_POLICY_GATES:,} gates")
     return circuits
 
 
 class _File(Part, Generic[_Format, _Encoder, _Circuit]):
-    """What both formats have."""
+    """The parts that both formats have."""
 
     format: _Format
     name: Line
@@ -161,7 +162,7 @@ class PolicyFile(_File[Literal["qcompile-policy-1"], EncoderFile, CircuitFile]):
     """A policy file of format 1."""
 
     def policy(self) -> Policy:
-        """The policy this file describes.
+        """The policy that this file describes.
 
         Raises:
             CircuitError, PolicyError: its parts do not fit each other.
@@ -178,7 +179,7 @@ _Observable = Annotated[list[Natural], Field(min_length=1, max_length=100), Firs
 
 
 class PolicyFile2(_File[Literal["qcompile-policy-2"], EncoderFile2, _Circuit2]):
-    """A policy file of format 2, which has the keys of format 1 and more."""
+    """A policy file of format 2, which extends format 1."""
 
     observables: (
         Annotated[list[_Observable], Field(min_length=1, max_length=MOST_OBSERVABLES), FirstFault()]
@@ -189,18 +190,20 @@ class PolicyFile2(_File[Literal["qcompile-policy-2"], EncoderFile2, _Circuit2]):
     environment_kwargs: Annotated[dict[str, JsonValue], AfterValidator(check_arguments)] = {}
 
     def policy(self) -> Policy:
-        """The policy this file describes.
+        """The policy that this file describes.
 
         Raises:
             CircuitError, PolicyError: its parts do not fit each other.
-            UnsupportedPolicyError: they do, but this version cannot run them all.
+            UnsupportedPolicyError: they are valid, but this version cannot run them all.
         """
         self.encoder.encoder().check(len(self.encoder.feature))
         blocks = [part if isinstance(part, BlockFile) else None for part in self.circuits]
         widths = [1 if block is None else block.qubits for block in blocks]
         bits = sum(widths)
         if bits > MAX_POLICY_GATES:
-            raise PolicyError(f"circuits have {bits:,} qubits.", f"{MAX_POLICY_GATES:,} at most.")
+            raise PolicyError(
+                f"circuits have {bits:,} qubits.", f"At most {MAX_POLICY_GATES:,} are allowed."
+            )
         program = self._program(self._circuits())
         observables = self.observables
         if observables is not None:
@@ -217,7 +220,7 @@ class PolicyFile2(_File[Literal["qcompile-policy-2"], EncoderFile2, _Circuit2]):
         return self._policy(program, hold=self.hold, environment_kwargs=self.environment_kwargs)
 
     def _circuits(self) -> list[Circuit]:
-        """The circuits, an empty one in the place of a wide block."""
+        """The circuits, with an empty one in place of each wide block."""
         names = self._program([])
         symbols = {*names.inputs, *names.parameters}
         circuits = []
@@ -234,11 +237,11 @@ class PolicyFile2(_File[Literal["qcompile-policy-2"], EncoderFile2, _Circuit2]):
 
 
 AnyPolicyFile = Annotated[PolicyFile | PolicyFile2, Field(discriminator="format")]
-"""A policy file of either format, as a task holds it."""
+"""A policy file of either format, as stored in a task."""
 
 
 class AnyFormat(BaseModel):
-    """What must be said of a file before its schema is known."""
+    """The part of a file that determines its schema."""
 
     format: Literal["qcompile-policy-1", "qcompile-policy-2", "qcompile-network-1"]
 

@@ -1,8 +1,8 @@
-"""The classical surrogate of a policy: the functions that its circuits compute, written out.
+"""The classical surrogate of a policy: the functions that its circuits compute, in closed form.
 
-A circuit of one qubit is a run of rotations about z and y, so its `<Z>` is a polynomial in the
-cosines and sines of its angles. The Bloch vector is carried through the rotations as three such
-polynomials; theta is a number by then, and what is left are fixed functions of the observation.
+A one-qubit circuit is a sequence of rotations about z and y, so its `<Z>` is a polynomial in the
+cosines and sines of its angles. The Bloch vector is propagated through the rotations as three such
+polynomials; with theta substituted, they are fixed functions of the observation.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from qcompile.policy.policy import Policy
 from qcompile.simulate import alternating
 
 MOST_TERMS = 10_000
-"""More terms than this are no help to a reader, and a matrix of them fills the memory."""
+"""The most terms; more would not help a reader, and their matrix would fill the memory."""
 
 MOST_COEFFICIENTS = 1e4
-"""The sizes of a polynomial's coefficients add up to this at most: `<Z>` is then good to 1e-11."""
+"""The largest sum of a polynomial's absolute coefficients; `<Z>` is then accurate to 1e-11."""
 
 _VANISHES = 1e-15
-"""A coefficient this small, beside the largest of its circuit, is what rounding left."""
+"""A coefficient this small relative to the largest of its circuit is a rounding error."""
 
 Factor = tuple[int, int, int]
 """cos(form)^p sin(form)^q as (index of the form, p, q), q in (0, 1) and not both 0."""
@@ -85,7 +85,7 @@ class Surrogate:
 
     @property
     def terms(self) -> tuple[str, ...]:
-        """The functions as texts, such as "sin(x0)", "cos(x3)^2" and "cos(x0)*sin(x1)"."""
+        """The functions as text, such as "sin(x0)", "cos(x3)^2" and "cos(x0)*sin(x1)"."""
         return tuple("*".join(self._texts(monomial)) for monomial in self.basis)
 
     def _texts(self, monomial: Monomial) -> Iterable[str]:
@@ -97,7 +97,7 @@ class Surrogate:
 
     @property
     def parameter_count(self) -> int:
-        """Weights and biases; input scales belong to the functions."""
+        """The number of weights and biases; input scales belong to the functions."""
         return self.weights.size + self.bias.size
 
     @cached_property
@@ -106,7 +106,7 @@ class Surrogate:
 
     @cached_property
     def _factors(self) -> tuple[tuple[Factor, ...], IntArray]:
-        """Every factor once, and (factors of a term, terms): their positions, 0 standing for 1."""
+        """The distinct factors, and their positions (factors of a term, terms); 0 stands for 1."""
         factors = tuple(dict.fromkeys(factor for monomial in self.basis for factor in monomial))
         position = {factor: i for i, factor in enumerate(factors, start=1)}
         index = np.zeros((max(map(len, self.basis), default=0), len(self.basis)), dtype=np.intp)
@@ -115,7 +115,7 @@ class Surrogate:
         return factors, index
 
     def features(self, observations: FloatArray) -> FloatArray:
-        """Observations (B, features) to the values of the terms (B, terms).
+        """The values of the terms (B, terms) for observations (B, features).
 
         Raises:
             PolicyError: the observations have too few features.
@@ -135,19 +135,20 @@ class Surrogate:
         return product
 
     def logits(self, observations: FloatArray) -> FloatArray:
-        """Observations (B, features) to the logits of `policy` (B, k)."""
+        """The logits of `policy` (B, k) for observations (B, features)."""
         return np.asarray(self.features(observations) @ self.weights.T + self.bias)
 
     def probabilities(self, observations: FloatArray) -> FloatArray:
-        """Observations (B, features) to action probabilities (B, k)."""
+        """The action probabilities (B, k) for observations (B, features)."""
         return softmax(self.logits(observations))
 
 
 def merged_inputs(policy: Policy) -> dict[str, Angle]:
-    """Each input as plus or minus the first one that is equal to it, or as 0.
+    """Each input as plus or minus the first input equal to it, or as 0.
 
-    Inputs are equal that read one feature with one function, scale and gain. The functions of an
-    encoder are odd, so the opposite scale or gain gives the opposite input, and 0 gives 0.
+    Inputs are equal if they read the same feature with the same function, scale and gain. The
+    functions of an encoder are odd, so the opposite scale or gain gives the opposite input, and 0
+    gives 0.
     """
     first: dict[tuple[str, int, float, float], Angle] = {}
     merged = {}
@@ -183,19 +184,19 @@ class _Expansion:
         """`<Z>` of a circuit; `index` is its number in messages.
 
         Raises:
-            PolicyError: there are too many terms, or too large coefficients, on the way.
+            PolicyError: there are too many terms, or too large coefficients.
         """
         angles = alternating(circuit)
-        angles = angles[: len(angles) // 2 * 2]  # a last z is not seen
+        angles = angles[: len(angles) // 2 * 2]  # a last z has no effect
         x: Polynomial = {}
         y: Polynomial = {}
         z: Polynomial = {(): 1.0}
         for position, angle in enumerate(angles):
             cos, sin = self._turn(angle)
             if position % 2 == 0:
-                x, y = _turned(y, x, cos, sin)
+                x, y = _rotated(y, x, cos, sin)
             else:
-                z, x = _turned(x, z, cos, sin)
+                z, x = _rotated(x, z, cos, sin)
             for polynomial in (x, y, z):
                 _require_few(len(polynomial), f"Circuit {index}")
                 _require_exact(polynomial, index)
@@ -203,7 +204,7 @@ class _Expansion:
         return {monomial: value for monomial, value in z.items() if abs(value) >= least}
 
     def _turn(self, angle: Angle) -> tuple[Polynomial, Polynomial]:
-        """Cosine and sine of an angle, by the addition theorem for its constant."""
+        """Cosine and sine of an angle, with the addition theorem for its constant."""
         cos, sin = _cos_sin(angle.constant)
         form = Angle()
         for symbol, coefficient in angle.terms:
@@ -217,17 +218,17 @@ class _Expansion:
 
 
 def _cos_sin(constant: float) -> tuple[float, float]:
-    """Cosine and sine; whole numbers at quarter turns, so that what cancels leaves nothing."""
+    """Cosine and sine; exact integers at quarter turns, so that terms cancel exactly."""
     quarter = round(constant / (math.pi / 2))
     if abs(constant - quarter * math.pi / 2) > NEGLIGIBLE_RAD:
         return math.cos(constant), math.sin(constant)
     return ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[quarter % 4]
 
 
-def _turned(
+def _rotated(
     first: Polynomial, second: Polynomial, cos: Polynomial, sin: Polynomial
 ) -> tuple[Polynomial, Polynomial]:
-    """second cos - first sin, first cos + second sin."""
+    """The pair second cos - first sin, first cos + second sin."""
     return (
         _sum(_times(second, cos), _times(first, sin, -1.0)),
         _sum(_times(first, cos), _times(second, sin)),
@@ -242,50 +243,50 @@ def _sum(left: Polynomial, right: Polynomial) -> Polynomial:
 
 
 def _times(polynomial: Polynomial, turn: Polynomial, sign: float = 1.0) -> Polynomial:
-    """`sign` times a polynomial times a turn, whose monomials are 1 or a single cosine or sine."""
+    """`sign` times a polynomial times `turn`, whose monomials are 1 or a single cosine or sine."""
     product: Polynomial = {}
     for factor, scale in turn.items():
         if not scale:
             continue
         for monomial, value in polynomial.items():
-            for made, part in _multiplied(monomial, factor):
-                product[made] = product.get(made, 0.0) + sign * part * scale * value
+            for term, coefficient in _products(monomial, factor):
+                product[term] = product.get(term, 0.0) + sign * coefficient * scale * value
     return product
 
 
-def _multiplied(monomial: Monomial, factor: Monomial) -> Iterable[tuple[Monomial, float]]:
-    """A monomial times a single factor: monomials and their coefficients, sin^2 = 1 - cos^2."""
+def _products(monomial: Monomial, factor: Monomial) -> Iterable[tuple[Monomial, float]]:
+    """A monomial times a single factor, as monomials with coefficients, using sin^2 = 1 - cos^2."""
     if not factor:
         return [(monomial, 1.0)]
     ((form, cosines, sines),) = factor
     others = tuple(f for f in monomial if f[0] != form)
-    for found, power, odd in monomial:
-        if found == form:
+    for other, power, odd in monomial:
+        if other == form:
             cosines, sines = cosines + power, sines + odd
     if sines < 2:
-        return [(_with(others, (form, cosines, sines)), 1.0)]
+        return [(_insert(others, (form, cosines, sines)), 1.0)]
     return [
-        (_with(others, (form, cosines, 0)), 1.0),
-        (_with(others, (form, cosines + 2, 0)), -1.0),
+        (_insert(others, (form, cosines, 0)), 1.0),
+        (_insert(others, (form, cosines + 2, 0)), -1.0),
     ]
 
 
-def _with(others: Monomial, factor: Factor) -> Monomial:
+def _insert(others: Monomial, factor: Factor) -> Monomial:
     return tuple(sorted((*others, factor))) if factor[1] or factor[2] else others
 
 
 def _by_degree(polynomial: Polynomial) -> list[Monomial]:
-    """The monomials of a polynomial, those of low degree first."""
+    """The monomials of a polynomial, lowest degree first."""
     return sorted(polynomial, key=lambda m: (sum(p + q for _, p, q in m), m))
 
 
 def _require_few(terms: int, what: str) -> None:
     if terms > MOST_TERMS:
         raise PolicyError(
-            f"{what} has more terms than its surrogate can be written out with.",
-            f"Found {terms:,}; the limit is {MOST_TERMS:,}.",
-            "Each different angle within a circuit multiplies them: put fewer inputs on a qubit, "
-            "or give the copies of an input one scale.",
+            f"{what} has too many terms for a surrogate.",
+            f"It has {terms:,}; the limit is {MOST_TERMS:,}.",
+            "Each different angle in a circuit multiplies them: put fewer inputs on a qubit, "
+            "or give the copies of an input the same scale.",
         )
 
 
@@ -295,5 +296,5 @@ def _require_exact(polynomial: Polynomial, index: int) -> None:
         raise PolicyError(
             f"The surrogate of circuit {index} would not be exact: its terms nearly cancel.",
             f"Their coefficients add up to {total:,.0f}; the limit is {MOST_COEFFICIENTS:,.0f}.",
-            "Encode the same input less often on one qubit.",
+            "Encode the same input fewer times on one qubit.",
         )

@@ -1,4 +1,4 @@
-"""Loops and subroutines, run as the statements they stand for: every value in a file is known."""
+"""Loops, branches and subroutines, unrolled: every value in a file is known when it is read."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from qcompile.qasm.variables import Variables
 
 
 class Blocks:
-    """Runs the statements of bodies with `run`, and calls `step` before each.
+    """Runs the statements of bodies with `run`, calling `step` before each.
 
-    What a body declares is gone behind it; `declared` holds the names that are taken.
+    The declarations of a body end with it; `declared` holds the names in use.
     """
 
     def __init__(
@@ -36,7 +36,7 @@ class Blocks:
         self._active: list[str] = []
 
     def body(self, statements: list[Any]) -> None:
-        """Run `statements` in a scope of their own."""
+        """Run `statements` in a new scope."""
         before = len(self._declared)
         with self._variables.block():
             for statement in statements:
@@ -51,9 +51,7 @@ class Blocks:
         scope, name = self._variables.scope, statement.identifier.name
         type = scope.type_of(statement.type)
         if type is None or name in self._declared:
-            raise CircuitError(
-                f"{source_of(statement)}: {name!r} cannot be the variable of this loop."
-            )
+            raise CircuitError(f"{source_of(statement)}: {name!r} cannot be the loop variable.")
         for value in self._values(statement.set_declaration):
             self._step()
             with self._variables.block():
@@ -76,7 +74,7 @@ class Blocks:
         return (Value(INT, i) for i in range(first, last + (1 if step > 0 else -1), step))
 
     def branch(self, statement: Any) -> bool:
-        """Run one side of an `if`; False where its condition is not known, as one on bits is."""
+        """Run one side of an `if`; False if its condition is unknown, such as one on bits."""
         try:
             condition = self._variables.scope.value(statement.condition).to(BOOL)
         except CircuitError:
@@ -85,7 +83,7 @@ class Blocks:
         return True
 
     def define(self, name: str, statement: Any) -> None:
-        """Know a subroutine; None is one that cannot be read, which must not be called."""
+        """Define a subroutine; None stands for one that cannot be read, so must not be called."""
         self._subroutines[name] = statement
 
     def knows(self, name: str) -> bool:
@@ -97,7 +95,7 @@ class Blocks:
         if definition is None or definition.return_type is not None:
             raise CircuitError(
                 f"Subroutine {name!r} cannot be called here.",
-                "qcompile reads subroutines of gates on qubits and numbers, without a result.",
+                "qcompile supports subroutines of gates on qubits and numbers, without a result.",
             )
         if name in self._active:
             raise CircuitError(f"Subroutine {name!r} calls itself.")
@@ -135,7 +133,7 @@ class Blocks:
 
     @contextmanager
     def _own_names(self) -> Iterator[None]:
-        """A subroutine may call its names what the file calls others."""
+        """Within the block, names of the subroutine may hide names of the file."""
         before = dict(self._declared)
         self._declared.clear()
         yield

@@ -18,25 +18,25 @@ from qcompile.qasm.work import Work
 from qcompile.qasm.write import DEFINITIONS
 
 _MAX_INLINED, _MAX_INLINED_GATES = 10_000, 1_000
-"""Calls of the file's own gates that are kept written out, and the gates of each."""
+"""The most expanded calls of gates defined in the file that are cached, and gates in each."""
 
 _WRITTEN = {
     name: {texts.get(name) for texts in DEFINITIONS.values()}
     for name in chain.from_iterable(DEFINITIONS.values())
 }
-"""How `write` defines gates of the table: a file that does it so means the table's gate."""
+"""How `write` defines gates of the table: a file with such a definition means the table's gate."""
 
 
 class GateCalls:
-    """The gates that a file can call: those of the table and its own.
+    """The gates that a file can call: those of the table and those it defines.
 
-    `scope` is that of the file. Calls of its own gates are kept written out, as they are called
-    again and again.
+    `scope` is that of the file. Expanded calls of the gates it defines are cached, because files
+    repeat them often.
     """
 
     def __init__(self, scope: Scope, work: Work):
         self.entangling = set(ENTANGLING_GATES)
-        """The names of all gates, standard or the file's own, that join qubits."""
+        """The names of all gates, standard or defined in the file, that entangle qubits."""
         self.left_out_barriers = False
         """Whether a barrier in a definition was left out."""
         self._scope, self._work = scope, work
@@ -46,10 +46,10 @@ class GateCalls:
         self._active: list[str] = []
 
     def define(self, statement: Any) -> None:
-        """Know a gate that the file defines.
+        """Add a gate that the file defines.
 
         Raises:
-            CircuitError: a name occurs twice in its head.
+            CircuitError: a name occurs twice in its header.
         """
         name = statement.name.name
         self.note_entangling(statement)
@@ -57,14 +57,14 @@ class GateCalls:
         qubits = [q.name for q in statement.qubits]
         for names in (arguments, qubits):
             if len(set(names)) != len(names):
-                raise CircuitError(f"Gate {name!r} uses one name twice in its head.")
+                raise CircuitError(f"Gate {name!r} uses a name twice in its header.")
         if not (
             name in _WRITTEN and " ".join(openqasm3.dumps(statement).split()) in _WRITTEN[name]
         ):
             self._definitions[name] = statement
 
     def define_opaque(self, name: str) -> None:
-        """Know a gate of which the file does not say what it does."""
+        """Add an opaque gate, which the file declares without defining it."""
         self._opaque.add(name)
 
     def note_entangling(self, definition: Any) -> None:
@@ -75,14 +75,14 @@ class GateCalls:
             self.entangling.discard(definition.name.name)
 
     def call(self, name: str, angles: Sequence[Angle], width: int) -> Unitary:
-        """What gate `name` does to its `width` qubits.
+        """The gates of a call of gate `name` on `width` qubits.
 
         Raises:
-            CircuitError: there is no such gate, or it takes other angles or qubits.
+            CircuitError: there is no such gate, or the number of angles or qubits is wrong.
         """
         if name in self._opaque:
             raise CircuitError(
-                f"Gate {name!r} is opaque: the file does not say what it does.",
+                f"Gate {name!r} is opaque: the file does not define it.",
                 f"Define it: gate {name} ... {{ ... }}",
             )
         if name in self._definitions:
@@ -92,7 +92,7 @@ class GateCalls:
         return Unitary([gates], lacking_phase(name, angles), is_standard=True)
 
     def expand(self, statement: Any, scope: Scope) -> Unitary:
-        """What a gate statement does to its operands; its expressions are evaluated in `scope`.
+        """The gates of a gate statement; its expressions are evaluated in `scope`.
 
         Raises:
             CircuitError: it is not a gate that can be compiled.
@@ -103,7 +103,7 @@ class GateCalls:
         else:
             if statement.duration is not None:
                 raise CircuitError(
-                    f"{source_of(statement)} has a duration.", "Gates take none here."
+                    f"{source_of(statement)} has a duration.", "Remove it: gates have none here."
                 )
             angles = [scope.evaluate(argument) for argument in statement.arguments]
             unitary = self.call(statement.name.name, angles, len(statement.qubits))
@@ -154,8 +154,8 @@ class GateCalls:
         for operand in operands:
             if operand not in parts:
                 raise CircuitError(
-                    f"{source_of(statement)!r} names what is not a qubit of the gate.",
-                    f"The gate has {', '.join(parts)}.",
+                    f"{source_of(statement)!r} uses something that is not a qubit of the gate.",
+                    f"The qubits of the gate: {', '.join(parts)}.",
                 )
         if len(set(operands)) != len(operands):
             raise CircuitError(f"{source_of(statement)} uses a qubit twice.")
@@ -181,8 +181,8 @@ class GateCalls:
             or unitary.size
         ):
             raise CircuitError(
-                f"{source_of(statement)}: {name} @ needs a qubit more than the gate.",
-                "Only that of gphase is a gate on one qubit.",
+                f"{source_of(statement)}: {name} @ makes a gate on more than one qubit.",
+                "Only a controlled gphase acts on a single qubit.",
             )
         return unitary.controlled(on_one=name == "ctrl")
 
@@ -200,5 +200,5 @@ def is_entangling(statement: Any, entangling: Set[str]) -> bool:
 def unsupported(statement: Any) -> CircuitError:
     return CircuitError(
         f"The statement {source_of(statement)!r} is not supported.",
-        "qcompile reads gates, barriers, and one measurement of each qubit at the end.",
+        "qcompile supports gates, barriers, and one measurement of each qubit at the end.",
     )

@@ -27,7 +27,7 @@ _SHOWN_CHARACTERS = 60
 
 
 def source_of(node: Any) -> str:
-    """A node as one short line of source, for messages."""
+    """The source of a node as one short line, for messages."""
     try:
         lines = openqasm3.dumps(node).strip().splitlines() or [""]
     except RecursionError:
@@ -44,8 +44,8 @@ def source_of(node: Any) -> str:
 class Scope:
     """The names an expression may use.
 
-    Gate bodies see `constants` (inputs are among them) and not `variables` (the constants of
-    blocks are among these). With `real` every number is a real one, as in OpenQASM 2; with
+    Gate bodies see `constants`, which include inputs, but not `variables`, which include the
+    constants of blocks. With `real` every number is a real number, as in OpenQASM 2; with
     `products` inputs can be multiplied by each other (see `ir.products`).
     """
 
@@ -55,15 +55,15 @@ class Scope:
     products: bool = False
 
     def inner(self, values: Mapping[str, Angle]) -> Scope:
-        """The scope of a gate's body, where `values` hide names of the file."""
+        """The scope of a gate body, in which `values` hide the file's names."""
         arguments = {name: Value(FLOAT, angle) for name, angle in values.items()}
         return Scope(ChainMap(arguments, self.constants), {}, self.real, self.products)
 
     def evaluate(self, node: Any) -> Angle:
-        """The affine angle an expression stands for.
+        """The value of an expression as an affine angle.
 
         Raises:
-            CircuitError: a name is unknown, or the value is not affine, not finite, or no number.
+            CircuitError: a name is unknown, or the value is not affine, finite and a number.
         """
         value = self.value(node)
         if value.type.kind in ("bool", "bit"):
@@ -71,10 +71,10 @@ class Scope:
         return value.radians
 
     def whole_number(self, node: Any) -> int:
-        """The integer a constant expression stands for.
+        """The value of a constant integer expression.
 
         Raises:
-            CircuitError: it is not a constant integer.
+            CircuitError: the expression is not a constant integer.
         """
         number = self.evaluate_whole(node)
         if number is None:
@@ -82,7 +82,7 @@ class Scope:
         return number
 
     def evaluate_whole(self, node: Any) -> int | None:
-        """`whole_number`, or None where the value is none."""
+        """`whole_number`, or None if the value is not a constant integer."""
         value = self.value(node, to_whole=True)
         if isinstance(value.number, Angle):
             constant = value.number.constant
@@ -91,13 +91,13 @@ class Scope:
         return value.number if value.type.is_whole else None
 
     def value(self, node: Any, *, to_whole: bool = False) -> Value:
-        """The value of an expression; `to_whole` says that it becomes a whole number.
+        """The value of an expression; `to_whole` if it will be converted to a whole number.
 
         Raises:
             CircuitError: a name is unknown, or there is no such value.
         """
         try:
-            # The operands of a long sum are left operands of left operands: no recursion there.
+            # A long sum nests in its left operands, so a loop over those needs no recursion.
             parents = []
             while isinstance(node, ast.BinaryExpression):
                 parents.append(node)
@@ -122,7 +122,7 @@ class Scope:
             raise CircuitError(f"{source_of(node)!r} is not a finite real number.") from error
 
     def named(self, name: str) -> Value:
-        """The value that a name stands for.
+        """The value of a name.
 
         Raises:
             CircuitError: the name is unknown, or has no value yet.
@@ -140,10 +140,10 @@ class Scope:
         return self.constants[name]
 
     def type_of(self, node: Any) -> Type | None:
-        """The type that a declaration or a cast names; None for one that is not a number's.
+        """The type in a declaration or a cast; None for a type that is not numeric.
 
         Raises:
-            CircuitError: its size is out of range.
+            CircuitError: the size of the type is out of range.
         """
         match node:
             case ast.BoolType() | ast.BitType(size=None):
@@ -155,10 +155,10 @@ class Scope:
         width = None if node.size is None else self.whole_number(node.size)
         if width is not None and not 1 <= width <= MAX_BITS:
             raise CircuitError(
-                f"{kind}[{width}] is not a type here.", f"Sizes are 1 to {MAX_BITS} bits."
+                f"{kind}[{width}] is not supported.", f"Sizes are 1 to {MAX_BITS} bits."
             )
         if kind == "float" and width is not None and width < 64 and width not in (16, 32):
-            raise CircuitError(f"float[{width}] is not a type here.", "Use float[32] or float[64].")
+            raise CircuitError(f"float[{width}] is not supported.", "Use float[32] or float[64].")
         return Type(kind, width)  # type: ignore[arg-type]
 
     def _leaf(self, node: Any, to_whole: bool) -> Value:

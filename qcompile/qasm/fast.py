@@ -1,7 +1,7 @@
-"""The fast path: gates on one operand, by far the most statements of a long file.
+"""The fast path: gates on one operand, by far the most common statements of a long file.
 
-A text such as `rz(0.5)` or `q[3]` is understood once, by the grammar and the interpreter, and
-looked up from then on. What is not understood here is left to them, so the path changes nothing.
+A text such as `rz(0.5)` or `q[3]` is parsed once, by the grammar and the interpreter, and looked up
+from then on. Every other statement is left to them, so the result is the same.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _STATEMENT = re.compile(
 _NUMBER = r"[ \t\r\n]*+-?(?:[0-9]++\.?[0-9]*+|\.[0-9]++)(?:[eE][+-]?[0-9]++)?[ \t\r\n]*+"
 _NUMBERS = re.compile(rf"{_NUMBER}(?:,{_NUMBER})*+\)\Z")
 _MAX_TEXTS = 50_000
-"""Texts that are kept; angles of a long file are mostly different ones."""
+"""The most texts in the cache: the angles of a long file are mostly different."""
 
 
 class FastPath:
@@ -42,8 +42,7 @@ class FastPath:
         self._qubits: dict[str, Sequence[int]] = {}
 
     def run(self, position: int) -> int:
-        """Run the statements from `position` on that are plain; returns where the first other
-        one starts.
+        """Run the plain statements from `position` on; returns where the next other one starts.
 
         Raises:
             CircuitError: the program has too many gates, from the statement at `stopped` on.
@@ -67,7 +66,7 @@ class FastPath:
         return position
 
     def forget(self) -> None:
-        """Understand every gate anew: something was declared."""
+        """Clear the cache, because a declaration may change the meaning of a text."""
         self._gates.clear()
 
     def _parse_gate(self, head: str) -> Sequence[Gate] | None:

@@ -1,4 +1,4 @@
-"""The gates a program file may name, as gates of the table."""
+"""The gates a program file may use, as gates of the table."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ Gates = tuple[Gate, ...]
 
 @dataclass(frozen=True)
 class FileGate:
-    """A gate that files name: its parameters, what it is, and the gates it becomes.
+    """A gate that files use: its parameters, its meaning, and its gates of the table.
 
-    `meaning` is the text of the documentation; the gates are equal to it up to the global phase
-    `phase`, which powers need to know.
+    `meaning` is the text for the documentation; the gates are equal to it up to the global phase
+    `phase`, which powers depend on.
     """
 
     name: str
@@ -48,7 +48,7 @@ def _r(theta: Angle, phi: Angle) -> Gates:
 
 _PI, _HALF_PI = Angle(math.pi), Angle(math.pi / 2)
 _U = "rz(lambda), then ry(theta), then rz(phi)"
-_R = "a turn by theta about the axis cos(phi) x + sin(phi) y"
+_R = "a rotation by theta about the axis cos(phi) x + sin(phi) y"
 
 OTHER_GATES = (
     *(FileGate(name, ("theta", "phi", "lambda"), _U, _u, _half_sum) for name in ("U", "u", "u3")),
@@ -58,7 +58,7 @@ OTHER_GATES = (
     _alias("u1", "p"),
     _alias("phase", "p"),
     FileGate("u0", ("a",), "id", lambda _: (Gate("id"),)),
-    FileGate("gphase", ("a",), "a global phase: nothing", lambda _: ()),
+    FileGate("gphase", ("a",), "a global phase: no gate", lambda _: ()),
     *(FileGate(name, ("theta", "phi"), _R, _r) for name in ("r", "prx", "U1q")),
     FileGate("gpi", ("phi",), "r(pi, phi)", lambda phi: _r(_PI, phi), lambda _: _HALF_PI),
     FileGate("gpi2", ("phi",), "r(pi/2, phi)", lambda phi: _r(_HALF_PI, phi)),
@@ -70,8 +70,8 @@ OTHER_GATES = (
     _alias("phaseshift", "p"),
     _alias("Rz", "rz"),
 )
-"""Gates of files beside those of `ir.gate`: of the OpenQASM standard and Qiskit, then of Braket
-(prx, gpi, gpi2, i, v, ...; angles in radians) and Quantinuum (U1q, Rz)."""
+"""Gates of files besides those of `ir.gate`: from the OpenQASM standard and Qiskit, Braket (prx,
+gpi, gpi2, i, v, ...; angles in radians) and Quantinuum (U1q, Rz)."""
 
 _OTHERS = {gate.name: gate for gate in OTHER_GATES}
 
@@ -91,8 +91,8 @@ def standard(name: str, angles: Sequence[Angle], defined: Sequence[str] = ()) ->
     """The gate `name` of a standard include, up to global phase; the first gate acts first.
 
     Raises:
-        CircuitError: no such gate, or another number of angles. `defined` holds the file's own
-            gates, so that advice can name them.
+        CircuitError: there is no such gate, or the number of angles is wrong. `defined` holds the
+            gates defined in the file, so that the hint can suggest them.
     """
     if name in _OTHERS:
         gate = _OTHERS[name]
@@ -105,7 +105,7 @@ def standard(name: str, angles: Sequence[Angle], defined: Sequence[str] = ()) ->
 
 
 def lacking_phase(name: str, angles: Sequence[Angle]) -> Angle:
-    """The global phase that the gates of `standard` lack."""
+    """The global phase by which the gates of `standard` differ from gate `name`."""
     return _OTHERS[name].phase(*angles) if name in _OTHERS else Angle()
 
 

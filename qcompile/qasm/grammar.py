@@ -1,7 +1,7 @@
 """The common statements of OpenQASM 3, and all of OpenQASM 2, parsed without ANTLR.
 
-OpenQASM 2 has few words of its own: `in`, `input`, `output`, `gphase`, `pow` and others that
-OpenQASM 3 reserves are names there. Both grammars share the nodes of openqasm3.ast.
+OpenQASM 2 has few keywords: `in`, `input`, `output`, `gphase`, `pow` and other words that
+OpenQASM 3 reserves are names there. Both grammars use the nodes of openqasm3.ast.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ _ASSIGNING = frozenset("+ - * / **".split())  # noqa: SIM905
 
 @dataclass
 class OpaqueGate(ast.Statement):  # type: ignore[misc]
-    """`opaque name(...) qubits;` of OpenQASM 2: a gate without a meaning."""
+    """`opaque name(...) qubits;` of OpenQASM 2: a gate without a definition."""
 
     name: ast.Identifier
 
 
 @dataclass
 class UnreadSubroutine(ast.Statement):  # type: ignore[misc]
-    """A `def` that the parser fails on."""
+    """A `def` that the parser cannot read."""
 
     name: ast.Identifier
 
@@ -46,17 +46,17 @@ def parse_2(text: str, line: int) -> Any:
     """The node of one statement of OpenQASM 2 that starts in `line`.
 
     Raises:
-        ParseError: it is none.
+        ParseError: the text is not a statement of OpenQASM 2.
     """
     return _Parser(text, line, WORDS_2, "^").whole(2)
 
 
 def parse_3(text: str, line: int) -> Any:
-    """The node of one statement of OpenQASM 3, if it is a common one: a gate or its definition, a
-    measurement, a barrier, a reset, an include, a number declared or assigned.
+    """The node of one common statement of OpenQASM 3: a gate or its definition, a measurement, a
+    barrier, a reset, an include, the declaration or assignment of a number.
 
     Raises:
-        ParseError: it is another one, or none.
+        ParseError: it is another statement, or none.
     """
     return _Parser(text, line, WORDS_3, "**").whole(3)
 

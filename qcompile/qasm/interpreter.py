@@ -1,4 +1,4 @@
-"""The statements of a parsed program file, run into circuits."""
+"""Runs the statements of a parsed program file, which gives the circuits."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ from qcompile.qasm.variables import Variables
 from qcompile.qasm.work import Work
 
 MAX_MARKED = 4_000_000
-"""Qubits of all resets, barriers, delays and aliases together."""
+"""The most qubits in all resets, barriers, delays and aliases together."""
 
 _INCLUDES = ("stdgates.inc", "qelib1.inc", "hqslib1.inc")
 _COUNTS = {2: "two", 3: "three", 4: "four", 5: "five"}
 
 
 class Interpreter:
-    """Runs the statements of a file, one by one; `gates` are those that it can call.
+    """Runs the statements of a file, one by one; `gates` are the gates that it can call.
 
     `version` is that of the file, "2" or "3". `entangling_later` counts the entangling statements
-    still to come, for a message. With `products` an angle may hold products of two inputs, which
-    become inputs of the program; `products` then has both of each. Whatever cannot be compiled is a
-    CircuitError without the line.
+    still to come, for a message. With `products` an angle may contain products of two inputs,
+    which become inputs of the program; `products` then holds both factors of each. What cannot be
+    compiled raises a CircuitError without the line.
     """
 
     def __init__(self, version: str | None, entangling_later: Callable[[], int], products: bool):
@@ -60,10 +60,10 @@ class Interpreter:
         )
 
     def finish(self) -> tuple[Program, Layout, tuple[Mark, ...]]:
-        """The program, its layout and its marks, behind the last statement."""
+        """The program, its layout and its marks, after the last statement."""
         layout = self._registers.layout(self._bit_of, list(self._again))
         if not layout.qubits:
-            raise CircuitError("The program has no qubits.", "Declare some, such as: qubit[2] q;")
+            raise CircuitError("The program has no qubits.", "Declare qubits: qubit[2] q;")
         circuits = tuple(Circuit(tuple(self._circuits.pop(i, ()))) for i in range(len(layout)))
         inputs = self._variables.inputs
         if self._scope.products:
@@ -71,26 +71,26 @@ class Interpreter:
         return Program(circuits, (*inputs, *self.products)), layout, tuple(self._marks)
 
     def notes(self) -> tuple[str, ...]:
-        """What of the file is in no circuit and no mark."""
+        """Notes on parts of the file that were left out."""
         if not self.gates.left_out_barriers:
             return ()
         return ("barriers within gate definitions are left out.",)
 
     @property
     def line(self) -> int:
-        """The line that is run."""
+        """The line of the current statement."""
         return self._work.line
 
     def evaluate(self, expression: Any) -> Angle:
-        """The angle that an expression stands for."""
+        """The value of an expression as an angle."""
         return self._scope.evaluate(expression)
 
     def qubits(self, operand: Any) -> Sequence[int]:
-        """The positions of the qubits that an operand names, now and ever after."""
+        """The positions of the qubits of an operand, which never change."""
         return self._resolve(operand, "qubit").positions
 
     def append(self, gates: Sequence[Gate], qubits: Sequence[int]) -> bool:
-        """Put `gates` on each of `qubits`, unless one of them is measured already."""
+        """Append `gates` to each of `qubits`; False if one of them is measured already."""
         for qubit in qubits:
             if qubit in self._bit_of:
                 return False
@@ -106,8 +106,8 @@ class Interpreter:
             case ast.Include():
                 if statement.filename not in _INCLUDES:
                     raise CircuitError(
-                        f"The include {statement.filename!r} is not known.",
-                        f"Known: {', '.join(_INCLUDES)}. Copy what it defines into this file.",
+                        f"Unknown include {statement.filename!r}.",
+                        f"Known: {', '.join(_INCLUDES)}. Copy its definitions into this file.",
                     )
             case ast.QubitDeclaration():
                 self._declare_register("qubit", statement.qubit, statement.size)
@@ -188,12 +188,12 @@ class Interpreter:
         self._registers.declare(kind, name, size and self._scope.whole_number(size), least)
 
     def _require_zeros(self, statement: Any) -> None:
-        """Raise CircuitError unless bits are set to 0, which is what they are before measured."""
+        """Raise CircuitError unless bits are set to 0, their value before any measurement."""
         value = self._scope.value(statement.init_expression)
         if value.number not in (0, Angle()):
             raise CircuitError(
                 f"{source_of(statement)} sets bits to 1.",
-                "Bits that are not measured stay 0 here.",
+                "Bits can only be set to 0, or by a measurement.",
             )
 
     def _resolve(self, operand: Any, kind: RegisterKind | None = None) -> Reference:
@@ -206,8 +206,8 @@ class Interpreter:
         count = 1 + self._entangling_later()
         return CircuitError(
             f"{source_of(statement)} {verb} {_COUNTS.get(width, width)} qubits.",
-            f"qcompile compiles circuits without entangling gates; this one has {count}.",
-            "Compile it with Qiskit's transpile, or remove the gate.",
+            f"qcompile compiles circuits without entangling gates; this program has {count}.",
+            "Remove the gate, or compile the program with Qiskit's transpile.",
         )
 
     def _apply(self, statement: Any) -> None:
@@ -217,8 +217,8 @@ class Interpreter:
         if len(sizes) > 1:
             listed = " and ".join(map(str, sorted(sizes)))
             raise CircuitError(
-                f"{source_of(statement)} joins registers of {listed}.",
-                "Registers that a gate is spread over need one size.",
+                f"{source_of(statement)} uses registers of different sizes: {listed}.",
+                "Registers in one gate statement must have the same size.",
             )
         for repetition in range(sizes.pop() if sizes else 1):
             targets = [o.positions[0 if o.single else repetition] for o in operands]
@@ -229,7 +229,7 @@ class Interpreter:
                     raise self._measured_before(target, statement)
 
     def _mark(self, text: str, operands: Sequence[Any]) -> None:
-        """Note a statement on these operands, or on every qubit."""
+        """Add a mark for a statement on these operands, or on every qubit."""
         named = [q for operand in operands for q in self._resolve(operand, "qubit").positions]
         qubits = tuple(dict.fromkeys(named if operands else self._registers.every_qubit))
         measured, gates_of = self._bit_of, self._circuits.get
@@ -249,7 +249,7 @@ class Interpreter:
             )
 
     def _duration(self, expression: Any) -> str | None:
-        """A duration as text: a number with its unit, or what was declared as one."""
+        """A duration as text: a number with its unit, or a declared duration."""
         match expression:
             case ast.DurationLiteral() if math.isfinite(expression.value):
                 return f"{expression.value:.15g}{expression.unit.name}"
@@ -272,20 +272,20 @@ class Interpreter:
         if bits is not None and len(bits.positions) != len(qubits.positions):
             raise CircuitError(
                 f"{len(qubits.positions)} qubits are measured into {len(bits.positions)} bits.",
-                "A measurement needs one bit for each qubit.",
+                "A measurement needs one bit per qubit.",
             )
         for index, qubit in enumerate(qubits.positions):
             self._measure_one(qubit, None if bits is None else bits.positions[index])
 
     def _measure_one(self, qubit: int, bit: int | None) -> None:
-        """Measure a qubit; one that is measured already has the same value still."""
+        """Measure a qubit; measuring it again at once gives the same value."""
         before = self._bit_of.setdefault(qubit, bit)
         if bit is None:
             return
         if self._written_by.setdefault(bit, qubit) != qubit:
             raise CircuitError(
                 f"{self._registers.name('bit', bit)} is written twice.",
-                "Measure every qubit into a bit of its own.",
+                "Measure each qubit into a separate bit.",
             )
         if before is None:
             self._bit_of[qubit] = bit

@@ -1,4 +1,4 @@
-"""Layouts: which qubit and which bit of a program file belong to each circuit."""
+"""Layouts: the qubit and the bit of a program file that belong to each circuit."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ Slot = tuple[str, int]
 
 @dataclass(frozen=True)
 class Layout:
-    """The registers of a program file, and what each circuit has of them.
+    """The registers of a program file, and the qubit and bit of each circuit in them.
 
     `qubits[i]` is the slot of circuit i, or the number n of its physical qubit $n. `bits[i]` is
-    the slot its measurement goes to, or None if it is not measured. `again` holds circuits that are
-    measured again at once, which gives the same value, and the slots for that.
+    the slot that its measurement writes, or None if it is not measured. `again` holds circuits that
+    are measured again at once, which gives the same value, and the slots that this writes.
 
     Raises:
         CircuitError: a register is declared twice, or a slot does not exist or is used twice.
@@ -50,12 +50,12 @@ class Layout:
         if len(self.qubits) != len(self.bits):
             raise CircuitError(
                 f"A layout has {len(self.qubits)} qubits and {len(self.bits)} bits.",
-                "It needs one of each for every circuit; the bit of one not measured is None.",
+                "It needs one qubit and one bit per circuit; an unmeasured circuit has bit None.",
             )
         _require_slots(self.qubits, self.qubit_registers, "qubit")
         _require_slots(written, self.bit_registers, "bit")
         if not all(0 <= circuit < len(self.bits) for circuit, _ in self.again):
-            raise CircuitError("A layout measures a circuit again that it does not have.")
+            raise CircuitError("The layout measures a circuit again that it does not contain.")
 
     @classmethod
     def default(cls, circuits: int) -> Layout:
@@ -78,7 +78,7 @@ def _require_distinct(values: Sequence[object], what: str) -> None:
         if value in taken:
             raise CircuitError(
                 f"{what} {value!r} is used twice.",
-                "In one file every circuit has a qubit and a bit of its own; rounds are files.",
+                "In one file every circuit needs its own qubit and bit; each round is a file.",
             )
         taken.add(value)
 

@@ -1,4 +1,4 @@
-"""What a file says beside gates and measurements: resets, barriers, delays, and where."""
+"""Marks: the resets, barriers and delays of a file, and their places among the gates."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The words of refusals: what an older syntax is now, and messages of a bounded length."""
+"""Error messages: hints for outdated syntax, and a bound on their length."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ HINTS = tuple(
     for pattern, hint in (
         (
             r"(?:qubit|qreg)\s*(?:\[[^;\]]*\])?\s*(\$\d+)\s*;",
-            r"Remove the line: \1 is there as it is.",
+            r"Remove the line: \1 is always available.",
         ),
         (rf"(qubit|bit)\s+({_NAME})\s*(\[[^;\]]*\])\s*;", r"Write: \1\3 \2;"),
         (
@@ -26,13 +26,13 @@ HINTS = tuple(
         (rf"const\s+({_NAME})\s*=\s*([^;]+);", r"Write: const float \1 = \2;"),
     )
 )
-"""What statements of before OpenQASM 3.0 are now: a pattern, and what to write instead."""
+"""Patterns of statements from drafts of OpenQASM 3, and what to write instead."""
 
 
 def bounded(name: str, line: int | None, message: str) -> str:
-    """`message` with the file and line in front, in LONGEST_MESSAGE characters at most.
+    """`message` after the file name and line, in at most LONGEST_MESSAGE characters.
 
-    What is in it from the file is made `visible`.
+    It is made `visible`, because it may quote the file.
     """
     if len(name) > _LONGEST_NAME:
         name = f"...{name[-_LONGEST_NAME:]}"

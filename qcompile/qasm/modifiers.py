@@ -1,9 +1,9 @@
 """Gates raised to powers, inverted and controlled.
 
-A power that is no whole number is the principal one, as Qiskit computes it: every eigenvalue
-exp(i w) of the gate's matrix, w in (-pi, pi], becomes exp(i k w). So the global phase of a gate
-counts: the square root of x is sx, that of rx(pi) is rx(pi/2). A rotation of the table is
-multiplied instead, whatever its angle: pow(k) @ rx(a) is rx(k a), pow(k) @ p(a) is p(k a).
+A fractional power is the principal one, as Qiskit computes it: every eigenvalue exp(i w) of the
+gate's matrix, w in (-pi, pi], becomes exp(i k w). So the global phase of a gate matters: the square
+root of x is sx, that of rx(pi) is rx(pi/2). For a rotation of the table the angle is multiplied
+instead, whatever it is: pow(k) @ rx(a) is rx(k a), pow(k) @ p(a) is p(k a).
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _MATRICES: dict[str, Matrix] = {
     "sxdg": np.array([[0.5 - 0.5j, 0.5 + 0.5j], [0.5 + 0.5j, 0.5 - 0.5j]]),
 }
 _ABOUT_Z = {"z": 1.0, "s": 0.5, "t": 0.25, "sdg": -0.5, "tdg": -0.25}
-"""Gates that are p(a), and a in half turns."""
+"""Gates equal to p(a), and a in half turns."""
 
 _INVERSE = {"s": "sdg", "t": "tdg", "sx": "sxdg"}
 _INVERSE |= {inverse: name for name, inverse in _INVERSE.items()}
@@ -50,9 +50,9 @@ _NO_TURN_RAD = 1e-14
 
 @dataclass(frozen=True)
 class Unitary:
-    """What a statement does: the gates on each of its qubits, and the phase that these lack.
+    """The effect of a statement: the gates on each of its qubits, and the global phase they lack.
 
-    `is_standard` says that the file names a gate of the table: powers of rotations are multiples.
+    `is_standard` if the file uses a gate of the table, whose powers multiply rotation angles.
     """
 
     parts: Sequence[Sequence[Gate]]
@@ -67,17 +67,17 @@ class Unitary:
         return Unitary([inverse(part) for part in self.parts], -self.phase, self.is_standard)
 
     def multiple(self, exponent: float) -> Unitary | None:
-        """The power of a rotation that the file names; None for any other gate."""
+        """The power of a rotation of the table; None for any other gate."""
         if not self.is_standard or len(self.parts) != 1:
             return None
         gates = _multiple(self.parts[0], exponent)
         return None if gates is None else Unitary([gates], self.phase * exponent, True)
 
     def power(self, exponent: float) -> Unitary:
-        """The unitary to a real power; a whole one is so many copies of the gates.
+        """The unitary to a real power; a whole power repeats the gates.
 
         Raises:
-            CircuitError: the power is no whole number, and the gates depend on an input or act on
+            CircuitError: the power is fractional, and the gates depend on an input or act on
                 several qubits.
         """
         if exponent.is_integer():
@@ -89,14 +89,14 @@ class Unitary:
         if len(used) > 1:
             raise CircuitError(
                 f"pow({exponent:g}) of a gate on several qubits may entangle them.",
-                "Only whole powers of it are read.",
+                "Only whole powers of such a gate are supported.",
             )
         gates = self.parts[used[0]] if used else ()
         power, phase = _principal(gates, self.phase, exponent)
         return Unitary([power if [i] == used else [] for i in range(len(self.parts))], phase)
 
     def controlled(self, *, on_one: bool) -> Unitary:
-        """The phase applied where a qubit is 1, or where it is 0: a gate on that qubit."""
+        """The phase applied if a control qubit is 1, or 0: a gate on that qubit."""
         if on_one:
             return Unitary([[Gate("p", self.phase)]])
         return Unitary([[Gate("p", -self.phase)]], self.phase)
@@ -111,7 +111,7 @@ def inverse(gates: Sequence[Gate]) -> list[Gate]:
 
 
 def _multiple(gates: Sequence[Gate], exponent: float) -> list[Gate] | None:
-    """The power of one rotation, or of one about an axis in the plane, as `r` is made."""
+    """The power of one rotation, or of one about an axis in the xy plane, as `r` builds it."""
     names = tuple(gate.name for gate in gates)
     if names == ("rz", "rx", "rz"):
         before, turn, after = gates
@@ -127,7 +127,7 @@ def _multiple(gates: Sequence[Gate], exponent: float) -> list[Gate] | None:
 
 
 def _times(angle: Angle | None, exponent: float) -> Angle:
-    """`angle * exponent`, its constant not rounded where it is large."""
+    """`angle * exponent`, with a large constant reduced exactly."""
     assert angle is not None
     product = angle * exponent
     if product.moderate() is product:
@@ -137,12 +137,12 @@ def _times(angle: Angle | None, exponent: float) -> Angle:
 
 
 def _principal(gates: Sequence[Gate], phase: Angle, exponent: float) -> tuple[list[Gate], Angle]:
-    """Gates and lacking phase of the principal power."""
+    """The gates of the principal power, and the global phase they lack."""
     angles = [phase, *(gate.angle for gate in gates if gate.angle is not None)]
     if not all(angle.is_constant for angle in angles):
         raise CircuitError(
-            f"pow({exponent:g}) of a gate that depends on an input is not read.",
-            "Only whole powers of it are, and all powers of rx, ry, rz, p and r.",
+            f"pow({exponent:g}) of a gate that depends on an input is not supported.",
+            "Use a whole power, or a power of rx, ry, rz, p or r.",
         )
     matrix = np.eye(2, dtype=complex) * cmath.exp(1j * phase.constant)
     for gate in gates:

@@ -1,7 +1,7 @@
-"""Names that OpenQASM takes for itself, and other names in their place.
+"""Names that OpenQASM reserves, and replacements for them.
 
-OpenQASM 2 calls registers `in`, `output` or `p`; OpenQASM 3 reserves such names, or its standard
-include has gates of these names.
+A register may be called `in`, `output` or `p` in OpenQASM 2; OpenQASM 3 reserves such names, or its
+standard include defines gates with them.
 """
 
 from __future__ import annotations
@@ -32,13 +32,12 @@ _NAME = {"3": re.compile(r"[^\W\d]\w*\Z"), "2": re.compile(r"[a-z][A-Za-z0-9_]*\
 
 
 def is_free(name: str, version: Version) -> bool:
-    """Whether a file of this version may call a register or an input so."""
+    """Whether `name` may be that of a register or an input in a file of this version."""
     return name not in _RESERVED and _NAME[version].match(name) is not None
 
 
 def legal_names(program: Program, layout: Layout, version: Version) -> dict[str, str]:
-    """Each name of the registers and inputs that a file of this version cannot have, and another
-    one for it, which nothing else has."""
+    """A unique replacement for each register and input name that this version does not allow."""
     registers = (*layout.qubit_registers, *layout.bit_registers)
     names = (*program.symbols, *(register.name for register in registers))
     other: dict[str, str] = {}
@@ -58,7 +57,7 @@ def _other(name: str, version: Version, taken: Collection[str]) -> str:
 
 
 def renamed(program: Program, layout: Layout, other: dict[str, str]) -> tuple[Program, Layout]:
-    """The program and its layout with the names of `other` in place of its keys."""
+    """The program and its layout with their names replaced according to `other`."""
 
     def slot(old: Slot) -> Slot:
         return other.get(old[0], old[0]), old[1]

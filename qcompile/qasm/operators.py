@@ -54,7 +54,7 @@ class NoOperationError(Exception):
 
 
 class AmbiguousError(Exception):
-    """Readers differ on the value; the arguments say how, and what to write instead."""
+    """Compilers disagree on the value; the arguments say how, and what to write instead."""
 
 
 def unary(symbol: str, value: Value, *, to_whole: bool) -> Value:
@@ -78,13 +78,13 @@ def binary(
 ) -> Value:
     """The value of `left symbol right`; with `products` inputs can be multiplied by each other.
 
-    `to_whole` says that the result becomes a whole number. Elsewhere two things are refused,
-    because readers differ there: the quotient of whole numbers that has a remainder, and a uint[n]
-    that a number without a width takes out of its range.
+    `to_whole` means that the result will be converted to a whole number. Otherwise two operations
+    are refused because compilers disagree on them: a quotient of whole numbers with a remainder,
+    and one of a uint[n] and a number without a width whose result does not fit uint[n].
 
     Raises:
         NoOperationError: there is no such operation.
-        AmbiguousError: one of these two.
+        AmbiguousError: one of these two operations.
         CircuitError: an operand cannot be converted, or the result is not finite.
         ArithmeticError: a division by zero, or a number too large.
     """
@@ -146,7 +146,7 @@ def _bitwise(symbol: str, left: Value, right: Value) -> Value:
 
 
 def _angles(symbol: str, left: Value, right: Value) -> Value | None:
-    """Arithmetic of angles, which is that of unsigned whole numbers; None where it is real."""
+    """Arithmetic of angles, as of unsigned whole numbers; None if the operation is on reals."""
     kinds = left.type.kind, right.type.kind
     if symbol in ("*", "/"):
         if kinds == ("angle", "angle") and symbol == "/":
@@ -174,7 +174,7 @@ def _angles(symbol: str, left: Value, right: Value) -> Value | None:
 
 
 def _common(left: Type, right: Type) -> Type:
-    """The type of the wider angle, or of the one that is an angle."""
+    """The type of the wider angle, or of the only operand that is an angle."""
     angles = [kind for kind in (left, right) if kind.kind == "angle"]
     return max(angles, key=lambda kind: kind.bits)
 
@@ -214,8 +214,8 @@ def _in_range(number: int, left: Type, right: Type, to_whole: bool) -> Value:
         return Value(wider if INT in (left, right) else INT, number)
     if not to_whole:
         raise AmbiguousError(
-            f"is {number}, which does not fit {wider}; readers differ on what it becomes",
-            f"Assign it to a {wider} to wrap it, or compute with int(...) not to.",
+            f"is {number}, which does not fit {wider}; compilers disagree on the result",
+            f"Assign it to a {wider} to wrap it, or compute with int(...) to avoid that.",
         )
     return Value(INT, number)
 

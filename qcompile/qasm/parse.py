@@ -18,7 +18,7 @@ from qcompile.terminal import one_line
 
 LONGEST_STATEMENT = 5_000_000
 _LONGEST_FOR_ANTLR = 100_000
-"""Characters of one statement; the full parser takes about a kilobyte for each."""
+"""The most characters of one statement; the full parser uses about a kilobyte for each."""
 
 _LONGEST_QUOTE = 63
 
@@ -29,40 +29,40 @@ _LOCATED = re.compile(r"L(\d+):C\d+: (.*)", re.DOTALL)
 
 
 class Grammar:
-    """Reads the statements of `text`; `version` is "2" or "3", or None where it does not say.
+    """Reads the statements of `text`; `version` is "2" or "3", or None if the text has none.
 
-    A file of OpenQASM 2 that uses what only OpenQASM 3 has is read all the same, and so is one
-    without a version that uses what only OpenQASM 2 has.
+    An OpenQASM 2 file may use statements of OpenQASM 3, and a file without a version those of
+    OpenQASM 2.
 
     Raises:
-        CircuitError: another version.
+        CircuitError: the version is unknown.
     """
 
     def __init__(self, text: str):
         self._text = text
         self._own: set[str] = set()
-        """The gates that a file of OpenQASM 2 has defined."""
+        """The gates that an OpenQASM 2 file has defined so far."""
         start = BLANK.match(text).end()  # type: ignore[union-attr]
         header = _HEADER.match(text, start)
         self.start = header.end() if header else start
         self.version = header[1] if header else None
         if self.version not in ("2", "3", None):
             number = header[0].split()[1].rstrip(";")  # type: ignore[index]
-            raise CircuitError(f"OpenQASM {number} is not known.", "Known versions: 2.0 and 3.0.")
+            raise CircuitError(f"Unknown OpenQASM version {number}.", "Use 2.0 or 3.0.")
 
     def parse(self, span: Span, line: int) -> Any:
-        """The node of a statement that starts in `line`; the spans of nodes hold lines of the file.
+        """The node of a statement that starts in `line`; the spans of nodes are lines of the file.
 
         Raises:
-            ParseError: it is no statement; its `line` says where.
-            RecursionError: it is nested too deeply.
+            ParseError: the text is not a statement; `line` of the error says where.
+            RecursionError: the statement is nested too deeply.
         """
         if span.word == "/*":
             raise ParseError(line, "A comment does not end.", "Is its */ missing?")
         _require_short(span.end - span.start, LONGEST_STATEMENT, line)
         text = self._text[span.start : span.end]
         if span.word == "OPENQASM":
-            raise ParseError(line, "OPENQASM must be the first word of a file, with one version.")
+            raise ParseError(line, "OPENQASM must be the first statement, and appear only once.")
         try:
             return self._parse(text, span.word, line)
         except ParseError as fault:
@@ -90,7 +90,7 @@ class Grammar:
             node = parse_2(text, line)
         except ParseError:
             with contextlib.suppress(ParseError):
-                # OpenQASM 3 knows ^ as an exclusive or; in OpenQASM 2 it is **.
+                # ^ is an exclusive or in OpenQASM 3, and a power, **, in OpenQASM 2.
                 return _parse_fully(text.replace("^", "**"), line)
             raise
         if isinstance(node, ast.QuantumGateDefinition | OpaqueGate):
@@ -104,7 +104,7 @@ def _parse_fully(text: str, line: int) -> Any:
 
     _require_short(len(text), _LONGEST_FOR_ANTLR, line)
     try:
-        # ANTLR prints what it finds to standard error besides raising it.
+        # ANTLR prints errors to standard error besides raising them.
         with contextlib.redirect_stderr(io.StringIO()):
             statements = parse(text).statements
     except QASM3ParsingError as error:
@@ -112,7 +112,7 @@ def _parse_fully(text: str, line: int) -> Any:
     except RecursionError:
         raise
     except Exception as error:
-        # The parser lets through whatever its conversion of an odd literal happens to raise.
+        # Converting an odd literal may raise any exception, which the parser does not catch.
         if subroutine := _SUBROUTINE.match(text):
             node = UnreadSubroutine(ast.Identifier(subroutine[1]))
             node.span = ast.Span(line, 0, line, 0)
@@ -131,7 +131,7 @@ def _require_short(length: int, most: int, line: int) -> None:
         raise ParseError(
             line,
             f"A statement of {length} characters is too long.",
-            f"The most is {most}. Is a ';' or a bracket missing?",
+            f"The limit is {most}. Is a ';' or a bracket missing?",
         )
 
 

@@ -1,7 +1,7 @@
-"""OpenQASM 3 and 2 files read as programs.
+"""Reading OpenQASM 3 and 2 files as programs.
 
-Common statements take the fast path, others the grammar of this package, and what neither knows
-the openqasm3 package, statement by statement; it is loaded when a file needs it.
+Each statement is read by the fast path if it is a common one, else by the grammar of this package,
+else by the openqasm3 package, which is loaded when a file needs it.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from qcompile.qasm.marks import Mark
 
 @dataclass(frozen=True)
 class Source:
-    """What a program file holds.
+    """The contents of a program file.
 
-    `program` has one circuit for each qubit, in the order of their declaration (physical qubits
-    in the order of their first use); its inputs are those the file declares, and behind them
-    `products` of two of them, where they were asked for. `layout` holds the file's registers, and
-    the qubit and bit of every circuit. `notes` say what was left out; `marks` are the resets,
-    barriers and delays, which no circuit holds, in the order of the file. `name` and `lines` are
-    the file's, for messages.
+    `program` has one circuit for each qubit, in the order of declaration (physical qubits in the
+    order of first use). Its inputs are those that the file declares, followed by the `products` of
+    two of them, if these were asked for. `layout` has the file's registers, and the qubit and bit
+    of every circuit. `notes` list what was left out; `marks` are the resets, barriers and delays,
+    which are not part of any circuit, in the order of the file. `name` and `lines` are those of the
+    file, for messages.
     """
 
     program: Program
@@ -39,15 +39,14 @@ class Source:
 
 
 def read(text: str, name: str = "<string>", *, products: bool = False) -> Source:
-    """The program that OpenQASM 3 or 2 text stands for, up to a global phase.
+    """The program of OpenQASM 3 or 2 text, up to a global phase.
 
-    Gates of the file's own are inlined and broadcasts written out. A file says by
-    `OPENQASM 2.0;` that it is one of OpenQASM 2. With `products` an angle may hold products of two
-    inputs.
+    Gates defined in the file are inlined and broadcasts expanded. The line `OPENQASM 2.0;` makes it
+    an OpenQASM 2 file. With `products` an angle may contain products of two inputs.
 
     Raises:
-        ProgramFileError: the text is no program that qcompile can compile; the message starts
-            with `name` and the line.
+        ProgramFileError: qcompile cannot compile the text; the message starts with `name` and the
+            line.
     """
     from qcompile.qasm.messages import bounded
     from qcompile.qasm.reader import Reader
@@ -60,16 +59,16 @@ def read(text: str, name: str = "<string>", *, products: bool = False) -> Source
     except RecursionError as error:
         message = (
             "The program is nested too deeply.\n"
-            "  Write sums within brackets as several const declarations."
+            "  Split sums in brackets into several const declarations."
         )
         raise ProgramFileError(bounded(name, reader.line, message)) from error
 
 
 def read_file(path: str | Path, *, products: bool = False) -> Source:
-    """What `read` makes of the file at `path`; messages start with the path as given.
+    """The program of the file at `path`, by `read`; messages start with the path as given.
 
     Raises:
-        ProgramFileError: the file is missing, is no UTF-8 text, or `read` refuses its text.
+        ProgramFileError: the file is missing or not UTF-8 text, or `read` refuses its text.
     """
     try:
         text = reading.decode(reading.read_file(path))
@@ -80,6 +79,6 @@ def read_file(path: str | Path, *, products: bool = False) -> Source:
         ) from error
     except reading.ContentsError as error:
         raise ProgramFileError(
-            f"{path}: {error}", "An OpenQASM program is a file of UTF-8 text."
+            f"{path}: {error}", "An OpenQASM program is a UTF-8 text file."
         ) from error
     return read(text, str(path), products=products)

@@ -25,11 +25,11 @@ _GATE_PRAGMA = re.compile(r"#?pragma braket unitary\b")
 
 
 class Reader:
-    """Reads `text` once; `line` is the line it is at.
+    """Reads `text` once; `line` is the current line.
 
-    With `fast` false every statement is parsed, to the same result: the tests compare. With
-    `multiply` inputs may be multiplied by each other: `products` then has the two of each product,
-    by the name of the input that it becomes.
+    With `fast` false every statement is parsed, with the same result: the tests compare the two.
+    With `multiply` inputs may be multiplied by each other: `products` then has the two factors of
+    each product, by the name of the input that the product becomes.
     """
 
     def __init__(self, text: str, *, fast: bool = True, multiply: bool = False):
@@ -40,11 +40,11 @@ class Reader:
         self._pragmas: list[str] = []
 
     def run(self) -> tuple[Program, Layout, tuple[str, ...], tuple[Mark, ...]]:
-        """The program, its layout, notes on what was passed over, and its marks.
+        """The program, its layout, notes on what was skipped, and its marks.
 
         Raises:
-            CircuitError: it cannot be compiled; `line` says where.
-            RecursionError: it is nested too deeply.
+            CircuitError: the text cannot be compiled; `line` says where.
+            RecursionError: the text is nested too deeply.
         """
         text = self._text
         if BLANK.match(text).end() == len(text):  # type: ignore[union-attr]
@@ -101,10 +101,10 @@ class Reader:
         pragma = " ".join(self._text[span.start : span.end].split())
         if _GATE_PRAGMA.match(pragma):
             raise CircuitError(
-                f"The pragma {pragma[:60]!r} is a gate, which qcompile does not read.",
-                "Write it as u(theta, phi, lambda).",
+                f"The pragma {pragma[:60]!r} defines a gate, which qcompile does not support.",
+                "Write the gate as u(theta, phi, lambda).",
             )
-        self._pragmas.append(f"{pragma[:60]!r} in line {self.line}")
+        self._pragmas.append(f"{pragma[:60]!r} on line {self.line}")
 
     def _notes(self) -> tuple[str, ...]:
         if not self._pragmas:
@@ -114,7 +114,7 @@ class Reader:
         return (f"pragmas are skipped: {self._pragmas[0]}{others}.",)
 
     def _entangling_later(self) -> int:
-        """How many statements behind this one join qubits."""
+        """How many of the statements after this one entangle qubits."""
         count, names = 0, self._interpreter.gates.entangling
         for span in spans(self._text, self._position):
             if span.word in names:

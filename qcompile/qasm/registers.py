@@ -1,4 +1,4 @@
-"""The registers of a program file, and the qubits and bits its operands name."""
+"""The registers of a program file, and the qubits and bits that its operands refer to."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ RegisterKind = Literal["qubit", "bit"]
 
 @dataclass(frozen=True)
 class Reference:
-    """Qubits or bits by position; `single` tells q[0] from a register of one."""
+    """Qubits or bits by position; `single` distinguishes q[0] from a register of size 1."""
 
     kind: RegisterKind
     positions: Sequence[int]
@@ -30,9 +30,9 @@ class Reference:
 
 
 class Registers:
-    """What a file has declared so far. Positions count qubits, and bits, in that order.
+    """The registers declared so far. Positions number all qubits, and all bits, in that order.
 
-    Every method raises CircuitError for what does not exist or is out of range.
+    Every method raises CircuitError if a name does not exist or an index is out of range.
     """
 
     def __init__(self) -> None:
@@ -41,12 +41,12 @@ class Registers:
         self._references: dict[str, Reference] = {}
 
     def declare(self, kind: RegisterKind, name: str, size: int | None, least: int = 1) -> None:
-        """Add a register of `size` qubits or bits, at least `least`, or a single one (None)."""
+        """Add a register of `size` qubits or bits, not below `least`, or a single one (None)."""
         places = self._places[kind]
         if size is not None and not least <= size <= MAX_PROGRAM_QUBITS - len(places):
             raise CircuitError(
                 f"Register {name!r} has {size} {kind}s.",
-                f"A program can have 1 to {MAX_PROGRAM_QUBITS} of them.",
+                f"A program can have 1 to {MAX_PROGRAM_QUBITS}.",
             )
         register, first = Register(name, size), len(places)
         self._registers[kind].append(register)
@@ -54,16 +54,16 @@ class Registers:
         self._references[name] = Reference(kind, range(first, len(places)), single=size is None)
 
     def alias(self, name: str, reference: Reference) -> None:
-        """Let `name` stand for `reference`."""
+        """Make `name` refer to `reference`."""
         self._references[name] = reference
 
     def drop(self, name: str) -> None:
-        """Forget an alias that a block has made, if `name` is one."""
+        """Remove the alias `name` that a block made, if there is one."""
         self._references.pop(name, None)
 
     @contextmanager
     def renamed(self, references: Mapping[str, Reference]) -> Iterator[None]:
-        """Within, the names of `references` stand for them, whatever else they stand for."""
+        """Within the block, the names in `references` refer to those, hiding all others."""
         before = dict(self._references)
         self._references.update(references)
         yield
@@ -99,7 +99,7 @@ class Registers:
         return range(len(self._places["qubit"]))
 
     def name(self, kind: RegisterKind, position: int) -> str:
-        """What the file calls a qubit or bit, such as q[0], q or $3."""
+        """The name of a qubit or bit in the file, such as q[0], q or $3."""
         place = self._places[kind][position]
         if isinstance(place, int):
             return f"${place}"
@@ -107,7 +107,7 @@ class Registers:
         return register if self._references[register].single else f"{register}[{index}]"
 
     def resolve(self, node: Any, scope: Scope, kind: RegisterKind | None = None) -> Reference:
-        """The qubits or bits that an operand names; `kind` says which they must be."""
+        """The qubits or bits that an operand refers to; `kind` says which they must be."""
         match node:
             case ast.Identifier():
                 reference = self._lookup(node.name)
@@ -120,10 +120,10 @@ class Registers:
             case ast.Concatenation():
                 left, right = self.resolve(node.lhs, scope), self.resolve(node.rhs, scope)
                 if left.kind != right.kind:
-                    raise CircuitError(f"{source_of(node)!r} joins qubits and bits.")
+                    raise CircuitError(f"{source_of(node)!r} mixes qubits and bits.")
                 both = (*left.positions, *right.positions)
                 if len(set(both)) != len(both):
-                    raise CircuitError(f"{source_of(node)!r} holds a {left.kind} twice.")
+                    raise CircuitError(f"{source_of(node)!r} contains a {left.kind} twice.")
                 reference = Reference(left.kind, both, single=False)
             case _:
                 raise CircuitError(f"{source_of(node)!r} is not a qubit or bit.")
@@ -141,14 +141,14 @@ class Registers:
         if name not in self._references:
             raise CircuitError(
                 f"Unknown register {name!r}.",
-                nearest(name, list(self._references)) if self._references else "None is declared.",
+                nearest(name, list(self._references)) if self._references else "Declare one first.",
             )
         return self._references[name]
 
 
 def _index(base: Reference, index: Any, node: Any, scope: Scope) -> Reference:
     if base.single:
-        raise CircuitError(f"{source_of(node)!r} indexes a single {base.kind}.")
+        raise CircuitError(f"{source_of(node)!r} has an index, but is a single {base.kind}.")
     positions, single = base.positions, False
     if isinstance(index, ast.DiscreteSet):
         picked = [positions[_in_range(i, positions, node, scope)] for i in index.values]
@@ -166,7 +166,7 @@ def _in_range(index_node: Any, positions: Sequence[int], node: Any, scope: Scope
     if not -len(positions) <= index < len(positions):
         raise CircuitError(
             f"Index {index} of {source_of(node)} is out of range.",
-            f"The register has {len(positions)}, the last is {len(positions) - 1}.",
+            f"The register has size {len(positions)}; the last index is {len(positions) - 1}.",
         )
     return index % len(positions)
 

@@ -1,4 +1,4 @@
-"""The text of a program file, cut into its statements."""
+"""Splitting the text of a program file into statements."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ _WITH_BODY = frozenset(
 
 
 class Span(NamedTuple):
-    """A statement is text[start:end]; `word` is its first word, behind its annotations.
+    """A statement is text[start:end]; `word` is its first word after any annotations.
 
-    `word` is "/*" where a comment begins that does not end.
+    `word` is "/*" if a comment begins there that does not end.
     """
 
     start: int
@@ -35,7 +35,7 @@ class Span(NamedTuple):
 def spans(text: str, position: int = 0) -> Iterator[Span]:
     """The statements of OpenQASM text from `position` on, in order.
 
-    A statement ends at its semicolon, at the end of its body, or, a pragma, at the end of the line.
+    A statement ends at its semicolon or at the end of its body; a pragma at the end of its line.
     """
     while True:
         position = BLANK.match(text, position).end()  # type: ignore[union-attr]
@@ -59,7 +59,7 @@ def _span(text: str, start: int) -> Span:
 
 
 def _end(text: str, start: int, word: str) -> int | None:
-    """Where the statement ends; None within a comment."""
+    """The end of the statement; None if a comment does not end."""
     has_body = word in _WITH_BODY
     depth, position = 0, start
     while stop := _STOP.search(text, position):
@@ -81,6 +81,6 @@ def _end(text: str, start: int, word: str) -> int | None:
 
 
 def _closing(text: str, position: int) -> int:
-    """Behind the brace that closes a set of values."""
+    """The position after the brace that closes a set of values."""
     end = text.find("}", position)
     return len(text) if end < 0 else end + 1

@@ -1,4 +1,4 @@
-"""The tokens of one statement of OpenQASM, and the names and expressions among them."""
+"""The tokens of an OpenQASM statement, and a parser for the names and expressions in it."""
 
 from __future__ import annotations
 
@@ -41,14 +41,14 @@ class ParseError(CircuitError):
 
 
 def unexpected(line: int, token: str) -> ParseError:
-    """What a parser says of the first token that it cannot use; "" is the end of the text."""
+    """The error for the first token that does not fit; "" is the end of the text."""
     if token:
         return ParseError(line, f"Syntax error at {token[:60]!r}.", "Is a ';' missing before it?")
     return ParseError(line, "The file ends within a statement.", "Is a ';' or a bracket missing?")
 
 
 class ExpressionParser:
-    """Recursive descent over the tokens of one statement; `power` is the operator of powers."""
+    """Recursive descent over the tokens of one statement; `power` is the power operator."""
 
     def __init__(self, text: str, line: int, words: frozenset[str], power: str):
         self._text, self._line, self._words, self._power = text, line, words, power
@@ -79,14 +79,14 @@ class ExpressionParser:
         return True
 
     def _items(self, item: Callable[[], Any], end: str) -> list[Any]:
-        """One item or more with commas between them, to `end`."""
+        """One or more items, separated by commas, up to `end`."""
         items = [item()]
         while self._take(",", end) == ",":
             items.append(item())
         return items
 
     def _list(self, item: Callable[[], Any], end: str) -> list[Any]:
-        """`_items`, or none at all."""
+        """Any number of items, separated by commas, up to `end`."""
         return [] if self._taken(end) else self._items(item, end)
 
     def _identifier(self) -> Any:
@@ -104,12 +104,12 @@ class ExpressionParser:
         return ast.IndexedIdentifier(name, [[index]])
 
     def _expression(self, least: int = 1) -> Any:
-        """Precedence climbing; sums and products of any length take no recursion."""
+        """Precedence climbing; sums and products of any length need no recursion."""
         left = self._value()
         while (level := _LEVELS.get(self._operator(), 0)) >= least:
             operator = self._operator()
             self._advance()
-            # A power is grouped from the right, everything else from the left.
+            # Powers are right-associative, all other operators left-associative.
             right = self._expression(level if operator == "**" else level + 1)
             left = ast.BinaryExpression(ast.BinaryOperator[operator], left, right)
         return left
@@ -149,5 +149,5 @@ def _literal(token: str, line: int) -> Any:
 
 
 def _legal(name: str) -> bool:
-    """Whether letters beyond ASCII are such that a name may have; a superscript is none."""
+    """Whether the characters beyond ASCII are letters, as a name needs, and not superscripts."""
     return name.isascii() or name.isidentifier()

@@ -1,4 +1,4 @@
-"""The classical types of OpenQASM 3: typed values and what is converted into what.
+"""The classical types of OpenQASM 3: typed values and their conversions.
 
 Source: the OpenQASM 3 specification, "Types and Casting" and "Classical instructions".
 """
@@ -19,7 +19,7 @@ from qcompile.ir import Angle
 TypeKind = Literal["bool", "int", "uint", "float", "angle", "bit"]
 
 MAX_BITS = 1024
-"""The widest type that a file may name."""
+"""The width of the widest type that a file may use."""
 
 _MACHINE_BITS = 64
 _ROUNDED: dict[int | None, Callable[[float], SupportsFloat]] = {16: np.float16, 32: np.float32}
@@ -47,7 +47,7 @@ class Type:
 
     @property
     def has_bits(self) -> bool:
-        """Whether & | ^ ~ << >> work on it: they need to know how many bits there are."""
+        """Whether & | ^ ~ << >> apply: they need a known number of bits."""
         return self.kind == "angle" or (self.kind in ("bit", "uint") and self.width is not None)
 
     def __str__(self) -> str:
@@ -74,13 +74,13 @@ class Value:
 
     @property
     def whole(self) -> int:
-        """The int that stands for it."""
+        """The int that represents the value."""
         assert isinstance(self.number, int)
         return self.number
 
     @property
     def radians(self) -> Angle:
-        """The number as a real one; an angle in [0, 2 pi)."""
+        """The value as a real number; for an angle in [0, 2 pi)."""
         if isinstance(self.number, Angle):
             return self.number
         if self.type.kind == "angle":
@@ -88,17 +88,17 @@ class Value:
         return Angle.of(self.number)
 
     def to(self, target: Type, *, cast: bool = False) -> Value:
-        """The value converted to `target`; `cast` where the file asks for it by name.
+        """The value converted to `target`; `cast` if the file has an explicit cast.
 
         A uint[n] and an angle[n] wrap. An int[n] wraps in a cast from a whole number, and from a
-        uint[n]; else what does not fit is refused, because there the readers differ.
+        uint[n]; otherwise a value that does not fit is refused, because compilers disagree on it.
 
         Raises:
             CircuitError: there is no such conversion, or the value does not fit.
         """
         kind = self.type.kind
         if kind == target.kind == "bit" and self.type != target:
-            raise self._not(target, "Bits are converted to as many bits.")
+            raise self._not(target, "The number of bits must be the same.")
         match target.kind:
             case "bool":
                 if self._depends_on_inputs:
@@ -113,7 +113,7 @@ class Value:
             case "angle":
                 return Value(target, self._to_turns(target))
         if kind == "float" or (kind != "bool" and self.type.width != target.width):
-            raise self._not(target, "Bits are converted from as many bits.")
+            raise self._not(target, "The number of bits must be the same.")
         return Value(target, self.whole % (1 << target.bits))
 
     @property
@@ -125,10 +125,10 @@ class Value:
         if self.type.kind == "angle" or self._depends_on_inputs:
             raise self._not(target)
         if self.type.kind == "bit" and self.type.width != target.width:
-            raise self._not(target, "Bits are converted to as many bits.")
+            raise self._not(target, "The number of bits must be the same.")
         if isinstance(number, Angle):
             if not (cast or number.constant.is_integer()):
-                raise self._not(target, f"Write {target}(...) to cut off its fraction.")
+                raise self._not(target, f"Write {target}(...) to truncate it.")
             number = int(number.constant)
         bits = target.bits
         low, high = (-1 << bits - 1, 1 << bits - 1) if target.kind == "int" else (0, 1 << bits)
@@ -150,7 +150,7 @@ class Value:
             )
         if self.type.kind == "bit":
             if self.type.width != target.width:
-                raise self._not(target, "Bits are converted to as many bits.")
+                raise self._not(target, "The number of bits must be the same.")
             return self.whole
         if self.type.kind == "angle":
             return round(Fraction(self.whole * whole, 1 << self.type.bits)) % whole
@@ -161,7 +161,7 @@ class Value:
 
 
 def rounded(number: Angle, target: Type) -> Angle:
-    """`number` rounded to a float type; what depends on an input is not rounded."""
+    """`number` rounded to a float type, unless it depends on an input."""
     if target.width not in _ROUNDED or not number.is_constant:
         return number
     with np.errstate(over="ignore"):

@@ -1,6 +1,6 @@
 """The constants, variables and inputs of a program file.
 
-A file that qcompile reads runs straight through, so every variable has a known value at every line.
+qcompile runs a file from top to bottom, so every variable has a known value at every line.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from qcompile.qasm.values import FLOAT, Type, Value
 
 
 class Variables:
-    """The names of a file that stand for values, and `scope`, which evaluates with them."""
+    """The named values of a file, and the `scope` that evaluates expressions with them."""
 
     def __init__(self, *, real: bool, products: bool = False):
         self.scope = Scope(dict(CONSTANTS), {}, real, products)
@@ -26,12 +26,12 @@ class Variables:
         self._depth = 0
 
     def input(self, name: str) -> None:
-        """Let `name` be a number that is known when the program is bound."""
+        """Declare `name` as an input, whose value is known when the program is bound."""
         self.scope.constants[name] = Value(FLOAT, Angle.symbol(name))
         self.inputs.append(name)
 
     def constant(self, name: str, type: Type, expression: Any) -> None:
-        """Let `name` be the constant of this type and value: outside blocks, in gate bodies too.
+        """Declare a constant; outside blocks gate bodies see it too.
 
         Raises:
             CircuitError: the expression is not a constant, or does not fit the type.
@@ -45,18 +45,18 @@ class Variables:
             self.scope.constants[name] = value
 
     def declare(self, name: str, type: Type, expression: Any | None) -> None:
-        """Let `name` be a variable of this type, with a value if there is an expression."""
+        """Declare a variable of this type, with a value if there is an expression."""
         self._types[name] = type
         value = None if expression is None else self._converted(expression, type)
         self.scope.variables[name] = value
 
     def set(self, name: str, type: Type, value: Value) -> None:
-        """Let `name` be a variable of this type and value."""
+        """Declare or replace a variable with this type and value."""
         self._types[name], self.scope.variables[name] = type, value
 
     @contextmanager
     def block(self) -> Iterator[None]:
-        """Names that are declared within are gone behind it."""
+        """Names declared within the block are removed after it."""
         variables = self.scope.variables
         before = len(variables)
         self._depth += 1
@@ -68,7 +68,7 @@ class Variables:
 
     @contextmanager
     def subroutine(self) -> Iterator[None]:
-        """Within, no variable of the file is known; constants are."""
+        """Within the block, the file's variables are hidden; its constants are visible."""
         variables, types = dict(self.scope.variables), dict(self._types)
         self.scope.variables.clear()
         self._types.clear()

@@ -1,17 +1,17 @@
-"""Where the reading of a program file is, and how much more of it may be written out."""
+"""The progress of reading a program file, and its limits."""
 
 from __future__ import annotations
 
 from qcompile.errors import CircuitError
 
 MAX_GATES = 1_000_000
-"""Gates of all circuits. Nested definitions double with every line; more are not written out."""
+"""The most gates of all circuits together: nested definitions can double with every line."""
 
 
 class Work:
-    """`line` is the line that is read; gates and statements of bodies are counted.
+    """Counts gates, and statements of bodies; `line` is the current line.
 
-    Every method raises CircuitError where there would be more than MAX_GATES of them.
+    Every method raises CircuitError if a count would pass MAX_GATES.
     """
 
     def __init__(self) -> None:
@@ -19,23 +19,23 @@ class Work:
         self._room = self._steps = MAX_GATES
 
     def require_room(self, gates: int) -> None:
-        """Nothing, if so many gates more can be written out."""
+        """Check that `gates` more gates are allowed."""
         if gates > self._room:
             raise CircuitError(
-                f"The program has more than {MAX_GATES} gates when it is written out.",
+                f"The program has more than {MAX_GATES} gates after expansion.",
                 "Check its nested gate definitions and powers.",
             )
 
     def take_room(self, gates: int) -> None:
-        """Count gates that are written out."""
+        """Count `gates` more gates."""
         self.require_room(gates)
         self._room -= gates
 
     def step(self) -> None:
-        """Count a statement of a body: those without gates double too."""
+        """Count a statement of a body: statements without gates can double too."""
         self._steps -= 1
         if self._steps < 0:
             raise CircuitError(
-                f"Definitions and loops take more than {MAX_GATES} statements to write out.",
-                "Check those that nest.",
+                f"Definitions and loops expand to more than {MAX_GATES} statements.",
+                "Check the nested ones.",
             )

@@ -1,4 +1,4 @@
-"""Programs written as OpenQASM 3 or 2."""
+"""Writing programs as OpenQASM 3 or 2."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ DEFINITIONS: dict[Version, dict[str, str]] = {
         "p": "gate p(a) b { u1(a) b; }",
     },
 }
-"""Gates that the standard include lacks, and how a file defines those it uses.
+"""Definitions of the gates that the standard include lacks, for files that use them.
 
-stdgates.inc has no sxdg, and the qelib1.inc of the OpenQASM 2 paper neither sx nor p. Qiskit's
-strict reader refuses them without a definition; Cirq, pytket and Qiskit's legacy reader know them
-and accept the definition too. (`inv @ sx` would do in OpenQASM 3, but Cirq cannot read it.)
+stdgates.inc has no sxdg, and the qelib1.inc of the OpenQASM 2 paper has neither sx nor p. Qiskit's
+strict parser refuses them without a definition; Cirq, pytket and Qiskit's legacy parser know them
+and accept a definition too. (OpenQASM 3 has `inv @ sx`, but Cirq cannot read it.)
 """
 
 
@@ -38,13 +38,13 @@ def write(
     """`program` as OpenQASM text; every symbol is an `input float[64]`.
 
     Without a `layout` circuit i is on q[i] and measured into c[i]. With `qubits` circuit i is on
-    the physical qubit $n, n = qubits[i], whatever the layout says. Angles read back to the same
-    floats. OpenQASM 2 has neither inputs nor physical qubits. The `marks` stand where they stood,
-    in this order, among the gates of their circuits.
+    the physical qubit $n, n = qubits[i], whatever the layout says. Angles read back as the same
+    floats. OpenQASM 2 has neither inputs nor physical qubits. The `marks` are written in order, at
+    their places among the gates of their circuits.
 
     Raises:
-        CircuitError: the program has late angles, or what the version lacks; the layout does not
-            fit the program; or a name is reserved.
+        CircuitError: the program has late angles, or uses a feature that the version lacks; the
+            layout does not fit the program; or a name is reserved.
     """
     layout = Layout.default(len(program)) if layout is None else layout
     layout = layout if qubits is None else layout.on(qubits)
@@ -102,16 +102,16 @@ def _body(
 
 def _check(program: Program, version: Version, layout: Layout) -> None:
     if version not in DEFINITIONS:
-        raise CircuitError(f"There is no OpenQASM version {version!r}.", "Versions: 3 and 2.")
+        raise CircuitError(f"Unknown OpenQASM version {version!r}.", "Use 3 or 2.")
     if program.late_angles:
         raise CircuitError(
-            "A program with definitions cannot be written as OpenQASM.",
-            "Write the template of its executable, or bind the angles first.",
+            "A program with late angles cannot be written as OpenQASM.",
+            "Write executable.template(), or bind the angles first.",
         )
     if len(layout) != len(program):
         raise CircuitError(
             f"The layout has {len(layout)} qubits, the program {len(program)} circuits.",
-            "A file needs one qubit for every circuit.",
+            "A layout needs one qubit per circuit.",
         )
     if version == "2" and program.symbols:
         raise CircuitError(
@@ -120,15 +120,15 @@ def _check(program: Program, version: Version, layout: Layout) -> None:
         )
     if version == "2" and any(isinstance(qubit, int) for qubit in layout.qubits):
         raise CircuitError(
-            "OpenQASM 2 has no names for physical qubits.",
-            "Write OpenQASM 3, or put the circuits on a register.",
+            "OpenQASM 2 cannot name physical qubits.",
+            "Write OpenQASM 3, or leave out `qubits`.",
         )
     registers = [r.name for r in (*layout.qubit_registers, *layout.bit_registers)]
     for name in (*program.symbols, *registers):
         if not is_free(name, version):
             raise CircuitError(
-                f"{name!r} cannot be a name in OpenQASM {version}.",
-                "It is reserved there, the name of a gate, or has letters it may not have.",
+                f"{name!r} is not a valid name in OpenQASM {version}.",
+                "It is reserved, is the name of a gate, or contains invalid characters.",
                 "Rename it.",
             )
     for name in registers:

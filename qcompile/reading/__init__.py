@@ -1,7 +1,7 @@
-"""The one door for files: opened, measured and parsed here, and nowhere else.
+"""Reading files safely: every file is opened, measured and parsed in this package.
 
-Whatever a file holds, its size is known before anything is built from it, no code in it runs, and
-what cannot be read is a ContentsError or an OSError. Schemas and arrays are checked by the callers.
+The size of a file is known before anything is built from it, no code in it runs, and a file that
+cannot be read raises ContentsError or OSError. The callers check schemas and arrays.
 """
 
 from qcompile.reading.arrays import read_npy, read_table

@@ -21,14 +21,14 @@ def read_npy(contents: bytes) -> NDArray[Any]:
     """The array of a .npy file: real numbers or booleans, as many as its header says.
 
     Raises:
-        ContentsError: it is no such file, or not whole.
+        ContentsError: the contents are not those of a complete .npy file.
     """
     file = BytesIO(contents)
     try:
         version = npy.read_magic(file)
         shape, in_columns, dtype = _HEADERS[version](file)
-    except Exception as error:  # wrong bytes lead numpy's reader into errors of any type
-        raise ContentsError("It is not a whole .npy file.") from error
+    except Exception as error:  # invalid bytes can make numpy raise any exception
+        raise ContentsError("It is not a complete .npy file.") from error
     if dtype.kind not in "biuf":
         raise ContentsError(f"Its entries are of type {ascii(str(dtype))[:60]}, not real numbers.")
     count, room = math.prod(shape), len(contents) - file.tell()
@@ -41,26 +41,26 @@ def read_npy(contents: bytes) -> NDArray[Any]:
         flat = np.frombuffer(contents, dtype, count, file.tell()) if count else np.empty(0, dtype)
         return flat.reshape(shape, order="F" if in_columns else "C")
     except ValueError as error:
-        raise ContentsError("Its header has a shape that no array has.") from error
+        raise ContentsError("Its header has an invalid shape.") from error
 
 
 def read_table(contents: bytes) -> NDArray[np.float64]:
-    """The rows and columns of numbers with commas between them.
+    """The array of a table of comma-separated numbers, (rows, columns).
 
     Raises:
-        ContentsError: it is no such text.
+        ContentsError: the text is not such a table.
     """
     lines = decode(contents).splitlines()
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # an empty table is for the caller to refuse
+            warnings.simplefilter("ignore")  # the caller may refuse an empty table
             return np.loadtxt(lines, delimiter=",", ndmin=2)
-    except Exception as error:  # wrong text leads numpy's reader into errors of several types
+    except Exception as error:  # invalid text can make numpy raise several errors
         raise ContentsError(_first_fault(lines)) from error
 
 
 def _first_fault(lines: list[str]) -> str:
-    """What keeps `lines` from being a table."""
+    """A message about the first line that does not fit a table."""
     columns = 0
     for number, line in enumerate(lines, 1):
         text = line.partition("#")[0].strip()
@@ -71,6 +71,6 @@ def _first_fault(lines: list[str]) -> str:
             except ValueError:
                 return f"Line {number}: {ascii(entry.strip())[:60]} is not a number."
         if entries and columns and len(entries) != columns:
-            return f"Line {number} has {len(entries):,} columns, those above have {columns:,}."
+            return f"Line {number} has {len(entries):,} columns, the lines above have {columns:,}."
         columns = len(entries) or columns
-    return "It is not a table of numbers with commas between them."
+    return "It is not a table of comma-separated numbers."

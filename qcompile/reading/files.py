@@ -1,4 +1,4 @@
-"""Regular files, of a size that their kind can have."""
+"""Reading regular files of limited size."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from qcompile.limits import MAX_FILE_BYTES
 
 
 class ContentsError(ValueError):
-    """What is wrong with the contents of a file, in words."""
+    """The contents of a file are invalid; the message says why."""
 
 
 def read_file(path: str | Path, most: int = MAX_FILE_BYTES) -> bytes:
     """The contents of the regular file at `path`, at most `most` bytes.
 
-    A pipe, a device, a socket or a folder is refused before anything is read: it may never end.
+    A pipe, device, socket or folder is refused before reading: it may never end.
 
     Raises:
-        ContentsError: it is not a regular file, or too large.
-        OSError: it cannot be opened or read.
+        ContentsError: the path is not that of a regular file, or the file is too large.
+        OSError: the file cannot be opened or read.
     """
     if "\0" in str(path):
-        raise ContentsError("A path has no NUL character.")
+        raise ContentsError("A path cannot contain a NUL character.")
     _check_regular(os.stat(path))  # opening a device may already move it
     flags = ("O_RDONLY", "O_BINARY", "O_CLOEXEC", "O_NOCTTY", "O_NONBLOCK")
     handle = os.open(path, sum(getattr(os, flag, 0) for flag in flags))
@@ -32,7 +32,7 @@ def read_file(path: str | Path, most: int = MAX_FILE_BYTES) -> bytes:
         _check_regular(status)
         if status.st_size > most:
             raise ContentsError(
-                f"It has {status.st_size:,} bytes; such a file has {most:,} at most."
+                f"It has {status.st_size:,} bytes; the limit for such a file is {most:,}."
             )
         return file.read(status.st_size)
 

@@ -1,4 +1,4 @@
-"""Text and JSON of bounded size."""
+"""Reading text and JSON of limited size."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ _UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
 def decode(contents: bytes) -> str:
-    """The text of UTF-8, with or without a byte order mark.
+    """The text of UTF-8 bytes, with or without a byte order mark.
 
     Raises:
-        ContentsError: it is not UTF-8.
+        ContentsError: the bytes are not UTF-8.
     """
     if contents.startswith(_UTF16):
         raise ContentsError("It is UTF-16 text. Save it as UTF-8.")
@@ -30,33 +30,33 @@ def decode(contents: bytes) -> str:
 
 
 def load_json(contents: bytes | str, most: int = MAX_VALUES) -> Any:
-    """The plain values of a JSON document, in which no key of an object occurs twice.
+    """The plain values of a JSON document.
 
     Raises:
-        ContentsError: it is not JSON, nests too deeply, or holds more than `most` values, lists and
-            objects among them, or more than MAX_KEYS keys in one object.
+        ContentsError: the text is not JSON, nests too deeply, repeats a key in an object, or has
+            more than `most` values, lists and objects included, or MAX_KEYS keys in an object.
     """
     text = decode(contents) if isinstance(contents, bytes) else contents
     if sum(map(text.count, ",[{")) > most:
-        raise ContentsError(f"It holds more than {most:,} values.")
+        raise ContentsError(f"It contains more than {most:,} values.")
     try:
         return json.loads(text, object_pairs_hook=_object)
     except json.JSONDecodeError as error:
         why = f"line {error.lineno}, column {error.colno}: {error.msg}"
         raise ContentsError(f"It is not JSON: {why}.") from error
     except RecursionError as error:
-        raise ContentsError("Its JSON nests too deeply.") from error
+        raise ContentsError("Its JSON is nested too deeply.") from error
     except ContentsError:
         raise
     except ValueError as error:  # an integer of thousands of digits
-        raise ContentsError("It holds an integer with too many digits.") from error
+        raise ContentsError("It contains an integer with too many digits.") from error
 
 
 def check_json(contents: bytes) -> str:
-    """The text of a JSON document that `load_json` would read, for a schema's own parser.
+    """The text of a JSON document that `load_json` accepts, for a schema to parse.
 
     Raises:
-        ContentsError: as `load_json`.
+        ContentsError: as in `load_json`.
     """
     text = decode(contents)
     load_json(text)
@@ -67,16 +67,16 @@ def read_json(path: str | Path, most: int = MAX_FILE_BYTES) -> str:
     """The text of the JSON document at `path`, checked by `check_json`.
 
     Raises:
-        ContentsError, OSError: as `read_file` and `check_json`.
+        ContentsError, OSError: as in `read_file` and `check_json`.
     """
     return check_json(read_file(path, most))
 
 
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) > MAX_KEYS:
+    result = dict(pairs)
+    if len(result) > MAX_KEYS:
         raise ContentsError(f"One of its objects has more than {MAX_KEYS:,} keys.")
-    if len(found) < len(pairs):
+    if len(result) < len(pairs):
         (twice, _), *_ = Counter(key for key, _ in pairs).most_common(1)
-        raise ContentsError(f"The key {ascii(twice)[:60]} occurs twice in one object.")
-    return found
+        raise ContentsError(f"The key {ascii(twice)[:60]} appears twice in one object.")
+    return result

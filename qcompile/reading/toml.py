@@ -1,4 +1,4 @@
-"""TOML of bounded size."""
+"""Reading TOML of limited size."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ def read_toml(path: str | Path, most: int = MAX_FILE_BYTES) -> dict[str, Any]:
     """The plain values of the TOML document at `path`.
 
     Raises:
-        ContentsError, OSError: as `read_file`; it is not TOML, or nests too deeply.
+        ContentsError, OSError: as in `read_file`; the file is not TOML, or nests too deeply.
     """
     try:
         return tomllib.loads(decode(read_file(path, most)))
     except tomllib.TOMLDecodeError as error:
         raise ContentsError(f"It is not TOML: {error}.") from error
-    except ValueError as error:  # a number of thousands of digits, or a time that is none
-        raise ContentsError("Its TOML has a number or a time that cannot be one.") from error
+    except ValueError as error:  # a number with thousands of digits, or an invalid time
+        raise ContentsError("Its TOML contains an invalid number or time.") from error
     except RecursionError as error:
-        raise ContentsError("Its TOML nests too deeply.") from error
+        raise ContentsError("Its TOML is nested too deeply.") from error

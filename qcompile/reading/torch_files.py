@@ -1,7 +1,7 @@
-"""Files of torch.save: tensors and plain values, and nothing that could run.
+"""Reading files of torch.save: tensors and plain values, without running any code in them.
 
-The pickle inside is read with functions of our own in place of those it names, so that it can build
-lists, dicts and tensors and nothing else. torch is loaded when a tensor is met.
+The pickle inside is read with our own functions in place of those it names, so it can only build
+lists, dicts and tensors. torch is loaded when the first tensor is read.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ _MAX_ENTRIES = 10_000
 _MAX_DEPTH = 100
 _MAX_OPCODES = 3 * MAX_VALUES
 _EXPANDED_BYTES = 2**20
-"""Tensors may repeat numbers of their storage, to this many bytes more than the file has."""
+"""Tensors may repeat numbers of their storage, up to this many bytes beyond the file size."""
 _ENTRY = b"PK\x01\x02"
-"""Marks an entry in a zip file's directory."""
+"""The signature of an entry in the directory of a zip file."""
 _DTYPES = {
     "DoubleStorage": "float64",
     "FloatStorage": "float32",
@@ -50,41 +50,41 @@ _OPCODES = frozenset(
         *("REDUCE", "BUILD"),
     )
 )
-"""What torch.save writes for tensors and plain values."""
+"""The opcodes that torch.save writes for tensors and plain values."""
 
 
 class CodeError(ContentsError):
-    """The file names something to call besides what makes a tensor."""
+    """The file tries to call something other than the functions that make a tensor."""
 
 
 def read_torch(contents: bytes) -> Any:
     """The tensors, lists, dicts, texts and numbers of a file of torch.save.
 
-    Memory is bounded by the size of the file: all that is unpacked, all plain values and the bytes
-    of all tensors, expanded ones too, are counted before they are built. Tensors are contiguous
+    Memory is bounded by the size of the file: unpacked bytes, plain values and the bytes of all
+    tensors, including expanded ones, are counted before anything is built. Tensors are contiguous
     and on the CPU.
 
     Raises:
-        CodeError: it holds more than tensors and plain values; nothing of it was run.
-        ContentsError: it is no such file, or too large.
+        CodeError: the file contains more than tensors and plain values; nothing in it was run.
+        ContentsError: the contents are not those of a torch.save file, or are too large.
     """
     try:
         return _Archive(contents).values()
     except ContentsError:
         raise
-    except Exception as error:  # wrong bytes lead zipfile and pickle into errors of any type
-        raise ContentsError("It is not a whole file of torch.save.") from error
+    except Exception as error:  # invalid bytes can make zipfile and pickle raise any exception
+        raise ContentsError("It is not a complete file of torch.save.") from error
 
 
 class _Storage(NamedTuple):
-    """The numbers behind tensors: `key` names their entry."""
+    """The numbers of one or more tensors: `key` names their entry in the archive."""
 
     dtype: str
     key: str
 
 
 class _Tensor(NamedTuple):
-    """A tensor that has not been built."""
+    """A tensor that has not been built yet."""
 
     storage: _Storage
     offset: int
@@ -101,10 +101,10 @@ class _Archive:
         self._zip = zipfile.ZipFile(BytesIO(contents))
         self._entries = {entry.filename: entry for entry in self._zip.infolist()}
         unpacked = sum(entry.file_size for entry in self._zip.infolist())
-        # torch packs nothing: what it writes is no larger unpacked than the file itself.
+        # torch does not compress, so the unpacked entries cannot be larger than the file.
         most = max(len(contents), MAX_FILE_BYTES)
         if unpacked > most:
-            raise ContentsError(f"Unpacked it has {unpacked:,} bytes; {most:,} are read at most.")
+            raise ContentsError(f"Unpacked it has {unpacked:,} bytes; the limit is {most:,}.")
         (pickled,) = (name for name in self._entries if name.endswith("/data.pkl"))
         self._folder = pickled.removesuffix("data.pkl")
         self._values_left = MAX_VALUES
@@ -113,7 +113,7 @@ class _Archive:
 
     def values(self) -> Any:
         if f"{self._folder}byteorder" in self._entries and self._entry("byteorder") != b"little":
-            raise ContentsError("It was written on a machine of another byte order.")
+            raise ContentsError("It was written on a machine with a different byte order.")
         pickled = self._entry("data.pkl")
         _check_opcodes(pickled)
         return self._with_tensors(_Unpickler(BytesIO(pickled)).load(), 0)
@@ -121,26 +121,26 @@ class _Archive:
     def _entry(self, name: str) -> bytes:
         entry = self._entries[self._folder + name]
         if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-            raise ContentsError("It is packed in a way that torch does not use.")
+            raise ContentsError("It is compressed, which torch.save does not do.")
         with self._zip.open(entry) as file:
             contents = file.read(entry.file_size)  # without a number, more than it says of itself
         if len(contents) < entry.file_size:
-            raise ContentsError("An entry is shorter than it says.")
+            raise ContentsError("An entry is shorter than its header says.")
         return contents
 
     def _with_tensors(self, value: Any, depth: int) -> Any:
-        """`value` with its tensors built; what occurs in several places counts in each."""
+        """`value` with its tensors built; a value that occurs several times counts each time."""
         self._values_left -= 1
         if self._values_left < 0:
-            raise ContentsError(f"It holds more than {MAX_VALUES:,} values.")
+            raise ContentsError(f"It contains more than {MAX_VALUES:,} values.")
         if depth > _MAX_DEPTH:
-            raise ContentsError("Its values nest too deeply.")
+            raise ContentsError("Its values are nested too deeply.")
         if isinstance(value, _Tensor):
             return self._tensor(value)
         if isinstance(value, dict):
-            return {key: self._with_tensors(found, depth + 1) for key, found in value.items()}
+            return {key: self._with_tensors(item, depth + 1) for key, item in value.items()}
         if isinstance(value, list | tuple):
-            return type(value)([self._with_tensors(found, depth + 1) for found in value])
+            return type(value)([self._with_tensors(item, depth + 1) for item in value])
         return value
 
     def _tensor(self, tensor: _Tensor) -> torch.Tensor:
@@ -148,15 +148,15 @@ class _Archive:
 
         storage, offset, size, stride = tensor
         if len(size) != len(stride) or min((*size, *stride, offset)) < 0:
-            raise ContentsError("A tensor has a shape that no tensor has.")
+            raise ContentsError("A tensor has an invalid shape.")
         numbers = self._storage(storage)
         count = math.prod(size)
         self._bytes_left -= count * numbers.element_size()
         if self._bytes_left < 0:
-            raise ContentsError("Its tensors hold more numbers than the file.")
+            raise ContentsError("Its tensors have more numbers than the file.")
         last = offset + sum((n - 1) * step for n, step in zip(size, stride, strict=True))
         if count and last >= len(numbers):
-            raise ContentsError("A tensor reaches beyond its numbers.")
+            raise ContentsError("A tensor extends beyond its storage.")
         view = numbers.as_strided(size, stride, offset) if count else numbers.new_empty(size)
         return view.clone(memory_format=torch.contiguous_format)
 
@@ -172,7 +172,7 @@ class _Archive:
 
 
 class _Unpickler(pickle.Unpickler):
-    """Calls nothing but what stands here."""
+    """Calls only the functions listed in this file."""
 
     def find_class(self, module: str, name: str) -> Any:
         if module == "torch" and name in _DTYPES:
@@ -180,18 +180,18 @@ class _Unpickler(pickle.Unpickler):
         if (module, name) in _CALLED:
             return _CALLED[module, name]
         if module == "torch._utils":
-            raise ContentsError("It holds a sparse tensor, or one without numbers.")
-        raise CodeError("It holds more than tensors and plain values.")
+            raise ContentsError("It contains a sparse tensor, or one without numbers.")
+        raise CodeError("It contains more than tensors and plain values.")
 
-    def persistent_load(self, found: Any) -> _Storage:
-        kind, dtype, key, _, _ = found
+    def persistent_load(self, reference: Any) -> _Storage:
+        kind, dtype, key, _, _ = reference
         if kind != "storage" or dtype not in _DTYPES.values():
-            raise ContentsError("It refers to something outside of itself.")
+            raise ContentsError("It refers to something outside the file.")
         return _Storage(dtype, str(key))
 
 
 class _StateDict(OrderedDict[Any, Any]):
-    """torch notes the versions of modules as an attribute of it, which is passed over."""
+    """An OrderedDict that ignores the attribute in which torch stores the versions of modules."""
 
     def __setstate__(self, state: Any) -> None:
         pass
@@ -200,7 +200,7 @@ class _StateDict(OrderedDict[Any, Any]):
 def _tensor(storage: Any, offset: Any, size: Any, stride: Any, *_: Any) -> _Tensor:
     whole = all(type(number) is int for number in (offset, *size, *stride))
     if not whole or not isinstance(storage, _Storage):
-        raise ContentsError("A tensor has a shape that no tensor has.")
+        raise ContentsError("A tensor has an invalid shape.")
     return _Tensor(storage, offset, tuple(size), tuple(stride))
 
 
@@ -209,15 +209,15 @@ _CALLED = {
     ("torch._utils", "_rebuild_parameter"): lambda tensor, *_: tensor,
     ("collections", "OrderedDict"): _StateDict,
 }
-"""What a pickle names, and what is called in its place."""
+"""The functions that a pickle may name, and those called in their place."""
 
 
 def _check_opcodes(pickled: bytes) -> None:
-    """Raise ContentsError where the pickle does what torch.save never asks for."""
+    """Raise ContentsError if the pickle uses opcodes that torch.save never writes."""
     for count, (opcode, argument, _) in enumerate(pickletools.genops(pickled)):
         if opcode.name not in _OPCODES:
-            raise CodeError("It holds more than tensors and plain values.")
+            raise CodeError("It contains more than tensors and plain values.")
         if count > _MAX_OPCODES:
-            raise ContentsError(f"It holds more than {MAX_VALUES:,} values.")
+            raise ContentsError(f"It contains more than {MAX_VALUES:,} values.")
         if opcode.name == "LONG_BINPUT" and (argument or 0) > count:  # it is a list's length
-            raise ContentsError("It is not a whole file of torch.save.")
+            raise ContentsError("It is not a complete file of torch.save.")

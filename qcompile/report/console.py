@@ -1,4 +1,4 @@
-"""The console that all tables and bars are printed on: rich's, with plain text."""
+"""The console for all tables and progress bars: rich's, with plain text."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from qcompile.terminal import plain
 
 
 class PlainConsole(Console):
-    """rich's console; the escape sequences on it are rich's own, never those of a text."""
+    """rich's console; escape sequences come only from rich, never from printed text."""
 
     def render(
         self, renderable: RenderableType, options: ConsoleOptions | None = None
@@ -26,6 +26,6 @@ class PlainConsole(Console):
 
 
 def console(*, stderr: bool = False, **settings: Any) -> PlainConsole:
-    """A console on the stream below `plain_output`, which would take rich's colours away."""
+    """A console on the stream below `plain_output`, which would remove rich's colours."""
     stream = sys.stderr if stderr else sys.stdout
     return PlainConsole(file=getattr(stream, "rich_proxied_file", stream), **settings)

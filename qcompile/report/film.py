@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import subprocess
+from contextlib import suppress
 from fractions import Fraction
 from functools import lru_cache
 from pathlib import Path
@@ -109,10 +110,17 @@ class Film:
             if kind is None and self.frames:
                 self._finish()
         finally:
-            if self._process is not None and self._process.poll() is None:
-                self._process.kill()
-                self._process.wait()
+            self._end()
             self._folder.cleanup()
+
+    def _end(self) -> None:
+        """Leave no process behind."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+            if self._process.stdin is not None:
+                with suppress(OSError):  # what was not written yet finds no reader
+                    self._process.stdin.close()
 
     def add(self, picture: Picture, rate: float) -> None:
         """Take the next frame, (height, width, 3), both even; `rate` of them make a second.
@@ -124,10 +132,10 @@ class Film:
         """
         if self._process is None:
             self._begin(picture, rate)
-        self.frames += 1
         self._last = picture
-        if (self.frames - 1) % self._every == 0:
+        if self.frames % self._every == 0:
             self._write()
+        self.frames += 1  # Ctrl-C within a frame: it is not there
         if self.frames & (self.frames - 1) == 0:
             self._stills = [*self._stills[-1:], (self.frames, picture)]
 
@@ -151,11 +159,11 @@ class Film:
         assert self._process is not None
         assert self._process.stdin is not None
         assert self._last is not None
+        picture, self._last = self._last, None
         try:
-            self._process.stdin.write(np.ascontiguousarray(self._last).data)
+            self._process.stdin.write(np.ascontiguousarray(picture).data)
         except OSError as error:
             raise self._failed() from error
-        self._last = None
 
     def _failed(self) -> OutputError:
         said = self._said.read_bytes().decode(errors="replace")

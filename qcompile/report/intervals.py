@@ -22,10 +22,10 @@ _MARKERS = "osD^vP"
 _GREY = "0.45"
 _SPREAD = 0.6
 _LETTERS_PER_INCH = 15
-"""Of a column's name; ten at least are left together."""
-_LEAST_LETTERS = 10
-_COLUMN_IN, _INTERVAL_IN, _SIDES_IN = 0.42, 0.13, 0.35
-"""What a column needs at least, what each interval in it needs, and what a panel needs besides."""
+"""Of a column's name; twelve at least are left together."""
+_LEAST_LETTERS = 12
+_INTERVAL_IN, _SIDES_IN = 0.13, 0.35
+"""What an interval needs, and what a panel needs besides its columns."""
 _LINES = {"ideal": "ideal, exact expectations", "band": "its 95 % interval", "solved": "solved"}
 
 
@@ -112,7 +112,9 @@ def _row_in(row: Sequence[Panel]) -> float:
 def _width_in(panel: Panel) -> float:
     """What a panel needs, in inches."""
     densest = max(Counter(i.column for i in panel.intervals).values(), default=1)
-    return len(_columns(panel)) * max(_COLUMN_IN, _INTERVAL_IN * (densest + 1)) + _SIDES_IN
+    longest = max((len(line) for name in _columns(panel) for line in name.splitlines()), default=0)
+    name_in = (min(longest, _LEAST_LETTERS) + 1) / _LETTERS_PER_INCH
+    return len(_columns(panel)) * max(name_in, _INTERVAL_IN * (densest + 1)) + _SIDES_IN
 
 
 def _panes(part: SubFigure, row: Sequence[Panel]) -> Sequence[Axes]:

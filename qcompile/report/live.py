@@ -1,4 +1,4 @@
-"""Live runs: as plain values, and on the terminal."""
+"""Live runs as plain values, and printed on the terminal."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from qcompile.report.summary import print_run
 from qcompile.report.tables import cost_in_words, plural, print_table
 from qcompile.terminal import one_line
 
-_CONTINUES = "Run its program again to continue."
+_HOW_TO_CONTINUE = "To continue, run its program again."
 
 
 def overview(journal: Journal) -> dict[str, Any]:
-    """A run in a few plain values, with what it costs up to now."""
+    """A run in a few plain values, with its cost so far."""
     states = journal.states()
     return {
         "run": journal.id,
@@ -43,7 +43,7 @@ def overview(journal: Journal) -> dict[str, Any]:
 
 
 def _state(journal: Journal, states: dict[State, int]) -> str:
-    """A sampler is finished as long as it has all that it sent."""
+    """The state in one word; a sampler is finished if it has the results of all jobs sent."""
     if journal.kind == "sampler":
         is_finished = not any(states.get(state) for state in ("sending", "sent"))
     else:
@@ -52,7 +52,7 @@ def _state(journal: Journal, states: dict[State, int]) -> str:
 
 
 def exported(journal: Journal) -> dict[str, Any]:
-    """All of a run as plain values."""
+    """The whole record of a run as plain values."""
     jobs = [
         {
             "number": submission.number,
@@ -88,12 +88,12 @@ def exported(journal: Journal) -> dict[str, Any]:
 
 
 def _lists(arrays: Mapping[str, NDArray[Any] | None]) -> dict[str, Any]:
-    """Arrays by name as lists; None stays."""
+    """Arrays by name as lists; None stays None."""
     return {name: None if array is None else array.tolist() for name, array in arrays.items()}
 
 
 def _measured(journal: Journal, submission: Submission) -> list[dict[str, Any]] | None:
-    """What a job measured: bits as base64, and how many ones each had, for each PUB and register.
+    """The measured bits of a job as base64, and the ones of each bit, for each PUB and register.
 
     Jobs of earlier versions have `ones` instead.
     """
@@ -117,7 +117,7 @@ def _measured(journal: Journal, submission: Submission) -> list[dict[str, Any]] 
 
 
 def result_values(kind: TaskKind, result: dict[str, Any]) -> dict[str, Any]:
-    """What the command that began the run prints with --json."""
+    """The --json document of the command that started the run."""
     if kind != "calibrate":
         return result
     others = {name: value for name, value in result.items() if name != "calibration"}
@@ -125,38 +125,38 @@ def result_values(kind: TaskKind, result: dict[str, Any]) -> dict[str, Any]:
 
 
 def terms(journal: Journal, limit_s: float) -> str:
-    """What resuming the run would do, for whoever does not know it: where, as whom, for how much.
+    """A sentence on what resuming the run would do: the machine, the account and the limit.
 
     Raises:
         LiveError: its settings cannot be read.
     """
     task = task_of(journal)
-    account = "the usual account" if task.account is None else f"account {one_line(task.account)}"
+    account = "the default account" if task.account is None else f"account {one_line(task.account)}"
     instance = "" if task.instance is None else f", instance {one_line(task.instance)}"
     charged_s = costs(journal)["qpu_seconds"]
     return (
         f"It would run on {one_line(task.backend)} with {account}{instance}, "
-        f"within {limit_s:g} QPU seconds, of which {charged_s:.1f} are charged or may be."
+        f"with a limit of {limit_s:g} QPU seconds, of which up to {charged_s:.1f} are used."
     )
 
 
 def print_overview(journal: Journal) -> None:
-    """Print where an unfinished run stands."""
+    """Print the progress of an unfinished run."""
     row = overview(journal)
     backend = one_line(str(row["backend"]))
     click.echo(f"{row['run']}, {row['kind']} on {backend}: {row['state']}")
     click.echo(describe_progress(journal))
-    click.echo(f"{cost_in_words(row)}; {row['max_qpu_seconds']:g} allowed")
+    click.echo(f"{cost_in_words(row)}; the limit is {row['max_qpu_seconds']:g}")
     for line in describe_doubts(journal):
         click.echo(line)
     if journal.kind == "sampler":
-        click.echo(f"{_CONTINUES} `{resume_command(journal)}` fetches what was sent.")
+        click.echo(f"{_HOW_TO_CONTINUE} `{resume_command(journal)}` fetches the jobs sent.")
     else:
         click.echo(f"`{resume_command(journal)}` resumes it.")
 
 
 def print_result(kind: TaskKind, result: dict[str, Any]) -> None:
-    """Print what a finished run found."""
+    """Print the result of a finished run."""
     if kind == "run":
         print_run(result)
         return
@@ -165,16 +165,16 @@ def print_result(kind: TaskKind, result: dict[str, Any]) -> None:
     elif kind == "sampler":
         jobs = plural(result["jobs_done"], "job")
         click.echo(f"{one_line(str(result['backend']))}: {jobs} done, {result['jobs_open']} open")
-        click.echo(_CONTINUES)
+        click.echo(_HOW_TO_CONTINUE)
     else:
         print_calibration(result_values(kind, result))
         if result.get("file"):
-            click.echo(f"calibration in {result['file']}")
+            click.echo(f"calibration written to {result['file']}")
     click.echo(charged(result))
 
 
 def print_validation(check: dict[str, Any]) -> None:
-    """Print what a validation found, a row for each qubit."""
+    """Print the result of a validation, a row for each qubit."""
     columns = ["qubits", "chi_square", "degrees", "p_value", *["power"] * ("power" in check)]
     print_table(
         ["qubit", "chi-square", "expected", "p-value", *["power"] * ("power" in check), ""],
@@ -182,19 +182,20 @@ def print_validation(check: dict[str, Any]) -> None:
             [*row, "fails" if row[0] in check["failed"] else "holds"]
             for row in zip(*(check[column] for column in columns), strict=True)
         ],
-        f"Twin of {check['file']} against fresh counts of {check['shots']} shots",
+        f"Twin of {check['file']} compared with fresh counts, {check['shots']} shots",
     )
     if "power" in check:
         click.echo(
-            f"{plural(check['observations'], 'observation')}: a p01 of one qubit raised by "
-            f"{check['effect']:g} is found {100 * check['least_power']:.0f} % of the time or more"
+            f"{plural(check['observations'], 'observation')}: an increase of p01 by "
+            f"{check['effect']:g} on any one qubit is detected with a probability of at least "
+            f"{100 * check['least_power']:.0f} %"
         )
         for words in misfit_warnings(check["calibration_misfits"]):
             click.echo(words)
     verdict = "pass" if check["passed"] else "fail"
-    click.echo(f"{verdict}; the largest difference of a <Z> is {check['largest_difference']:.3f}")
+    click.echo(f"{verdict}; the largest difference in <Z> is {check['largest_difference']:.3f}")
 
 
 def charged(result: dict[str, Any]) -> str:
-    """A line on what a finished run costs."""
+    """A line with the cost of a finished run."""
     return f"run {result['run']}: {cost_in_words(result)}"

@@ -43,7 +43,8 @@ class Columns:
 
     def __init__(self, box: Box, count: int, low: float, high: float):
         self.box, self._low, self._high = box, low, high
-        self._scale = (box.height - 1) / (high - low)
+        self._unit = int((box.height - 1) / (high - low))
+        self._zero = box.y + round(high * self._unit)
         slot = box.width / count
         gap = 0 if slot < 2 else max(1, round(slot / 4))
         self._bar = max(1, min(round(slot) - gap, _WIDEST_BAR))
@@ -54,7 +55,7 @@ class Columns:
     def row(self, value: float) -> int:
         """The row of pixels that shows a value; those off the scale are at its end."""
         inside = min(max(value, self._low), self._high)
-        return self.box.y + round((self._high - inside) * self._scale)
+        return self._zero - round(inside * self._unit)
 
     def line(self, picture: Picture, value: float) -> None:
         """A line across the box."""

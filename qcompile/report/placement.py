@@ -1,4 +1,4 @@
-"""Why each circuit has the qubit it has."""
+"""The placement of circuits on qubits, and the reasons for it."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from qcompile.noise import REFERENCE_SHOTS, USABLE_CONTRAST
 from qcompile.report.tables import plural, print_table
 
 PERFECT = math.sqrt(2 / 3 / REFERENCE_SHOTS)
-"""Shot noise alone: the mean of 1 - z^2 over z in [-1, 1] is 2/3."""
+"""The error of a perfect qubit, from shot noise: the mean of 1 - z^2 over z in [-1, 1] is 2/3."""
 
 
 def print_placement(values: dict[str, Any]) -> None:
-    """Print the placement in `executable_values` on a device with qubits of its own.
+    """Print the placement in `executable_values` on a device.
 
-    The most important circuits come first; importance is shown where there is a policy.
+    The most important circuits come first; importance is shown for a policy.
     """
     weighed = "policy" in values
     print_table(
@@ -41,23 +41,25 @@ def print_placement(values: dict[str, Any]) -> None:
 
 
 def left_out_words(reasons: Mapping[int, str]) -> str:
-    """Which qubits are not used, each with the reason in words."""
+    """Which qubits are not used, each with the reason."""
     words = ", ".join(f"{qubit} {reason}" for qubit, reason in reasons.items())
-    text = f"left out ({USABLE_CONTRAST} of <Z> is the least): qubit {words}"
+    text = f"unused qubits (at least {USABLE_CONTRAST} of <Z> must be left): {words}"
     return textwrap.fill(text, 80, subsequent_indent="  ")
 
 
 def _lines(values: dict[str, Any], weighed: bool) -> Iterator[str]:
     if weighed:
-        yield "importance: variance over actions of the circuit's weights, as a share of all"
+        yield "importance: variance of the circuit's weights over the actions, as a share of all"
     yield (
-        f"error: root mean square at {REFERENCE_SHOTS} shots, readout mitigated; "
-        f"{PERFECT:.4f} if perfect"
+        f"error of <Z>: root mean square at {REFERENCE_SHOTS} shots, with readout mitigation; "
+        f"{PERFECT:.4f} on a perfect qubit"
     )
     if values["left_out"]:
         yield left_out_words({row["qubit"]: row["reason"] for row in values["left_out"]})
-    copies = values["copies_that_fit"]
-    if copies > 1:
-        yield f"{copies} episodes fit side by side in one round"
+    rounds, copies = values["rounds"], values["copies_that_fit"]
+    if rounds > 1:
+        yield f"the device is too small for all circuits at once: they are run in {rounds} rounds"
+    elif copies > 1:
+        yield f"{copies} copies of the circuits fit on the device at once (--copies)"
     else:
-        yield "no second episode fits beside the first in one round"
+        yield "one copy of the circuits fits on the device"

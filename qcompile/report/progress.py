@@ -1,4 +1,4 @@
-"""A progress bar for whatever lasts longer than a blink, on standard error or in a notebook."""
+"""A progress bar on standard error or in a notebook."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ _PAUSE_SECONDS = 0.2
 def progress_bar(
     title: str, total: float, *, enabled: bool = True, estimates: bool = True
 ) -> Iterator[Show]:
-    """Show a bar while the block runs; call what it yields with (done, words) to move it.
+    """Show a bar while the block runs; call the yielded function with (done, words) to update it.
 
-    Nothing is shown unless it is `enabled`, on a terminal or in a notebook. It `estimates` the time
-    to the end from its speed, unless the words say it. What is printed meanwhile is plain text.
+    The bar is shown on a terminal or in a notebook, if `enabled`. With `estimates` it shows the
+    remaining time. Everything printed meanwhile is plain text.
     """
     err = console(stderr=True)
     if enabled and err.is_jupyter:
@@ -41,14 +41,14 @@ def progress_bar(
         transient=True,
         disable=not (enabled and err.is_terminal),
     )
-    with bar, plain_output():  # rich shows what is printed meanwhile above the bar
+    with bar, plain_output():  # rich prints other output above the bar
         task = bar.add_task(title, total=total, words="")
         yield lambda done, words: bar.update(task, completed=done, words=words)
 
 
 @contextmanager
 def _notebook_bar(title: str, total: float) -> Iterator[Show]:
-    """One line below the cell, which changes and is empty at the end: rich's needs widgets."""
+    """One changing line below the cell, empty at the end; rich's bar needs widgets."""
     from IPython.display import display
 
     handle = display({"text/plain": title}, raw=True, display_id=True)

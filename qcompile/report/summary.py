@@ -1,4 +1,4 @@
-"""What a run found, line by line on the terminal."""
+"""Print the result of a run, line by line."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from rich.text import Text
 from qcompile.mitigation import CALIBRATION_SHOTS
 from qcompile.mitigation.misfit import misfit_warnings
 from qcompile.notebook import reward_text
-from qcompile.policy.decision import held_words
+from qcompile.policy.decision import hold_text
 from qcompile.report.tables import cost_in_words, interval_words, plural, wide_console
 
 _KINDS = {
     "ideal": "ideal simulation",
     "noise-model": "noise model",
-    "measured-response": "twin of its calibration",
+    "measured-response": "twin of a calibration",
     "hardware": "hardware",
 }
 _BARS = "▁▂▃▄▅▆▇█"
@@ -27,7 +27,7 @@ _HOUR_S = 3600
 
 
 def print_run(summary: dict[str, Any]) -> None:
-    """Print what a run found: `Run.summary`."""
+    """Print the result of a run: `Run.summary`."""
     out = wide_console()
     backend = f"{summary['backend']} ({kind_words(summary['kind'])})"
     policy, environment = escape(summary["policy"]), escape(summary["environment"])
@@ -64,32 +64,35 @@ def _run_lines(summary: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
                 "mean reward",
                 f"[bold]{mean}[/] ± {deviation} over {plural(len(rewards), 'episode')}{interval}",
             )
-        yield "each episode", f"{_bars(rewards)}  {min(rewards):.0f} to {max(rewards):.0f}"
+        yield "rewards", f"{_bars(rewards)}  {min(rewards):.0f} to {max(rewards):.0f}"
         if interval and min(rewards) == max(rewards):
             share = f"{unseen_share(len(rewards)):.0%}"
-            yield "all equal", f"up to {share} of all episodes may be others, with 95 % confidence"
+            yield (
+                "all equal",
+                f"but up to {share} of all episodes may have other rewards, with 95 % confidence",
+            )
     if summary["solved"] is not None:
         yield "solved", "yes" if summary["solved"] else "no"
     if arguments := summary.get("environment_kwargs"):
-        said = ", ".join(f"{name}={json.dumps(value)}" for name, value in arguments.items())
-        yield "environment", escape(said)
+        text = ", ".join(f"{name}={json.dumps(value)}" for name, value in arguments.items())
+        yield "environment", escape(text)
     if summary["circuits_per_step"]:
         yield "settings", _circuit_settings(summary)
     for words in misfit_warnings(summary.get("calibration_misfits", [])):
-        yield "doubtful", words
+        yield "warning", words
     if summary["copies"] > 1 and not summary.get("split"):
-        yield "side by side", plural(summary["copies"], "episode")
+        yield "copies", f"{summary['copies']} on the device at once, each with its own episode"
     if summary.get("speculate", 1) != 1:
         yield (
             "speculate",
             f"{summary['speculate']}: {plural(summary['measured_rows'], 'decision')} measured, "
-            f"{summary['decisions']} of them counted",
+            f"{summary['decisions']} of them used",
         )
     yield from _cut_lines(summary)
     yield "actions", f"{'greedy' if summary['greedy'] else 'sampled'}, seed {summary['seed']}"
     hold, steps = summary.get("hold", 1), f"{summary['env_steps']} steps"
     if hold > 1:
-        yield "each decision", f"{_step_words(summary)}; {held_words(hold)}"
+        yield "each decision", f"{_step_words(summary)}; {hold_text(hold)}"
         decisions = plural(summary["decisions"], "decision")
         steps = f"{decisions}, {plural(summary['env_steps'], 'environment step')}"
     else:
@@ -99,54 +102,54 @@ def _run_lines(summary: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
         yield (
             "paid",
             f"{plural(summary['jobs'], 'job')}, {summary['executions']:,} executions, "
-            f"{cost_in_words(summary)}; {summary['max_qpu_seconds']:g} allowed",
+            f"{cost_in_words(summary)}; the limit is {summary['max_qpu_seconds']:g}",
         )
         yield "run", summary["run"]
     elif summary["qpu_seconds_estimate"] is not None and summary["kind"] != "ideal":
         yield (
             "on hardware",
-            f"{plural(summary['jobs'], 'job')}, {summary['executions']:,} executions, "
+            f"would take {plural(summary['jobs'], 'job')}, {summary['executions']:,} executions, "
             f"about {_qpu_words(summary['qpu_seconds_estimate'])}",
         )
 
 
 def _qpu_words(seconds: float) -> str:
-    """QPU time in the unit in which it is a small number."""
+    """QPU time in seconds or hours, whichever is the shorter number."""
     if seconds < _HOUR_S:
         return f"{seconds:.0f} QPU seconds"
     return f"{seconds / _HOUR_S:,.1f} QPU hours"
 
 
 def _cut_lines(summary: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
-    """What `max_steps` did, and what would have been without it."""
+    """The episodes that `max_steps` cut, and the mean reward without the cut."""
     if summary["max_steps"] is None:
         return
     after = f"after {plural(summary['max_steps'], 'step')}"
     cut = summary.get("cut_episodes")
     if cut is None:  # results of earlier versions
-        yield "cut", f"{after}: rewards are of parts of episodes"
+        yield "cut", f"{after}; rewards count the part played"
         return
     if not cut:
-        yield "cut", f"{after}: no episode"
+        yield "cut", f"no episode {after}"
         return
-    yield "cut", f"{after}: {plural(cut, 'episode')}, rewarded for the part that was played"
+    yield "cut", f"{plural(cut, 'episode')} {after}; rewards count the part played"
     if (mean := summary.get("mean_reward_completed")) is None:
-        yield "completed", "not known: an episode does not end, or fails"
+        yield "uncut", "mean reward not known: an episode did not end, or failed"
         return
     interval = interval_words(summary, "ci95_completed")
     interval = f" (95 % interval {interval})" if interval else ""
     on = " on the noise model" * (summary["kind"] == "hardware")
-    yield "completed", f"mean reward {reward_text(mean)}{interval}, cut episodes continued{on}"
+    yield "uncut", f"mean reward {reward_text(mean)}{interval} with all episodes played out{on}"
 
 
 def _circuit_settings(summary: Mapping[str, Any]) -> str:
     mitigation = f"mitigation {summary['mitigation']}"
     words = "predistorted angles" if summary["predistort"] else mitigation
-    by = f" by {escape(file)}" if (file := summary["calibration"]) else ""
+    source = f" from {escape(file)}" if (file := summary["calibration"]) else ""
     if (shots := summary.get("calibration_shots")) not in (None, CALIBRATION_SHOTS):
-        by = f" by {_shots(shots)} of calibration"
-    places = f", over {summary['copies']} places" if summary.get("split") else ""
-    return f"{_shots(summary['shots'])}{places}, level {summary['level']}, {words}{by}"
+        source = f" calibrated with {_shots(shots)}"
+    copies = f" split over {summary['copies']} copies" if summary.get("split") else ""
+    return f"{_shots(summary['shots'])}{copies}, level {summary['level']}, {words}{source}"
 
 
 def _step_words(summary: Mapping[str, Any]) -> str:
@@ -164,7 +167,7 @@ def _shots(shots: int | str) -> str:
 
 
 def _bars(values: Sequence[float]) -> str:
-    """One bar for each of the first 40 values, from the least to the greatest."""
+    """A bar for each of the first 40 values, scaled from the least to the greatest."""
     high, span = max(values), (max(values) - min(values)) or 1.0
     drawn = values[:40]
     bars = "".join(_BARS[-1 - round((high - v) / span * (len(_BARS) - 1))] for v in drawn)

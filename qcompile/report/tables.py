@@ -13,7 +13,7 @@ from rich.table import Table as RichTable
 
 from qcompile.mitigation.misfit import misfit_warnings
 from qcompile.notebook import reward_digits, reward_text
-from qcompile.policy.decision import held_words
+from qcompile.policy.decision import hold_text
 from qcompile.report.console import PlainConsole, console
 from qcompile.report.table import Cell, Column, Table
 
@@ -93,7 +93,7 @@ def _widths(columns: Sequence[str], cells: Sequence[Sequence[str]], room: int) -
 def print_hold(hold: int) -> None:
     """Print how long each decision is held, where that is more than a step."""
     if hold > 1:
-        wide_console().print(f"each decision is {held_words(hold)}")
+        wide_console().print(f"each decision is {hold_text(hold)}")
 
 
 def print_grid(objects: Sequence[Mapping[str, Any]]) -> None:
@@ -107,7 +107,7 @@ def print_grid(objects: Sequence[Mapping[str, Any]]) -> None:
             title += f", level {results[0]['level']}"
         title += ", greedy" * results[0]["greedy"]
         if (hold := results[0].get("hold", 1)) > 1:
-            title += f", each decision {held_words(hold)}"
+            title += f", each decision {hold_text(hold)}"
         rows = [_grid_row(values, levels) for values in results]
         print_table(_grid_columns(levels), rows, title, tight=True)
         for values in results:

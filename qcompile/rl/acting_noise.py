@@ -1,4 +1,4 @@
-"""Learning under a device's noise: actions follow the `<Z>` that the device shows."""
+"""Training under a device's noise: actions depend on the measured `<Z>`."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from qcompile.rl.settings import Settings
 
 
 class ActingNoise:
-    """Measures the actor's circuits on a device while it acts, and brings the noise to the update.
+    """Measures the actor's circuits on a device while it acts, and passes the noise to the update.
 
-    The residual of a step is the measured `<Z>` less the ideal one. In the update it is added to
-    the ideal `<Z>` of the parameters being learned: so before anything is learned the probabilities
-    are those the actions were drawn from, and gradients flow through the ideal circuit.
+    The residual of a step is the measured `<Z>` minus the ideal one. The update adds it to the
+    ideal `<Z>` of the current parameters. So before the first gradient step the probabilities equal
+    those that the actions were drawn from, and gradients flow through the ideal circuit.
     """
 
     def __init__(self, actor: SVQC, settings: Settings, seed: np.random.SeedSequence):
@@ -47,18 +47,18 @@ class ActingNoise:
         return outputs
 
     def outputs(self, observations: torch.Tensor, residual: torch.Tensor) -> torch.Tensor:
-        """Outputs (B, actions) where the noise was `residual`, (B, circuits)."""
+        """Outputs (B, actions) with the noise `residual` (B, circuits)."""
         outputs: torch.Tensor = self._actor.head(self._actor.expectation(observations) + residual)
         return outputs
 
-    def taken(self) -> torch.Tensor:
+    def take_residuals(self) -> torch.Tensor:
         """The residuals of the steps since the last call, (steps * environments, circuits)."""
         residuals = torch.cat(self._residuals)
         self._residuals.clear()
         return residuals
 
     def state(self) -> dict[str, Any]:
-        """What `restore` takes, between two rollouts."""
+        """The state for `restore`, taken between two rollouts."""
         return dict(self._executor.rng.bit_generator.state)
 
     def restore(self, state: dict[str, Any]) -> None:

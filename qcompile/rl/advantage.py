@@ -1,4 +1,4 @@
-"""Advantages: pure functions over (steps, environments) arrays."""
+"""Advantage estimates: pure functions of (steps, environments) arrays."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ def generalised_advantage(
     gamma: float,
     gae_lambda: float,
 ) -> FloatArray:
-    """Generalised advantage estimates, (steps, environments) like every array given.
+    """Generalised advantage estimates, (steps, environments) like all arguments.
 
-    A_t = delta_t + gamma lambda A_(t+1), delta_t = r_t + gamma V(s_(t+1)) - V(s_t). V is 0 after
-    a terminated step and nothing flows back over the end of an episode (`done`, terminated or
-    truncated). With lambda = 1 it is the discounted return less V(s_t). Source: arXiv 1506.02438.
+    A_t = delta_t + gamma lambda A_(t+1), delta_t = r_t + gamma V(s_(t+1)) - V(s_t). V is 0 after a
+    terminated step and nothing flows back over the end of an episode (`done`, terminated or
+    truncated). With lambda = 1 it is the discounted return minus V(s_t). Source: arXiv 1506.02438.
     """
     deltas = rewards + gamma * next_values * ~terminated - values
     flow = gamma * gae_lambda * ~done
@@ -42,7 +42,7 @@ class ReturnScale:
         self._count, self._mean, self._m2 = 0.0, 0.0, 0.0
 
     def update(self, rewards: FloatArray, done: BoolArray) -> float:
-        """The scale after these steps, (steps, environments) each; 1 until returns differ."""
+        """The scale after these steps, (steps, environments) arrays; 1 until returns differ."""
         returns = np.empty_like(rewards)
         for step, reward in enumerate(rewards):
             self._running = self._gamma * self._running + reward
@@ -57,7 +57,7 @@ class ReturnScale:
         return max(float(np.sqrt(self._m2 / total)), 1e-6) if self._m2 > 0 else 1.0
 
     def state(self) -> dict[str, Any]:
-        """What `restore` takes."""
+        """The state for `restore`."""
         moments = [self._count, self._mean, self._m2]
         return {"running": self._running.tolist(), "moments": moments}
 

@@ -1,4 +1,4 @@
-"""Checkpoint files: a training that resumes where it stopped, bit for bit."""
+"""Checkpoint files, from which a training resumes bit for bit."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ from qcompile.version import versions
 
 
 def save_checkpoint(trainer: Trainer, path: Path, state: Mapping[str, Any] | None = None) -> None:
-    """Write a state of the trainer, the present one unless another is given, to `path`.
+    """Write a state of the trainer, by default the current one, to `path`.
 
     Raises:
         OutputError: the file cannot be written.
@@ -68,7 +68,7 @@ def save_checkpoint(trainer: Trainer, path: Path, state: Mapping[str, Any] | Non
 
 
 def identity(path: Path) -> tuple[str, Mapping[str, Any], Settings, int]:
-    """Environment, its arguments, settings and seed of the training that wrote a checkpoint.
+    """Environment, arguments, settings and seed of the training that wrote a checkpoint.
 
     Raises:
         TrainingError: the file is not a checkpoint of this version.
@@ -82,14 +82,14 @@ def identity(path: Path) -> tuple[str, Mapping[str, Any], Settings, int]:
 
 
 def load_checkpoint(path: Path) -> tuple[Trainer, list[str]]:
-    """The trainer of a checkpoint, ready to resume, and the versions that differ from its own.
+    """The trainer of a checkpoint, ready to resume, and the package versions that differ.
 
-    Nothing but tensors and plain values is loaded from the file, and its models are built only
-    where its tensors fit them.
+    Only tensors and plain values are loaded from the file, and models are built only if its tensors
+    fit them.
 
     Raises:
         TrainingError: the file is not a checkpoint of this version, or cannot be resumed.
-        EnvironmentMismatchError: its environment is not known here.
+        EnvironmentMismatchError: its environment is unknown here.
     """
     saved = read_checkpoint(path)
     try:
@@ -109,7 +109,7 @@ def load_checkpoint(path: Path) -> tuple[Trainer, list[str]]:
         raise
     except (ContentsError, ValidationError) as error:
         raise TrainingError(f"Checkpoint {path} is damaged.", *explain(error, 1)) from error
-    except Exception as error:  # wrong values lead torch and the environments into any error
+    except Exception as error:  # wrong values cause all kinds of errors in torch and environments
         why = first_line(f"{type(error).__name__}: {error}")
         raise TrainingError(f"Checkpoint {path} is damaged.", why) from error
     now = versions(*PACKAGES)
@@ -122,7 +122,7 @@ def load_checkpoint(path: Path) -> tuple[Trainer, list[str]]:
 
 
 def _ansatz(text: str | None) -> Ansatz | None:
-    """The circuits of one's own, if there are any."""
+    """The user's circuits, if there are any."""
     try:
         return None if text is None else read_ansatz(text)
     except (CircuitError, PolicyError) as error:
@@ -136,11 +136,11 @@ def _check_sizes(
     arguments: Mapping[str, Any],
     ansatz: Ansatz | None,
 ) -> None:
-    """Raise ContentsError where the trainer that the settings ask for is not the one saved."""
+    """Raise ContentsError if the saved tensors do not match the settings."""
     for count in (len(state.collector.walks), len(state.return_scale.running)):
         if count != settings.environments:
             raise ContentsError(
-                f"It has {count} environments, by its settings {settings.environments}."
+                f"It has {count} environments; its settings say {settings.environments}."
             )
     bits = reads_bits(settings, ansatz)
     (environment,) = training_environments(saved.environment, 1, bits, arguments)
@@ -151,11 +151,13 @@ def _check_sizes(
     _check_model("actor", actor, model_size(settings, features, actions, ansatz) + statistics)
     _check_model("critic", saved.tensors.critic, critic_size(settings, features, ansatz))
     if best is not None and _shapes(best) != _shapes(actor):
-        raise ContentsError("Its best actor has other tensors than its actor.")
+        raise ContentsError("The tensors of its best actor do not match its actor.")
     average = saved.tensors.average
     if (average is not None) != (settings.average_share > 0):
-        found = "no average" if average is None else "an average"
-        raise ContentsError(f"It has {found}, by its settings a share of {settings.average_share}.")
+        which = "no average" if average is None else "an average"
+        raise ContentsError(
+            f"It has {which}, but its settings have average_share {settings.average_share}."
+        )
     if average is not None:
         _check_model("average", average.model, model_size(settings, features, actions, ansatz))
 
@@ -163,9 +165,9 @@ def _check_sizes(
 def _check_model(name: str, tensors: Mapping[str, torch.Tensor], size: int) -> None:
     count = sum(tensor.numel() for tensor in tensors.values())
     if count != size:
-        raise ContentsError(f"Its {name} has {count:,} numbers, by its settings {size:,}.")
+        raise ContentsError(f"Its {name} has {count:,} numbers; its settings need {size:,}.")
     if not all(torch.isfinite(tensor).all() for tensor in tensors.values()):
-        raise ContentsError(f"Its {name} has a number that is not finite.")
+        raise ContentsError(f"Its {name} contains a number that is not finite.")
 
 
 def _shapes(tensors: Mapping[str, torch.Tensor]) -> dict[str, torch.Size]:

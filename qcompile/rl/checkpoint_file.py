@@ -26,13 +26,13 @@ from qcompile.validation import Finite, Line, explain
 FORMAT = "qcompile-checkpoint-1"
 
 ARGUMENTS = TypeAdapter(Annotated[dict[str, JsonValue], AfterValidator(check_arguments)])
-"""A checkpoint's environment takes what that of a policy file may: nothing that loads code."""
+"""Valid environment arguments of a checkpoint, as of a policy file: nothing that loads code."""
 
 _Whole = Annotated[int, Field(ge=0, le=2**53)]
 _NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
-class _Paused(BaseModel):
+class _PauseState(BaseModel):
     """The state of a `Pause`."""
 
     model_config = ConfigDict(strict=True, arbitrary_types_allowed=True)
@@ -43,7 +43,7 @@ class _Paused(BaseModel):
     best: dict[str, torch.Tensor] | None
 
 
-class _Averaged(BaseModel):
+class _AverageState(BaseModel):
     """The state of an `Average`."""
 
     model_config = ConfigDict(strict=True, arbitrary_types_allowed=True)
@@ -53,7 +53,7 @@ class _Averaged(BaseModel):
 
 
 class TensorState(BaseModel):
-    """The tensors of a trainer's state; a file of version 0.1.0 has no average and no memory."""
+    """The tensors of a trainer's state; files of version 0.1.0 lack average and memory."""
 
     model_config = ConfigDict(strict=True, arbitrary_types_allowed=True)
 
@@ -61,12 +61,12 @@ class TensorState(BaseModel):
     critic: dict[str, torch.Tensor]
     optimiser: dict[str, Any]
     generator: torch.Tensor
-    pause: _Paused
-    average: _Averaged | None = None
+    pause: _PauseState
+    average: _AverageState | None = None
     memory: list[dict[str, torch.Tensor]] = []
 
 
-class _Collected(BaseModel):
+class _CollectorState(BaseModel):
     """The state of a `Collector`."""
 
     rng: dict[str, Any]
@@ -78,8 +78,8 @@ class _Collected(BaseModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _as_ever(cls, values: Any) -> Any:
-        """In a file without `decisions`, of version 0.1.0, every step was one."""
+    def _from_version_0_1_0(cls, values: Any) -> Any:
+        """Fill in `decisions` in a file of version 0.1.0, where every step was a decision."""
         if not isinstance(values, dict) or "decisions" in values or "steps" not in values:
             return values
         episodes = values.get("episodes")
@@ -88,14 +88,14 @@ class _Collected(BaseModel):
         return values | {"decisions": values["steps"], "episodes": episodes}
 
 
-class _Scaled(BaseModel):
+class _ReturnScaleState(BaseModel):
     """The state of a `ReturnScale`."""
 
     running: list[Finite]
     moments: tuple[_NotNegative, Finite, _NotNegative]
 
 
-class _Normalised(BaseModel):
+class _NormaliserState(BaseModel):
     """The state of a `Normaliser`."""
 
     count: _NotNegative
@@ -107,17 +107,17 @@ class PlainState(BaseModel):
     """The plain values of a trainer's state."""
 
     rng: dict[str, Any]
-    collector: _Collected
-    return_scale: _Scaled
+    collector: _CollectorState
+    return_scale: _ReturnScaleState
     noise: dict[str, Any] | None
-    normaliser: _Normalised | None = None
+    normaliser: _NormaliserState | None = None
 
 
 class Saved(BaseModel):
-    """What a checkpoint file holds.
+    """The contents of a checkpoint file.
 
-    `arguments` of the environment, `ansatz` (circuits of one's own), `settings` and `plain`, a
-    `PlainState`, are JSON. A file of version 0.1.0 has neither of the first two.
+    `arguments` of the environment, `ansatz` (the user's circuits), `settings` and `plain`, a
+    `PlainState`, are JSON. Files of version 0.1.0 lack the first two.
     """
 
     model_config = ConfigDict(strict=True)
@@ -134,7 +134,7 @@ class Saved(BaseModel):
 
 
 def read_checkpoint(path: Path) -> Saved:
-    """What the file at `path` holds, its JSON still unread.
+    """The contents of the file at `path`, with its JSON not yet parsed.
 
     Raises:
         TrainingError: the file is not a checkpoint of this version.
@@ -143,20 +143,20 @@ def read_checkpoint(path: Path) -> Saved:
         saved = read_torch(read_file(path, MAX_CHECKPOINT_BYTES))
     except FileNotFoundError as error:
         raise TrainingError(
-            f"There is no checkpoint {path}.", "A training writes one with --checkpoint FILE."
+            f"There is no checkpoint {path}.", "`qcompile train --checkpoint FILE` writes one."
         ) from error
     except (OSError, ContentsError) as error:
         raise TrainingError(
             f"{path} is not a checkpoint: it cannot be read as tensors and plain values.",
             *explain(error),
-            "Name a file that `qcompile train --checkpoint` wrote, and wrote to its end.",
+            "Name a complete file written by `qcompile train --checkpoint`.",
         ) from error
     format_ = saved.get("format") if isinstance(saved, dict) else type(saved).__name__
     if format_ != FORMAT:
         raise TrainingError(
-            f"{path} is not a checkpoint that this version reads; "
+            f"{path} is not a checkpoint that this version can read; "
             f"its format is {ascii(format_)[:60]}.",
-            f"Needed: {FORMAT!r}, as `qcompile train --checkpoint` writes it.",
+            f"It must be {FORMAT!r}, as written by `qcompile train --checkpoint`.",
         )
     needed = {name for name, field in Saved.model_fields.items() if field.is_required()}
     missing = sorted(needed - set(saved))

@@ -1,4 +1,4 @@
-"""The softmax of a model's outputs in training: actions drawn from it, and its entropy."""
+"""The softmax of a model's outputs in training: drawing actions, and entropy."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from qcompile.arrays import FloatArray, IntArray
 
 
 def draw_actions(logits: FloatArray, rng: np.random.Generator) -> IntArray:
-    """One action for each row of logits (B, actions), distributed as their softmax.
+    """One action for each row of logits (B, actions), distributed as its softmax.
 
-    The largest of logits plus Gumbel noise is distributed so.
+    This is the argmax of logits plus Gumbel noise.
     """
     return np.asarray((logits + rng.gumbel(size=logits.shape)).argmax(axis=1))
 

@@ -1,4 +1,4 @@
-"""The environments of a training: as they are played, but that numbers may be seen as bits."""
+"""The environments of a training: as in play, but numbers may be observed as bits."""
 
 from __future__ import annotations
 
@@ -19,17 +19,18 @@ from qcompile.deploy.flattening import StateNumber
 from qcompile.errors import TrainingError
 
 MAX_TRAINED = 100_000
-"""Features of an observation, and actions."""
+"""The most features of an observation, and the most actions."""
 
 
 def training_environments(
     name: str, count: int, bits: bool, arguments: Mapping[str, Any] | None
 ) -> list[Environment]:
-    """`count` environments, that observe with `bits` the bits of a number, the lowest first.
+    """`count` environments, which with `bits` observe the bits of a number, lowest first.
 
     Raises:
-        EnvironmentMismatchError: as `make_environments`.
-        TrainingError: `bits`, and an observation is not one number; too many features or actions.
+        EnvironmentMismatchError: as for `make_environments`.
+        TrainingError: with `bits` an observation is not one number; or there are too many features
+            or actions.
     """
     environments = make_environments(name, count, bits=bits, arguments=arguments)
     features, actions = features_and_actions(environments[0])
@@ -37,9 +38,9 @@ def training_environments(
         if size > MAX_TRAINED:
             close_environments(environments)
             raise TrainingError(
-                f"{name} has {size:,} {what}; a training takes {MAX_TRAINED:,} at most.",
-                "Leave out what a policy does not need with a wrapper, registered in a module of "
-                "yours.",
+                f"{name} has {size:,} {what}; training supports at most {MAX_TRAINED:,}.",
+                "Drop what a policy does not need with a wrapper, registered in a module of your "
+                "own.",
             )
     if not bits:
         return environments
@@ -54,7 +55,7 @@ def training_environments(
 
 
 class StateBits(gymnasium.ObservationWrapper[Any, Any, Any]):
-    """Observes the bits of the number that a StateNumber observes, as 0 and 1."""
+    """Observes the bits of a StateNumber's number, as 0 and 1."""
 
     def __init__(self, environment: Environment):
         super().__init__(environment)

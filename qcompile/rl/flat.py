@@ -1,4 +1,4 @@
-"""All trained numbers of a model in one tensor, so that an update is a few operations."""
+"""All trained parameters of a model in one tensor, so that an update takes few operations."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import torch
 
 
 class FlatParameters:
-    """One parameter that shares its memory, and its gradient's, with every trained one of `model`.
+    """One parameter that shares memory and gradient with all trained parameters of `model`.
 
-    Gradients add up in `parameter.grad` until `zero_gradient`.
+    Gradients accumulate in `parameter.grad` until `zero_gradient`.
     """
 
     def __init__(self, model: torch.nn.Module):
@@ -27,6 +27,6 @@ class FlatParameters:
         self._gradient.zero_()
 
     def clip_gradient(self, most: float) -> None:
-        """Cut the gradient to the norm `most`."""
+        """Clip the gradient to the norm `most`."""
         norm = self._gradient.norm()
         self._gradient.mul_((most / (norm + 1e-6)).clamp(max=1.0))

@@ -25,10 +25,10 @@ _LEAST_RATE = 0.02
 
 
 class Learner:
-    """Changes an actor and a critic by what rollouts show, with one Adam for both.
+    """Updates an actor and a critic from rollouts, with one Adam optimiser for both.
 
-    `generator` shuffles minibatches, `seen` gives the models observations (..., features) as they
-    see them, and `noise` is what the actor acts under.
+    `generator` shuffles minibatches, `model_inputs` maps observations (..., features) to the
+    models' inputs, and `noise` is the device noise that the actor acts under.
     """
 
     def __init__(
@@ -37,11 +37,11 @@ class Learner:
         critic: torch.nn.Module,
         settings: Settings,
         generator: torch.Generator,
-        seen: Callable[[NDArray[np.floating]], torch.Tensor],
+        model_inputs: Callable[[NDArray[np.floating]], torch.Tensor],
         noise: ActingNoise | None,
     ):
         self._actor, self._critic, self._settings = actor, critic, settings
-        self._generator, self._seen, self._noise = generator, seen, noise
+        self._generator, self._model_inputs, self._noise = generator, model_inputs, noise
         self._learned = [FlatParameters(actor), FlatParameters(critic)]
         groups = [{"params": [flat.parameter]} for flat in self._learned]
         self._optimiser = torch.optim.Adam(groups, eps=1e-5, fused=True)
@@ -49,12 +49,12 @@ class Learner:
         self._memory = Memory(settings.rollouts)
 
     def learn(self, rollout: Rollout, left: float) -> tuple[float, ...]:
-        """Learn from a rollout, and from those kept, with the share `left` of the first step sizes.
+        """Learn from a rollout and the stored ones, with `left` times the initial step sizes.
 
-        Gives both losses, entropy, divergence and clipped share of an `Update`.
+        Returns both losses, entropy, divergence and clipped share of an `Update`.
 
         Raises:
-            FloatingPointError: the parameters are not finite; they are put back as they were.
+            FloatingPointError: parameters became infinite or NaN; they are restored.
         """
         settings = self._settings
         numbers = [flat.parameter.detach().clone() for flat in self._learned]
@@ -64,15 +64,15 @@ class Learner:
         if settings.decision_cost:
             rollout = replace(rollout, rewards=rollout.rewards - settings.decision_cost)
         scale = self._scale.update(rollout.rewards, rollout.done) if settings.scale_rewards else 1.0
-        residual = [] if self._noise is None else [self._noise.taken()]
+        residual = [] if self._noise is None else [self._noise.take_residuals()]
         joined, residual = self._memory.joined(rollout, residual)
-        observations = self._seen(joined.observations).flatten(0, 1)
+        observations = self._model_inputs(joined.observations).flatten(0, 1)
         actions = torch.from_numpy(joined.actions).flatten()
         with torch.no_grad():
             outputs = self._outputs(observations, *residual)
             before = cross_entropy(outputs, actions, reduction="none")
-        judged = self._advantages_and_targets(joined, scale)
-        columns = [observations, before, actions, *judged, *residual]
+        estimates = self._advantages_and_targets(joined, scale)
+        columns = [observations, before, actions, *estimates, *residual]
         for _ in range(settings.epochs):
             for batch in self._minibatches(columns):
                 observations, before, actions, advantage, target, *residual = batch
@@ -108,7 +108,7 @@ class Learner:
         settings, rewards = self._settings, rollout.rewards / scale
         with torch.no_grad():
             both = (rollout.observations, rollout.next_observations)
-            outputs = (self._critic(self._seen(o).flatten(0, 1)).double() for o in both)
+            outputs = (self._critic(self._model_inputs(o).flatten(0, 1)).double() for o in both)
             values, next_values = (value.numpy().reshape(rewards.shape) for value in outputs)
         ended = rollout.terminated if settings.bootstrap_truncated else rollout.done
         gamma = settings.gamma**settings.hold
@@ -120,7 +120,7 @@ class Learner:
         return (flat - flat.mean()) / (flat.std(correction=0) + 1e-8), targets
 
     def _minibatches(self, columns: list[torch.Tensor]) -> list[tuple[torch.Tensor, ...]]:
-        """The columns in one piece, or shuffled and cut."""
+        """The columns in one piece, or shuffled and split."""
         size = self._settings.minibatch
         if size is None:
             return [tuple(columns)]
@@ -129,7 +129,7 @@ class Learner:
         return list(zip(*cut, strict=True))
 
     def _descend(self, actor_loss: torch.Tensor, critic_loss: torch.Tensor) -> None:
-        """One step down both losses, which share no parameter."""
+        """One gradient step on both losses, which share no parameter."""
         for flat in self._learned:
             flat.zero_gradient()
         (actor_loss + critic_loss).backward()  # type: ignore[no-untyped-call]
@@ -139,7 +139,7 @@ class Learner:
         self._optimiser.step()
 
     def state(self) -> dict[str, Any]:
-        """What `restore` takes, beside the models."""
+        """The state for `restore`, without the models."""
         return {
             "optimiser": deepcopy(self._optimiser.state_dict()),
             "return_scale": self._scale.state(),
@@ -147,12 +147,12 @@ class Learner:
         }
 
     def restore(self, state: dict[str, Any], collector: Collector) -> None:
-        """Resume from `state`, with rollouts of this collector.
+        """Resume from `state`, with rollouts from this collector.
 
         Raises:
-            TrainingError: the state is that of other models, or of another training.
+            TrainingError: the state belongs to other models or another training.
         """
-        adam = self._optimiser.state_dict()  # the settings of its groups are not the file's
+        adam = self._optimiser.state_dict()  # not with the file's settings of its groups
         self._optimiser.load_state_dict(adam | {"state": state["optimiser"]["state"]})
         for flat in self._learned:
             moments = self._optimiser.state[flat.parameter]

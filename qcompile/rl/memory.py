@@ -1,4 +1,4 @@
-"""The latest rollouts, which an update learns from together."""
+"""The latest rollouts, from which an update learns together."""
 
 from __future__ import annotations
 
@@ -22,24 +22,24 @@ _ARRAYS = ("observations", "next_observations", *_COLUMNS)
 
 
 class Memory:
-    """Keeps rollouts, and the residuals of noise they were played with, for later updates.
+    """Stores rollouts and their noise residuals for later updates.
 
-    Steps of earlier rollouts are learned from as if the present policy had taken them: in a few
-    rollouts it changes little, and the advantages are estimated anew.
+    Steps of earlier rollouts are treated as if the current policy had taken them: it changes little
+    in a few rollouts, and advantages are estimated again.
     """
 
     def __init__(self, rollouts: int):
-        self._kept: deque[tuple[Rollout, list[torch.Tensor]]] = deque(maxlen=rollouts - 1)
+        self._stored: deque[tuple[Rollout, list[torch.Tensor]]] = deque(maxlen=rollouts - 1)
 
     def joined(
         self, rollout: Rollout, residual: list[torch.Tensor]
     ) -> tuple[Rollout, list[torch.Tensor]]:
-        """The rollouts kept with this one at their end, one after the other, and the residuals.
+        """The stored rollouts followed by this one, joined, and their residuals.
 
-        `residual` is empty, or holds one tensor (steps * environments, circuits).
+        `residual` is empty or has one tensor (steps * environments, circuits).
         """
-        parts = [*self._kept, (rollout, residual)]
-        self._kept.append((rollout, residual))
+        parts = [*self._stored, (rollout, residual)]
+        self._stored.append((rollout, residual))
         if len(parts) == 1:
             return rollout, residual
         rollouts = [part for part, _ in parts]
@@ -48,11 +48,11 @@ class Memory:
         return Rollout(**arrays, finished=rollout.finished), [torch.cat(c) for c in columns]
 
     def state(self) -> list[dict[str, torch.Tensor]]:
-        """What `restore` takes, a set of tensors for each rollout."""
+        """The state for `restore`, a set of tensors for each rollout."""
         return [
             {name: torch.from_numpy(getattr(rollout, name)) for name in _ARRAYS}
             | dict(zip(["residual"], residual, strict=False))
-            for rollout, residual in self._kept
+            for rollout, residual in self._stored
         ]
 
     def restore(
@@ -61,37 +61,37 @@ class Memory:
         collector: Collector,
         circuits: int | None,
     ) -> None:
-        """Resume from `state`, in a training with residuals of `circuits`, None without noise.
+        """Resume from `state`, with residuals of `circuits` circuits, or None without noise.
 
         Raises:
-            TrainingError: what the state holds are not rollouts of this training.
+            TrainingError: the state's rollouts do not belong to this training.
         """
         like, numbers = _empty(collector.observations, circuits), set(range(collector.actions))
-        if len(state) > (self._kept.maxlen or 0):
-            raise TrainingError("The checkpoint has more rollouts than its settings keep.")
-        self._kept.clear()
+        if len(state) > (self._stored.maxlen or 0):
+            raise TrainingError("The checkpoint has more rollouts than its settings allow.")
+        self._stored.clear()
         for part in state:
-            known = _fits(part, like) and {*part["actions"].flatten().tolist()} <= numbers
-            if not known:
-                raise TrainingError("A rollout of the checkpoint is not one of its training.")
+            is_valid = _fits(part, like) and {*part["actions"].flatten().tolist()} <= numbers
+            if not is_valid:
+                raise TrainingError("A rollout in the checkpoint does not belong to its training.")
             arrays: dict[str, Any] = {name: part[name].numpy() for name in _ARRAYS}
             residual = [part["residual"]] if "residual" in part else []
-            self._kept.append((Rollout(**arrays, finished=[]), residual))
+            self._stored.append((Rollout(**arrays, finished=[]), residual))
 
 
 def _empty(observations: np.ndarray[Any, Any], circuits: int | None) -> dict[str, torch.Tensor]:
-    """The tensors of a rollout of no steps."""
-    seen = torch.from_numpy(observations[None][:0])
-    like = {"observations": seen, "next_observations": seen}
+    """The tensors of an empty rollout."""
+    empty = torch.from_numpy(observations[None][:0])
+    like = {"observations": empty, "next_observations": empty}
     for name, dtype in _COLUMNS.items():
-        like[name] = torch.empty(seen.shape[:2], dtype=dtype)
+        like[name] = torch.empty(empty.shape[:2], dtype=dtype)
     if circuits is not None:
         like["residual"] = torch.empty(0, circuits)
     return like
 
 
 def _fits(part: Mapping[str, torch.Tensor], like: Mapping[str, torch.Tensor]) -> bool:
-    """Whether tensors are those of a rollout."""
+    """Whether the tensors form a rollout."""
     if part.keys() != like.keys():
         return False
     steps, environments = part["actions"].shape[:1].numel(), like["actions"].shape[1]

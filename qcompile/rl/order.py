@@ -1,8 +1,8 @@
-"""Episodes of environments that step together, in the order in which they began.
+"""Orders episodes of parallel environments by when they began.
 
-In the order in which they end, short episodes come first: of 64 environments that begin together
-the first 20 to end are the 20 shortest, and their average is no estimate of anything. In the order
-in which they begin, the episodes of a policy are independent draws from one law.
+Ordered by their end, short episodes come first: of 64 environments that begin together, the first
+20 to end are the 20 shortest, and their average is biased. Ordered by their beginning, the episodes
+of a policy are independent draws from one distribution.
 """
 
 from __future__ import annotations
@@ -11,26 +11,26 @@ import heapq
 from collections.abc import Iterable, Iterator
 
 AVERAGED = 20
-"""Episodes of an average reward, as in the paper's learning curves."""
+"""The number of episodes in an average reward, as in the paper's learning curves."""
 
 
 class StartOrder:
-    """Puts finished episodes of `environments` in the order in which they began.
+    """Puts finished episodes of `environments` environments in the order they began.
 
-    An episode is handed on once all that began before it have ended. Environments that began an
-    episode at the same decision are ordered by their number.
+    An episode is released once all that began before it have ended. Episodes that began at the same
+    decision are ordered by environment.
     """
 
     def __init__(self, environments: int):
         self._running = [(0, lane) for lane in range(environments)]
-        """When each environment began the episode that it is in, and its number."""
+        """When each environment began its current episode, and its number."""
         self._waiting: list[tuple[tuple[int, int], float]] = []
 
     def add(self, decisions: int, reward: float) -> Iterator[float]:
-        """The rewards that are next, now that an episode has ended after `decisions` of all.
+        """The rewards released when an episode ends after `decisions` decisions in total.
 
-        `decisions` and `reward` are those of `FinishedEpisode`: environment i of n takes the
-        decisions i + 1, i + 1 + n, ...
+        `decisions` and `reward` are as in `FinishedEpisode`: environment i of n takes decisions i +
+        1, i + 1 + n, ...
         """
         time, lane = divmod(decisions - 1, len(self._running))
         heapq.heappush(self._waiting, (self._running[lane], reward))
@@ -41,9 +41,9 @@ class StartOrder:
 
 
 def in_order_of_start(episodes: Iterable[tuple[int, float]], environments: int) -> Iterator[float]:
-    """The rewards of finished episodes, (decisions, reward) each, in the order in which they began.
+    """The rewards of finished episodes, given as (decisions, reward), in the order they began.
 
-    Those that began after the first that has not ended are left out.
+    Episodes that began after the first unfinished one are left out.
     """
     order = StartOrder(environments)
     for decisions, reward in episodes:

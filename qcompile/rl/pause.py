@@ -1,4 +1,4 @@
-"""Algorithm 2 of the paper: stop learning while episodes are good, keep the best policy."""
+"""Algorithm 2 of the paper: skip updates while episodes are good, and keep the best policy."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ _RUNNING_EPISODES = 20
 
 
 class Pause:
-    """Says when to learn nothing, and remembers the model at the end of the longest good row.
+    """Decides when to skip updates, and stores the model at the end of the longest good streak.
 
-    `reward` is what makes an episode good; None never pauses. Source: arXiv 2203.14348.
+    An episode is good with at least `reward`; None never pauses. Source: arXiv 2203.14348.
     """
 
     def __init__(self, reward: float | None):
@@ -25,8 +25,8 @@ class Pause:
         self._row = self._longest = 0
         self.best: dict[str, torch.Tensor] | None = None
 
-    def holds(self, finished: list[FinishedEpisode], actor: torch.nn.Module) -> bool:
-        """Whether the update after these episodes is skipped."""
+    def skips(self, finished: list[FinishedEpisode], actor: torch.nn.Module) -> bool:
+        """Whether to skip the update after these episodes."""
         if self._reward is None:
             return False
         good = False
@@ -42,7 +42,7 @@ class Pause:
         return good or self._row > 0
 
     def state(self) -> dict[str, Any]:
-        """What `restore` takes."""
+        """The state for `restore`."""
         return {
             "running": list(self._running),
             "row": self._row,

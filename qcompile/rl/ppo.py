@@ -1,4 +1,4 @@
-"""A training by proximal policy optimisation: collect, learn, follow, resume."""
+"""Training by proximal policy optimisation: collect, learn, report, resume."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ from qcompile.version import versions
 
 
 class Trainer:
-    """Trains an actor, the policy, and a critic, its judge, in one environment.
+    """Trains an actor (the policy) and a critic in one environment.
 
-    The same environment, settings and seed give the same policy on the same machine and versions.
-    `arguments` are those that the environment is made with; the policy keeps them. `ansatz` are
+    The same environment, settings and seed give the same policy on the same machine with the same
+    versions. `arguments` are the environment's arguments, which the policy keeps. `ansatz` holds
     circuits to train in place of a layout.
     """
 
@@ -67,15 +67,15 @@ class Trainer:
         self._critic = make_critic(settings, features, self._generator, ansatz)
         self._average: Average | None = None
         if settings.average_share:
-            twin = make_model(settings, features, actions, torch.Generator(), ansatz)
-            self._average = Average(self.actor, twin, settings.average_share)
+            copy = make_model(settings, features, actions, torch.Generator(), ansatz)
+            self._average = Average(self.actor, copy, settings.average_share)
         self.normaliser = Normaliser(self.actor, features) if settings.normalise else None
         self._pause = Pause(settings.pause_at)
         self._noise: ActingNoise | None = None
         if isinstance(self.actor, SVQC) and (settings.backend, settings.shots) != ("ideal", None):
             self._noise = ActingNoise(self.actor, settings, seeds[3])
         self._learner = Learner(
-            self.actor, self._critic, settings, self._generator, self._seen, self._noise
+            self.actor, self._critic, settings, self._generator, self._model_inputs, self._noise
         )
         self.last_update: Update | None = None
 
@@ -85,17 +85,17 @@ class Trainer:
 
     @property
     def model(self) -> torch.nn.Module:
-        """The model that the training hands over: the actor, or its average."""
+        """The final model of the training: the actor, or its average."""
         return self.actor if self._average is None else self._average.model
 
     @property
     def steps(self) -> int:
-        """Environment steps taken."""
+        """The number of environment steps taken."""
         return self._collector.steps
 
     @property
     def decisions(self) -> int:
-        """Decisions taken, each held for one step or more."""
+        """The number of decisions taken, each held for one or more steps."""
         return self._collector.decisions
 
     @property
@@ -105,17 +105,17 @@ class Trainer:
 
     @property
     def progress(self) -> float:
-        """How much of the run is done, in [0, 1]."""
+        """The completed fraction of the run, in [0, 1]."""
         return self._share(self.settings.steps, self.settings.episodes)
 
     def _share(self, steps: int | None, episodes: int | None) -> float:
-        """How much of a budget of steps, of episodes or of both is spent, in [0, 1]."""
+        """The spent fraction of a budget of steps, episodes or both, in [0, 1]."""
         budgets = ((self.steps, steps), (len(self.history), episodes))
         return min(max(done / budget for done, budget in budgets if budget is not None), 1.0)
 
     @property
     def observation_dtype(self) -> np.dtype[Any]:
-        """In which the models see observations: float32, or float64 where that would round."""
+        """The models' observation type: float32, or float64 if that would round."""
         return self._collector.dtype
 
     def train(
@@ -123,31 +123,30 @@ class Trainer:
         on_episode: Callable[[FinishedEpisode, float], None] = lambda episode, progress: None,
         on_update: Callable[[], object] = lambda: None,
     ) -> TrainingResult:
-        """Train until the budget of the settings is spent, or until Ctrl-C.
+        """Train until the settings' budget is spent, or until Ctrl-C.
 
-        `on_episode` is called with each finished episode and the progress of the run, `on_update`
-        after each rollout and what was learned from it: there `state` can be taken, and False ends
-        the training. After an error the actor is as it was after the last whole update, and
-        `result` has it.
+        `on_episode` is called with each finished episode and the progress of the run. `on_update`
+        is called after each rollout and its update: it may call `state`, and ends the training by
+        returning False. After an error, `result` has the actor as of the last complete update.
 
         Raises:
-            EnvironmentStepError: an environment fails, or gives what no policy can use.
-            TrainingError: an update leads to numbers that are not finite.
+            EnvironmentStepError: an environment fails or returns unusable values.
+            TrainingError: an update leads to infinite or NaN parameters.
         """
         interrupted = False
         threads = torch.get_num_threads()
-        torch.set_num_threads(1)  # the tensors are small: threads cost more than they bring
+        torch.set_num_threads(1)  # the tensors are small: threads cost more than they save
         try:
             while self.progress < 1.0:
                 rollout = self._collector.collect(self._act, self.settings.horizon)
                 for episode in rollout.finished:
                     on_episode(episode, self.progress)
                 if self.normaliser is not None:
-                    self.normaliser.keep()
-                if not self._pause.holds(rollout.finished, self.actor):
+                    self.normaliser.store_statistics()
+                if not self._pause.skips(rollout.finished, self.actor):
                     self._update(rollout)
                 elif self._noise is not None:
-                    self._noise.taken()
+                    self._noise.take_residuals()
                 if on_update() is False:
                     break
         except KeyboardInterrupt:
@@ -160,11 +159,11 @@ class Trainer:
         return self.result(interrupted)
 
     def result(self, interrupted: bool = False) -> TrainingResult:
-        """What the training has come to."""
+        """The result of the training so far."""
         return TrainingResult(self.model, self.policy(), self.history, self.steps, interrupted)
 
     def policy(self) -> AnyPolicy | None:
-        """The policy as it is, if it can be played."""
+        """The current policy, if the model can be played."""
         model = self.model
         if not isinstance(model, SVQC | SurrogateModel | NetworkModel):
             return None
@@ -190,17 +189,17 @@ class Trainer:
 
     @property
     def parameter_count(self) -> int:
-        """The numbers of the actor that are trained, copies of output reuse folded."""
+        """The number of trained parameters of the actor, with copies of output reuse folded."""
         return parameter_count(self.actor)
 
     def _act(self, observations: NDArray[np.floating]) -> NDArray[np.intp]:
         with torch.no_grad():
             model = self.actor if self._noise is None else self._noise.act
-            logits = model(self._seen(observations)).numpy()
+            logits = model(self._model_inputs(observations)).numpy()
         return draw_actions(logits, self._rng)
 
-    def _seen(self, observations: NDArray[np.floating]) -> torch.Tensor:
-        """Observations (..., features) as the models see them."""
+    def _model_inputs(self, observations: NDArray[np.floating]) -> torch.Tensor:
+        """Observations (..., features) as inputs for the models."""
         tensor = torch.from_numpy(observations)
         return tensor if self.normaliser is None else self.normaliser(tensor)
 
@@ -222,7 +221,7 @@ class Trainer:
             self.normaliser.add(rollout.observations)
 
     def state(self) -> dict[str, Any]:
-        """All that `restore` needs to resume bit for bit, tensors and plain values."""
+        """Everything `restore` needs to resume bit for bit, as tensors and plain values."""
         return {
             "actor": deepcopy(self.actor.state_dict()),
             "critic": deepcopy(self._critic.state_dict()),
@@ -240,8 +239,8 @@ class Trainer:
         """Resume from the state of a trainer with the same environment, settings and seed.
 
         Raises:
-            TrainingError: the optimiser's state is that of other models, or an environment does
-                not come to where it was.
+            TrainingError: the optimiser's state does not fit the models, or an environment does not
+                return to its state.
         """
         self.actor.load_state_dict(state["actor"])
         self._critic.load_state_dict(state["critic"])

@@ -1,4 +1,4 @@
-"""What a training comes to."""
+"""The result of a training."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from qcompile.rl.rollout import FinishedEpisode
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TrainingResult:
-    """The trained model and every finished episode; `interrupted` says if Ctrl-C ended it.
+    """The trained model and every finished episode; `interrupted` says whether Ctrl-C ended it.
 
-    `policy` is what can be played: None where the model is an entangling circuit.
+    `policy` is None if the model is an entangling circuit, which cannot be played.
     """
 
     actor: torch.nn.Module

@@ -1,4 +1,4 @@
-"""Collect experience from environments that step together."""
+"""Collects experience from environments that step together."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from qcompile.rl.environments import training_environments
 class FinishedEpisode:
     """An episode of training: its number from 1 and its reward.
 
-    `steps` of the environments, and `decisions`, are all that were taken by its end; one of each
-    where nothing is held.
+    `steps` and `decisions` count all environment steps and decisions taken by its end; they are
+    equal if decisions are not held.
     """
 
     episode: int
@@ -37,8 +37,8 @@ class FinishedEpisode:
 class Rollout:
     """Decisions in n environments: arrays (decisions, n), observations (decisions, n, features).
 
-    Rewards are sums over the steps that a decision is held for. `next_observations` are those the
-    actions led to, before any reset; no step of a reset is in it.
+    Rewards are sums over the steps that a decision is held for. `next_observations` are the
+    observations after the actions, before any reset.
     """
 
     observations: NDArray[np.floating]
@@ -55,12 +55,12 @@ class Rollout:
 
 
 class Collector:
-    """Steps `count` environments together and resets each one when its episode ends.
+    """Steps `count` environments together, and resets each when its episode ends.
 
-    Observations are of `dtype`: float32, or float64 where the environment declares what float32
-    cannot hold. A decision is held for `hold` steps; `steps` counts every step taken, `decisions`
-    every decision, `history` has every finished episode. Every episode has a seed of its own, so
-    that an environment is rebuilt by playing its actions again.
+    Observations have the type `dtype`: float32, or float64 if the declared type needs it. A
+    decision is held for `hold` steps; `steps` counts every step taken, `decisions` every decision,
+    and `history` has every finished episode. Every episode has its own seed, so an environment's
+    state can be rebuilt by replaying its actions.
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class Collector:
         self._rng = np.random.default_rng(seeds)
         self._steppers = [Stepper(environment, hold) for environment in environments]
         self._taken: list[list[int]] = [[] for _ in environments]
-        """The actions of the episode that each environment is in."""
+        """The actions of each environment's current episode."""
         first = [stepper.reset(self._seed()) for stepper in self._steppers]
         self._observations: NDArray[np.floating] = np.stack(first)
         self.dtype = self._observations.dtype
@@ -86,7 +86,7 @@ class Collector:
 
     @property
     def observations(self) -> NDArray[np.floating]:
-        """What the environments show now, (environments, features)."""
+        """The current observations, (environments, features)."""
         return self._observations
 
     def _seed(self) -> int:
@@ -95,7 +95,7 @@ class Collector:
     def collect(
         self, act: Callable[[NDArray[np.floating]], IntArray], horizon: int | None
     ) -> Rollout:
-        """`horizon` decisions in every environment, or without a horizon one whole episode of each.
+        """Collect `horizon` decisions in every environment, or one whole episode of each.
 
         `act` maps observations (n, features) to actions (n,).
 
@@ -156,10 +156,10 @@ class Collector:
         }
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Resume from `state`: every environment plays the actions of its episode again.
+        """Resume from `state`: every environment replays the actions of its episode.
 
         Raises:
-            TrainingError: an environment does not come to where it was.
+            TrainingError: an environment does not return to its state.
         """
         self._rng.bit_generator.state = state["rng"]
         self.steps, self.decisions = int(state["steps"]), int(state["decisions"])
@@ -174,14 +174,14 @@ class Collector:
             for action in actions:
                 observation, _, terminated, truncated = stepper.step(action)
                 if terminated or truncated:
-                    raise TrainingError("An episode of the checkpoint ends before its last action.")
+                    raise TrainingError("An episode in the checkpoint ends before its last action.")
             self._taken[i] = list(actions)
             self._observations[i] = observation
         saved = np.array(state["observations"], dtype=self.dtype)
         if not np.array_equal(self._observations, saved):
             raise TrainingError(
-                "The environments do not come to where the checkpoint left them.",
-                "Resume it with the versions it was made with; it names them.",
+                "The environments do not return to their state in the checkpoint.",
+                "Resume it with the versions that wrote it.",
             )
 
     def close(self) -> None:

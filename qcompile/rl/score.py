@@ -1,4 +1,4 @@
-"""What a model in training scores on episodes it has not seen."""
+"""Scores a model in training on new episodes."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from qcompile.rl.ppo import Trainer
 
 
 def score(trainer: Trainer, episodes: int, first_seed: int) -> FloatArray:
-    """Rewards (episodes,) of the model as it is, episode i reset with `first_seed` + i.
+    """Rewards (episodes,) of the current model, with episode i reset by `first_seed` + i.
 
-    Actions are sampled; what makes a policy plays as it does, circuits on the backend that they
-    learn on. Every draw comes from a generator derived from `first_seed`: the training goes on
-    undisturbed, and the score repeats.
+    Actions are sampled. A model that makes a policy plays as that policy, with circuits on the
+    training's backend. All draws come from a generator derived from `first_seed`: the training is
+    not disturbed, and the score is repeatable.
     """
     policy, settings = trainer.policy(), trainer.settings
     if policy is not None:
-        playing = player(
+        model_player = player(
             policy,
             load_device(settings.backend),
             shots=settings.shots,
             mitigation=settings.mitigation,
             seed=first_seed,
         )
-        result = play(playing, episodes)
+        result = play(model_player, episodes)
         if result.interrupted:
             raise KeyboardInterrupt
         return result.rewards
@@ -50,14 +50,14 @@ def score(trainer: Trainer, episodes: int, first_seed: int) -> FloatArray:
 
 
 def _sampling(trainer: Trainer, seed: int) -> Act:
-    """Actions drawn from the softmax of the actor's outputs, which sees what it learns from."""
+    """Actions drawn from the softmax of the model's outputs for normalised observations."""
     rng = np.random.default_rng(seed)
-    mean, std = (0.0, 1.0) if trainer.normaliser is None else trainer.normaliser.kept
+    mean, std = (0.0, 1.0) if trainer.normaliser is None else trainer.normaliser.statistics
 
     def act(observations: FloatArray, rows: Rows) -> IntArray:
         with torch.no_grad():
-            seen = (observations.astype(trainer.observation_dtype) - mean) / std
-            logits = trainer.model(torch.from_numpy(seen)).numpy()
+            inputs = (observations.astype(trainer.observation_dtype) - mean) / std
+            logits = trainer.model(torch.from_numpy(inputs)).numpy()
         return draw_actions(logits, rng)
 
     return act

@@ -1,4 +1,4 @@
-"""What a training tells as it goes: averages, updates, rows of a CSV file, scalars."""
+"""Reports of a running training: averages, updates, a CSV file and scalars."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ if TYPE_CHECKING:
     from qcompile.rl.rollout import FinishedEpisode
 
 Callback = Callable[[Mapping[str, float], int], object]
-"""Is told scalars by their names and the environment steps taken by then; False ends the training
-after the update that follows."""
+"""Called with scalars by name and the environment steps taken so far; returning False ends the
+training after the next update."""
 
 _FLUSH_SECONDS = 5
 
 
 @dataclass(frozen=True)
 class Update:
-    """How an update of PPO went, at its last minibatch: what its losses were, and how far it moved.
+    """Losses and diagnostics of a PPO update, at its last minibatch.
 
     `divergence` estimates the Kullback-Leibler divergence of the old from the new policy, in nats;
-    `clipped` is the share of ratios that the clip holds.
+    `clipped` is the fraction of clipped ratios.
     """
 
     steps: int
@@ -41,17 +41,17 @@ class Update:
 
     @property
     def scalars(self) -> dict[str, float]:
-        """How it went, by the names of the scalars."""
+        """The values by the names of the scalars."""
         names = ("actor_loss", "critic_loss", "entropy", "divergence", "clipped")
         return {f"update/{name}": getattr(self, name) for name in names}
 
 
 class Averages:
-    """Average rewards: `last`, of the last 20 episodes (fewer before the 20th), and `best`, the
-    highest of 20 in a row (None before the 20th).
+    """Average rewards: `last`, over the last 20 episodes (fewer before the 20th), and `best`, the
+    highest over 20 in a row (None before the 20th).
 
-    Episodes count in the order in which they began in `environments`, each once all that began
-    before it have ended.
+    Episodes count in the order they began in `environments` environments, each once all earlier
+    ones have ended.
     """
 
     def __init__(self, environments: int = 1, episodes: Iterable[FinishedEpisode] = ()):
@@ -72,7 +72,7 @@ class Averages:
 
 
 class EpisodeLog:
-    """A CSV file with a row for each finished episode, in the file as soon as it is added.
+    """A CSV file with a row for each finished episode, written immediately.
 
     Raises:
         OutputError: the file cannot be written.
@@ -91,7 +91,7 @@ class EpisodeLog:
             raise
 
     def add_missing(self, episodes: Iterable[FinishedEpisode]) -> None:
-        """Write those that have no row yet."""
+        """Write the episodes that have no row yet."""
         for episode in episodes:
             if episode.episode > self._count:
                 self._write(f"{episode.episode},{episode.steps},{episode.reward}")
@@ -120,9 +120,10 @@ class EpisodeLog:
 
 
 class TensorBoard:
-    """A callback that writes scalars for TensorBoard in `folder`, over the environment steps.
+    """A callback that writes scalars for TensorBoard to `folder`, by environment step.
 
-    `steps` is where a training resumes: TensorBoard drops what an earlier run wrote beyond.
+    `steps` is the step at which a training resumes: TensorBoard drops later entries of an earlier
+    run.
 
     Raises:
         MissingExtraError: tensorboard is not installed.

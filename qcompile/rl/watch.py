@@ -1,4 +1,4 @@
-"""Follow a training: tell how it goes, evaluate it, and keep its checkpoint."""
+"""Follows a training: reports its progress, evaluates it, and writes its checkpoint."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from qcompile.rl.training_log import Averages, Callback, EpisodeLog, Update
 
 CHECKPOINT_SECONDS = 10.0
 EVALUATION_SEED = 1_000_000
-"""Every evaluation resets its episodes with the seeds from here on."""
+"""The first seed of the episodes of every evaluation."""
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What the model scored by then; `std_reward` is that of the episodes, not of the mean."""
+    """A score of the model during training; `std_reward` is over episodes, not of the mean."""
 
     episode: int
     steps: int
@@ -34,12 +34,12 @@ class Evaluation:
 
 
 class Watch:
-    """What follows one training, and what it found.
+    """Follows one training and collects its evaluations.
 
-    `every` is the number of training episodes between evaluations, None for none; an evaluation
-    plays `episodes`. `checkpoint` is written at most every 10 seconds, and at the end. `log` can be
-    set before `train`, and `callbacks` filled. `callback_error` is what one of these raised, which
-    ended the training; `stopped` says that one of them did by False.
+    `every` is the number of training episodes between evaluations, None for no evaluations; an
+    evaluation plays `episodes` episodes. `checkpoint` is written at most every 10 seconds, and at
+    the end. `log` and `callbacks` can be set before `train`. `callback_error` is an exception of a
+    callback that ended the training; `stopped` says whether a callback ended it by returning False.
     """
 
     def __init__(
@@ -58,40 +58,39 @@ class Watch:
         self.stopped = False
         self.averages = Averages(trainer.settings.environments, trainer.history)
         self.evaluations: list[Evaluation] = []
-        self._seen = len(trainer.history)
-        self._due = 0 if every is None else (self._seen // every + 1) * every
+        self._recorded = len(trainer.history)
+        self._due = 0 if every is None else (self._recorded // every + 1) * every
         self._update: Update | None = None
         self._saves = checkpoint is not None or trainer.policy() is None
         self._state: dict[str, Any] | None = trainer.state() if self._saves else None
         self._written = time.monotonic()
         self.has_learned = trainer.steps > 0
-        """Whether there was a whole rollout, now or before a checkpoint."""
+        """Whether there was a complete rollout, now or before a checkpoint."""
 
     def train(self) -> TrainingResult:
-        """Train to the end, to Ctrl-C or to a callback's False; then the log and the checkpoint are
-        complete.
+        """Train until the end, Ctrl-C or a callback's False; then log and checkpoint are complete.
 
         Raises:
-            EnvironmentStepError, TrainingError: what ends a training early; they are complete too.
-            Exception: what a callback raises; they are complete too.
+            EnvironmentStepError, TrainingError: the training failed; both are complete.
+            Exception: a callback raised it; both are complete.
         """
         try:
             return self._trainer.train(self._on_episode, self._on_update)
         finally:
-            try:  # of a rollout that was cut short
-                for episode in self._trainer.history[self._seen :]:
-                    self._note(episode)
+            try:  # episodes of an interrupted rollout
+                for episode in self._trainer.history[self._recorded :]:
+                    self._record(episode)
             finally:
                 if self._checkpoint is not None:
                     self.save(self._checkpoint)
 
     def save(self, path: Path) -> None:
-        """Write a checkpoint of the training as it was after its last whole update."""
+        """Write a checkpoint of the training as of its last complete update."""
         save_checkpoint(self._trainer, path, self._state)
         self._written = time.monotonic()
 
     def _on_episode(self, episode: FinishedEpisode, progress: float) -> None:
-        self._note(episode)
+        self._record(episode)
         words = [f"episode {episode.episode}"]
         if self.averages.last is not None:
             words.append(f"last 20: {reward_text(self.averages.last)}")
@@ -101,34 +100,34 @@ class Watch:
             words.append(f"test {reward_text(self.evaluations[-1].mean_reward)}")
         self._show(progress, ", ".join(words))
 
-    def _note(self, episode: FinishedEpisode) -> None:
-        self._seen = episode.episode
+    def _record(self, episode: FinishedEpisode) -> None:
+        self._recorded = episode.episode
         self.averages.add(episode)
         if self.log is not None:
             self.log.add_missing([episode])
         scalars = {"rollout/episode_reward": episode.reward}
         if self.averages.last is not None:
             scalars["rollout/average_20"] = self.averages.last
-        self._tell(scalars, episode.steps)
+        self._report(scalars, episode.steps)
 
-    def _tell(self, scalars: Mapping[str, float], steps: int) -> None:
-        """Call every callback; none after one that has raised an exception."""
+    def _report(self, scalars: Mapping[str, float], steps: int) -> None:
+        """Call every callback, unless one has raised an exception."""
         for callback in self.callbacks if self.callback_error is None else ():
             try:
-                answer = callback(scalars, steps)
+                outcome = callback(scalars, steps)
             except Exception as error:
                 self.callback_error = error
                 raise
-            if isinstance(answer, bool | np.bool_) and not answer:
+            if isinstance(outcome, bool | np.bool_) and not outcome:
                 self.stopped = True
 
     def _on_update(self) -> bool:
-        """Whether the training goes on."""
+        """Whether to continue the training."""
         update, self.has_learned = self._trainer.last_update, True
         if update is not None and update is not self._update:
-            self._tell(update.scalars, update.steps)
+            self._report(update.scalars, update.steps)
         self._update = update
-        self._evaluate()  # before the state is kept: resuming repeats what Ctrl-C breaks off
+        self._evaluate()  # before storing the state: resuming then repeats it
         if self._saves:
             self._state = self._trainer.state()
         late = time.monotonic() - self._written >= CHECKPOINT_SECONDS
@@ -144,4 +143,4 @@ class Watch:
         self._due = (episode // self._every + 1) * self._every
         mean = float(rewards.mean())
         self.evaluations.append(Evaluation(episode, steps, mean, float(rewards.std())))
-        self._tell({"evaluation/mean_reward": mean}, steps)
+        self._report({"evaluation/mean_reward": mean}, steps)

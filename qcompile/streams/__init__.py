@@ -1,25 +1,25 @@
 """Random numbers keyed by seed, purpose, episode and decision, so that every episode repeats.
 
-An ordinary generator hands out its numbers in the order of asking: whoever asks first changes what
-all others get. A `Stream` has no order. Each of its numbers is a function of what it is for and
-where it is used,
+An ordinary generator returns numbers in the order of the calls, so each call changes the results of
+all later ones. A `Stream` has no order. Each of its numbers is a function of its purpose and its
+place,
 
     seed, purpose -> key        episode, decision, circuit -> counter
     number = Philox4x32-10 of counter and key.
 
-There is one uniform number for each (seed, episode, decision, circuit), and a count is its
-quantile: the smallest k of which the binomial distribution of the shots and the probability has at
-least so much at or below k. So every draw *repeats*: the same seed, purpose, episode, decision and
-circuit (for a count also the same shots and probability) give the same number, alone or in any
-batch, in any row of it, before or after any other draw, whatever becomes of the other episodes.
-Draws that differ in one of the five are independent, as far as Philox is random; it passes all
-tests of TestU01's BigCrush. Episode, decision and circuit count modulo 2**32.
+There is one uniform number u for each (seed, episode, decision, circuit), and a count is its
+quantile: the smallest k for which the binomial distribution function is at least u. So every draw
+*repeats*: the same seed, purpose, episode, decision and circuit (for a count also the same shots
+and probability) give the same number, alone or in any row of any batch, before or after any other
+draw, whatever happens in other episodes. Draws that differ in one of the five are independent, as
+far as Philox is random; it passes all tests of TestU01's BigCrush. Episode, decision and circuit
+count modulo 2**32.
 
-Counts rise with the probability: circuits, devices or settings that are compared at the same
-places share their noise, and nearly equal probabilities give nearly equal counts.
+Counts increase with the probability. So circuits, devices or settings compared at the same places
+share their noise, and nearly equal probabilities give nearly equal counts.
 
 Numbers repeat bit for bit with the same numpy and scipy on the same kind of processor. Elsewhere
-functions may round differently, which changes fewer than one count in 10**9.
+rounding may differ, which changes fewer than one count in 10**9.
 
 Sources:
     J. K. Salmon, M. A. Moraes, R. O. Dror, D. E. Shaw, "Parallel random numbers: as easy as

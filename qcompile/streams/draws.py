@@ -1,4 +1,4 @@
-"""The draws of episodes that walk in lockstep, made for many decisions at once."""
+"""The draws of episodes in lockstep, made for many decisions at once."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from qcompile.streams.scores import ARRAYS, equal_shots
 from qcompile.streams.stream import Stream
 
 _DECISIONS = 64
-"""Decisions of a block at most."""
+"""The most decisions in a block."""
 _GROWTH = 8
-"""How many times the decisions of a block the next one has."""
+"""The growth in decisions from one block to the next."""
 _NUMBERS = 2_000_000
-"""Numbers of a block at most: 16 megabytes."""
+"""The most numbers in a block: 16 megabytes."""
 
 PlaceArray = NDArray[np.int64]
 Fill = Callable[[PlaceArray, PlaceArray, FloatArray], None]
@@ -26,11 +26,11 @@ Fill = Callable[[PlaceArray, PlaceArray, FloatArray], None]
 
 
 class Draws:
-    """The counts and actions of a run: those of `Stream(seed, "shots")` and of "actions".
+    """The counts and actions of a run, from `Stream(seed, "shots")` and `Stream(seed, "actions")`.
 
-    Draws for the same episodes, or fewer of them, at one decision after the other come from a block
-    that was drawn ahead, as long as the shots stay the same. All others are drawn when they are
-    asked for. The results are the same.
+    Draws for the same episodes, or fewer of them, at consecutive decisions come from a block drawn
+    ahead, as long as the shots stay the same. All others are drawn on demand. The results are the
+    same.
     """
 
     def __init__(self, seed: int, circuits: int):
@@ -50,11 +50,12 @@ class Draws:
     ) -> CountArray:
         """The successes among `shots` trials of probability `p`, (rows, copies * circuits).
 
-        `episode` and `decision` are (rows, copies) integers. Each copy's circuits count from 0, and
-        have the same `shots`, one number or (circuits,). Otherwise as `Stream.binomial`.
+        `episode` and `decision` are (rows, copies) integers. The circuits of each copy are numbered
+        from 0, and have the same `shots`, one number or (circuits,). Otherwise as in
+        `Stream.binomial`.
 
         Raises:
-            ValueError: a probability is not a number, or shapes do not fit.
+            ValueError: a probability is not a number, or shapes do not match.
         """
         if shots is not self._shots and not np.array_equal(shots, self._shots):
             self._shots, self._scores = shots, self._block_of_scores(shots)
@@ -69,7 +70,7 @@ class Draws:
         return np.concatenate(counts, axis=1).reshape(p.shape)
 
     def rows(self, episode: PlaceArray, decision: PlaceArray) -> RowDraws:
-        """A source of counts for these places, (rows, copies), in place of a Generator."""
+        """A source of counts for these places, (rows, copies), used like a Generator."""
         return RowDraws(self, episode, decision)
 
     def _block_of_scores(self, shots: CircuitShots) -> _BlockOfDraws:
@@ -90,15 +91,15 @@ class RowDraws(NamedTuple):
     decision: PlaceArray
 
     def binomial(self, shots: CircuitShots, p: FloatArray) -> CountArray:
-        """As `Draws.binomial`: counts of `p`, (rows, copies * circuits)."""
+        """Counts for `p`, (rows, copies * circuits), as in `Draws.binomial`."""
         return self.draws.binomial(shots, p, self.episode, self.decision)
 
 
 class _BlockOfDraws:
-    """Numbers of `fill`, of a block of decisions at once where they follow each other.
+    """Numbers from `fill`, in blocks of consecutive decisions.
 
-    A block that was used up is followed by a longer one; every other starts with a single decision.
-    All are written to the same memory: new memory would cost more than the numbers.
+    A block that was used up is followed by a longer one; otherwise a block has one decision. All
+    blocks use the same memory, because allocating would cost more than drawing.
     """
 
     def __init__(self, fill: Fill, arrays: int, width: int):
@@ -108,13 +109,13 @@ class _BlockOfDraws:
         self._memory = np.empty(0)
         self._block = np.empty((arrays, 0, 0, width))
         self._asked = b""
-        """The episodes of the last call, and where each of them stands in the block."""
+        """The episodes of the last call, and the position of each in the block."""
         self._position: IntArray | None = None
 
     def numbers(self, episode: PlaceArray, decision: PlaceArray) -> FloatArray:
-        """Those of the places of both arrays, flat: (arrays, places, width).
+        """The numbers at the places of both arrays, flat: (arrays, places, width).
 
-        They hold until the next call.
+        The next call overwrites them.
         """
         episode = np.asarray(episode, dtype=np.int64)
         decision = np.asarray(decision, dtype=np.int64)
@@ -132,9 +133,9 @@ class _BlockOfDraws:
         return numbers if self._position is None else numbers.take(self._position, axis=1)
 
     def _search(self, episode: PlaceArray, offset: int) -> int:
-        """Let `_position` tell where `episode` stands in the block, if need be a new one.
+        """Set `_position` to the positions of `episode` in the block, filling a new one if needed.
 
-        Return the decision's number in the block.
+        Returns the index of the decision in the block.
         """
         if 0 <= offset < self._length:
             position = np.searchsorted(self._episodes, episode)

@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 WordArray = NDArray[np.uint64]
 
 RoundKeys = tuple[tuple[WordArray, WordArray], ...]
-"""For each round the two words of its key, in the upper 32 bits of arrays without dimensions."""
+"""The two words of each round key, in the upper 32 bits of 0-dimensional arrays."""
 
 ROUNDS = 10
 
 
 def constant(value: int) -> WordArray:
-    """`value` as an array without dimensions, which numpy takes at half the cost of a scalar."""
+    """`value` as a 0-dimensional array, which costs numpy half as much as a scalar."""
     return np.array(value, dtype=np.uint64)
 
 
@@ -24,7 +24,7 @@ _WEYL = 0x9E3779B9, 0xBB67AE85  # the golden ratio and the square root of 3, les
 
 
 def round_keys(key: tuple[int, int]) -> RoundKeys:
-    """The keys of all rounds from the two 32-bit words of `key`: a Weyl sequence of each."""
+    """The keys of all rounds from the two 32-bit words of `key`, a Weyl sequence for each."""
     return tuple(
         (
             constant((key[0] + step * _WEYL[0]) % 2**32 << 32),
@@ -42,8 +42,8 @@ def philox(state: WordArray, keys: RoundKeys) -> WordArray:
 
         state[0] = M1 * w2 ^ (w1 ^ k0) * 2**32,     state[1] = M0 * w0 ^ (w3 ^ k1) * 2**32.
 
-    Each step is one pass over contiguous rows. Outputs stand third; they are never operands, which
-    would take numpy three times as long for n = 1.
+    Each step is one pass over contiguous rows. An output (the third argument) is never an operand
+    too, which would take numpy three times as long for n = 1.
     """
     low, high = np.empty_like(state), np.empty_like(state)
     (state_0, state_1), (low_0, low_1), (high_0, high_1) = state, low, high

@@ -6,14 +6,14 @@ correction 1/12 taken from its variance) gives, to the order 1 / s**3,
 
     y = n p + s z + h (z**2 - 1) / 6 + ...,    F(k) = u where y = k + 1/2 (scores.py: all terms).
 
-So the count is y rounded, unless y lies so close to a half that the error of the expansion could
-matter. There the decision is exact:
+So the count is y rounded, unless y is so close to a half-integer that the error of the expansion
+could matter. Then the decision is exact:
 
 - where n min(p, 1 - p) is at most LARGEST_MEAN, or the expansion does not hold, by the sum of
   P(k) = P(k - 1) p / (1 - p) (n - k + 1) / k, P(0) = (1 - p)**n;
-- elsewhere by the incomplete beta function, from the nearer tail.
+- otherwise by the incomplete beta function, from the nearer tail.
 
-No count approximates: rounding alone moves F, by less than 1e-12.
+No count is approximate: only rounding affects F, by less than 1e-12.
 """
 
 from __future__ import annotations
@@ -29,30 +29,30 @@ from scipy.special import betainc, betaincc
 from qcompile.arrays import CountArray, FloatArray
 
 LARGEST_MEAN = 16.0
-"""Up to so many expected counts the sum is the faster way."""
+"""Up to this many expected counts the sum is faster."""
 
 _BLOCK = 8192
-"""Counts at a time: their arrays stay within the cache, and below the size mapped anew."""
+"""The counts computed at a time, few enough for the cache and to reuse freed memory."""
 _SUMS = 1024
-"""Sums at a time: neighbours in probability, which need equally many terms."""
+"""The sums computed at a time, sorted by probability, so that they need about equal terms."""
 _FEW = 128
-"""Up to so many sums, calls cost more than numbers."""
+"""Up to this many sums, function calls cost more than arithmetic."""
 
 Constant = NDArray[np.float64]
-"""An array without dimensions, which numpy takes at half the cost of a scalar."""
+"""A 0-dimensional array, which costs numpy half as much as a scalar."""
 _ONE: Constant = np.array(1.0)
 _MIN_VARIANCE: Constant = np.array(1e-9)
-"""In place of less, which the bound of the error refuses just as well."""
+"""Smaller variances are replaced by this one, for which the error bound fails too."""
 
 
 @lru_cache(maxsize=64)
 def _constants(shots: int) -> tuple[Constant, Constant]:
-    """n, and 1/2 less what rounding may do to y."""
+    """n, and 1/2 minus the largest rounding error of y."""
     return np.array(float(shots)), np.array(0.5 - 1e-12 - 4e-15 * shots)
 
 
 def binomial_quantiles(shots: int, p: FloatArray, scores: FloatArray) -> CountArray:
-    """Counts of probability `p`, (rows, circuits), from `scores`, (ARRAYS, rows, circuits).
+    """The counts for probability `p`, (rows, circuits), from `scores`, (ARRAYS, rows, circuits).
 
     Raises:
         ValueError: a probability is not a number.
@@ -69,7 +69,7 @@ def binomial_quantiles(shots: int, p: FloatArray, scores: FloatArray) -> CountAr
 
 
 def expansion(shots: int, p: FloatArray, scores: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """y of each count and the bound of its error, both (rows, circuits)."""
+    """y of each count and its error bound, both (rows, circuits)."""
     _, linear, square, cubic, quartic, quintic, error = scores
     n, _ = _constants(shots)
     h = _ONE - p
@@ -113,7 +113,7 @@ def _quantiles(shots: int, p: FloatArray, scores: FloatArray) -> CountArray:
 def _decisions(
     shots: int, p: FloatArray, uniform: FloatArray, y: FloatArray, error: FloatArray
 ) -> FloatArray:
-    """The quantiles of `uniform`, (m,); floor(y) or the next where `error`, of y, is below 1/2."""
+    """The quantiles of `uniform`, (m,): floor(y) or the next integer if `error` is below 1/2."""
     least = np.minimum(p, 1.0 - p)
     largest = float(least.max())
     if math.isnan(largest):
@@ -134,8 +134,8 @@ def _decisions(
 def _by_sums(shots: int, p: FloatArray, least: FloatArray, uniform: FloatArray) -> FloatArray:
     """The quantiles of `uniform`, (m,), from P(0), P(1), ... of the rarer outcome, `least`.
 
-    Beyond nine standard deviations and twelve counts above the mean lies less than 2**-53 of the
-    probability.
+    Less than 2**-53 of the probability lies more than nine standard deviations and twelve counts
+    above the mean.
     """
     if len(p) > _SUMS:
         counts = np.empty_like(p)
@@ -159,13 +159,13 @@ def _by_sums(shots: int, p: FloatArray, least: FloatArray, uniform: FloatArray) 
 
 @lru_cache(maxsize=64)
 def _ratios(shots: int, terms: int) -> FloatArray:
-    """(n - k + 1) / k for k = 0 (of no meaning), 1, ..., (terms, 1)."""
+    """(n - k + 1) / k for k = 0 (meaningless), 1, ..., (terms, 1)."""
     ratios = (shots + 1.0) / np.maximum(np.arange(terms), 0.5) - 1.0
     return np.asarray(ratios[:, None])
 
 
 def _accumulate(operation: np.ufunc, table: FloatArray) -> None:
-    """Each row of `table` becomes the operation of all up to it."""
+    """Replace each row of `table` by the operation applied to all rows up to it."""
     if table.shape[1] <= _FEW:
         operation.accumulate(table, axis=0, out=table)
         return

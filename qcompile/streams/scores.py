@@ -1,8 +1,8 @@
-"""Normal scores: all of a count that depends neither on its probability nor on the step.
+"""Normal scores: the part of a count that does not depend on its probability.
 
-A count is the quantile of one uniform number u. Where z is the normal score of u, Phi(z) = u, its
-Cornish-Fisher expansion (quantile.py) needs u, polynomials of z and the bound of its error. They
-are the seven arrays of this file, and may be drawn long before their probabilities are known.
+A count is the quantile of a uniform number u. With z the normal score of u, Phi(z) = u, its
+Cornish-Fisher expansion (quantile.py) needs u, polynomials of z and an error bound. These are the
+seven arrays of this file, and can be drawn long before the probabilities are known.
 """
 
 from __future__ import annotations
@@ -16,26 +16,26 @@ from qcompile.arrays import CircuitShots, FloatArray
 from qcompile.streams.philox import RoundKeys, WordArray, constant, philox
 
 ARRAYS = 7
-"""u; five polynomials, of s, h, 1 / s, h / s**2 and 1 / s**3 in turn; the error's of 1 / s**4."""
+"""u; polynomials, times s, h, 1 / s, h / s**2 and 1 / s**3; the error bound, times 1 / s**4."""
 
 ERROR = 0.112, 0.008
 """The expansion is wrong by less than (0.112 + 0.008 z**6) / s**4, s**2 = n p (1 - p).
 
-That is at least four times the largest error wherever it is less than 1/2: found by comparing the
+That is at least four times the largest error wherever it is less than 1/2, by comparison of the
 expansion at Phi(z) = F(k) with k + 1/2, for all k with |z| < 8.2 (3000 of them for large n),
-n = 2 to 64, 128, 256, 1024, 8192, 10**5 and 10**7, and 180 probabilities of each.
-tests/streams/test_quantile.py repeats a share of the comparison.
+n = 2 to 64, 128, 256, 1024, 8192, 10**5 and 10**7, and 180 probabilities for each n.
+tests/streams/test_quantile.py repeats part of the comparison.
 """
 
 _BLOCK = 16_000
-"""Counts at a time: an array of them stays below malloc's 128 KiB, from which memory is mapped."""
+"""The counts computed at a time: their arrays stay below 128 KiB, where malloc starts to mmap."""
 
 _ELEVEN, _ODD = constant(11), constant(1)
 _SCALE = np.array(2.0**-53)
 
 
 def equal_shots(shots: CircuitShots) -> list[tuple[int, slice]]:
-    """The neighbouring circuits with equal shots: how many, and which circuits."""
+    """The groups of neighbouring circuits with equal shots: the shots, and the circuits."""
     if not isinstance(shots, np.ndarray):
         return [(shots, slice(None))]
     borders = [0, *(np.flatnonzero(np.diff(shots)) + 1).tolist(), len(shots)]
@@ -43,11 +43,11 @@ def equal_shots(shots: CircuitShots) -> list[tuple[int, slice]]:
 
 
 def fill_scores(shots: CircuitShots, row: WordArray, keys: RoundKeys, scores: FloatArray) -> None:
-    """Fill `scores` (ARRAYS, rows, circuits), the arrays of counts in `shots` shots.
+    """Fill `scores` (ARRAYS, rows, circuits), the arrays for counts in `shots` shots.
 
     `row` (rows,) holds episode * 2**32 + decision. u is an odd multiple of 2**-53, so that neither
-    u nor 1 - u is ever 0: 52 bits of the number c % 2 of counter (episode, decision, c // 2, 0),
-    for circuit c.
+    u nor 1 - u is ever 0. For circuit c it has 52 bits of number c % 2 of the counter (episode,
+    decision, c // 2, 0).
     """
     alike = equal_shots(shots)
     height = max(1, _BLOCK // max(scores.shape[2], 1))
@@ -71,7 +71,7 @@ def _uniforms(row: WordArray, keys: RoundKeys, uniform: FloatArray) -> None:
 
 
 def polynomials(shots: int, block: FloatArray) -> None:
-    """Fill all arrays of `block`, (ARRAYS, ...), but the first, which holds u.
+    """Fill all arrays of `block`, (ARRAYS, ...), except the first, which holds u.
 
     For n `shots`, with w = p (1 - p) = s**2 / n and h = 1 - 2 p, the expansion has the terms
 

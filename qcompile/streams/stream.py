@@ -1,4 +1,4 @@
-"""Streams: what a draw is for, and where, as keys and counters of Philox."""
+"""Streams: the purpose and place of a draw, as keys and counters of Philox."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from qcompile.streams.quantile import binomial_quantiles
 from qcompile.streams.scores import ARRAYS, fill_scores
 
 Purpose = Literal["shots", "actions"]
-"""What a stream is for. The order is part of the law: a new purpose goes to the end."""
+"""The purpose of a stream. Their order determines the numbers: add new ones at the end."""
 
 _UNIFORM = constant(0xFFFFFFFF)
-"""In the place of the attempt: no count comes to so many, so no uniform shares its counter."""
+"""The attempt in the counters of uniforms: no count has this many, so no counter is shared."""
 _ELEVEN = constant(11)
 
 
 @dataclass(frozen=True)
 class Stream:
-    """Draws keyed by `seed`, any integer from 0, by `purpose`, and by where each of them is used.
+    """Draws keyed by `seed`, any integer from 0, by `purpose`, and by the place of each draw.
 
-    Streams of other seeds or purposes are independent of this one.
+    Streams with different seeds or purposes are independent.
     """
 
     seed: int
@@ -59,9 +59,9 @@ class Stream:
         circuits: int,
         out: FloatArray | None = None,
     ) -> FloatArray:
-        """What counts of `shots` shots take from the stream, (ARRAYS, B, circuits), as scores.py.
+        """The scores for counts of `shots` shots, (ARRAYS, B, circuits); see scores.py.
 
-        `episode` and `decision` are (B,) integers. The result is `out`, if that is given.
+        `episode` and `decision` are (B,) integers. The result is written to `out`, if given.
         """
         row = _pair(episode, decision)
         scores = np.empty((ARRAYS, len(row), circuits)) if out is None else out
@@ -71,10 +71,10 @@ class Stream:
     def binomial(
         self, shots: int, p: FloatArray, episode: ArrayLike, decision: ArrayLike
     ) -> CountArray:
-        """The successes among `shots` trials of probability `p`, (B, circuits), a count for each.
+        """The successes in `shots` trials with probability `p`, (B, circuits).
 
-        `episode` and `decision` are (B,) integers. A count is distributed exactly binomially,
-        rises with p, and depends on its own shots, p, episode, decision and circuit alone.
+        `episode` and `decision` are (B,) integers. A count has exactly the binomial distribution,
+        increases with p, and depends only on its shots, p, episode, decision and circuit.
         Probabilities outside [0, 1] count as 0 or 1.
 
         Raises:
@@ -85,6 +85,6 @@ class Stream:
 
 
 def _pair(upper: ArrayLike, lower: ArrayLike) -> WordArray:
-    """Two words of 32 bits, each modulo 2**32, as one of 64."""
+    """Two 32-bit words, each modulo 2**32, as one 64-bit word."""
     word = np.asarray(upper).astype(np.uint64) << THIRTY_TWO
     return np.asarray(word | np.asarray(lower).astype(np.uint32))

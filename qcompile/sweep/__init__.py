@@ -1,1 +1,1 @@
-"""Cells of a grid run side by side, each kept in a file of its own: studies and evaluations."""
+"""Studies and evaluations: cells of a grid run in parallel, each stored in its own file."""

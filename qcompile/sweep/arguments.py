@@ -1,4 +1,4 @@
-"""What the arguments of verbs, studies and evaluations have in common."""
+"""Types and helpers for the arguments of verbs, studies and evaluations."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from qcompile.errors import OptionError
 Name = str | PathLike[str]
 """A bare name or a path."""
 Words = Callable[[str], None]
-"""What is told something that a person should read."""
+"""A function that is called with a message for the user."""
 
 
 @dataclass(frozen=True, repr=False)
 class Planned:
-    """The default of a setting: `offline`, and with `live` what the plan proposes."""
+    """The default of a setting: `offline`, or with `live` the value that a plan chooses."""
 
     offline: Any
 
@@ -33,14 +33,14 @@ Shots = int | None | Literal["exact"]
 
 
 def is_several(values: Any) -> bool:
-    """Whether `values` are several in an order: a sequence, an iterator or an array, no text."""
+    """Whether `values` is a sequence, an iterator or a 1-D array, but not a string."""
     if isinstance(values, np.ndarray):
         return values.ndim == 1
     return isinstance(values, Sequence | Iterator) and not isinstance(values, str | bytes)
 
 
 def several(values: Any) -> list[Any]:
-    """The values, or the one value, in a list; those of an array as Python's numbers."""
+    """The values, or the single value, as a list; those of an array as Python numbers."""
     if not is_several(values):
         return [values]
     return values.tolist() if isinstance(values, np.ndarray) else [*values]
@@ -50,7 +50,7 @@ def shots_of(shots: Shots) -> int | None:
     """The number of shots, None for exact expectations.
 
     Raises:
-        OptionError: it is neither.
+        OptionError: `shots` is neither a number nor "exact" nor None.
     """
     if shots is None or shots == "exact":
         return None
@@ -60,8 +60,8 @@ def shots_of(shots: Shots) -> int | None:
 
 
 def ignore(words: str) -> None:
-    """Nobody wants to know."""
+    """Ignore a message."""
 
 
 def no_progress(finished: int, count: int, words: str) -> None:
-    """Nobody looks on."""
+    """Ignore the progress."""

@@ -1,4 +1,4 @@
-"""Complete a folder of cells: run what it lacks, and write every result as soon as it is there."""
+"""Complete a folder of cells: run those that it lacks, and write each result at once."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class CellFailure:
 
 @dataclass
 class Completed(Generic[R]):
-    """The results by the names of their cells: `there` were in the folder, the others were run."""
+    """The results by cell name; `there` of them were in the folder before, the others were run."""
 
     results: dict[str, R]
     there: int
@@ -40,18 +40,18 @@ class Completed(Generic[R]):
 
 
 class OnProgress(Protocol):
-    """Called with the cells that are finished, the number of all, and words about the last."""
+    """Called with the number of finished cells, the number of all, and words about the last."""
 
     def __call__(self, finished: int, count: int, words: str, /) -> None: ...
 
 
 @dataclass(frozen=True)
 class Pool:
-    """What runs the cells side by side.
+    """Where cells run in parallel.
 
     `address` is that of a running Dask scheduler or Ray cluster; without it one is started.
-    `workers` is their number, by default one for each core, or all that the cluster has. `on_loss`
-    is told, in words, when workers were lost.
+    `workers` is their number, by default one per core, or all that the cluster has. `on_loss` is
+    called with a message if workers stopped.
     """
 
     engine: Engine = "processes"
@@ -61,7 +61,7 @@ class Pool:
 
     @property
     def is_this_process(self) -> bool:
-        """Whether cells are run here, one by one."""
+        """Whether cells are run one by one in this process."""
         return self.engine == "processes" and self.workers == 1
 
 
@@ -76,25 +76,25 @@ def complete(
     environments: Iterable[str] = (),
     noun: str = "cell",
 ) -> Completed[R]:
-    """Run the cells that the folder lacks, and give the results of all.
+    """Run the cells that the folder lacks, and return the results of all.
 
-    A cell that fails in words is not written, and leaves the others alone. `describe` says in a few
-    words what came of a cell; `noun` is what messages call one. Workers know what is known here of
+    A cell that returns a `CellFailure` is not written, and the others go on. `describe` gives a few
+    words about a result; `noun` is what messages call a cell. Workers get the registrations of
     `environments`.
 
     Raises:
         EnvironmentMismatchError: an environment cannot be sent to workers.
         OutputError: a result cannot be written.
-        StudyError: Ctrl-C, or what `run_all` raises; what is finished stays in the folder.
+        StudyError: Ctrl-C, or an error of `run_all`; finished results stay in the folder.
         MissingExtraError: the engine's package is not installed.
     """
     results = folder.finished(cells)
     completed = Completed(results, len(results))
     count = len(cells)
-    there = f"{len(results)} of {count} {noun}s are there" if results else ""
-    on_progress(len(results), count, there)
+    words = f"{len(results)} of {count} {noun}s loaded" if results else ""
+    on_progress(len(results), count, words)
 
-    def keep(cell: C, outcome: R | CellFailure) -> None:
+    def store(cell: C, outcome: R | CellFailure) -> None:
         if isinstance(outcome, CellFailure):
             completed.failures.append(outcome)
             words = f"{cell.name} failed"
@@ -111,7 +111,7 @@ def complete(
         run_all(
             waiting,
             run,
-            keep,
+            store,
             engine=pool.engine,
             address=pool.address,
             workers=pool.workers,
@@ -120,7 +120,7 @@ def complete(
         )
     except KeyboardInterrupt:
         raise StudyError(
-            f"Interrupted: {len(results)} of {count} {noun}s are finished.",
-            f"What is finished is in {folder.path}; the same command resumes from there.",
+            f"Interrupted: {len(results)} of {count} {noun}s finished.",
+            f"They are in {folder.path}; the same command resumes with the others.",
         ) from None
     return completed

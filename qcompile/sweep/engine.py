@@ -1,8 +1,7 @@
-"""Run cells side by side: on this machine's cores, or on a Dask or Ray cluster.
+"""Run cells in parallel: on this machine's cores, or on a Dask or Ray cluster.
 
-Every cell draws from its own seed alone, so results do not depend on the engine, on the number of
-workers or on the order. What is finished is handed over at once; where a worker is lost its cells
-run again.
+Every cell draws only from its own seed, so results do not depend on the engine, the number of
+workers or the order. Each result is handed over at once; if a worker stops, its cells run again.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ _CONNECT_SECONDS = 5
 
 
 class Named(Protocol):
-    """What is run: each cell has a name of its own."""
+    """A cell to run, with a unique name."""
 
     @property
     def name(self) -> str: ...
@@ -42,7 +41,7 @@ R = TypeVar("R")
 
 
 class _Failure(str):
-    """What went wrong in a cell, in words."""
+    """The error message of a cell."""
 
 
 def run_all(
@@ -56,22 +55,22 @@ def run_all(
     on_loss: Callable[[str], None] = lambda words: None,
     noun: str = "cell",
 ) -> None:
-    """Call `run` with every cell; hand each with its result to `on_result`, as they end.
+    """Call `run` with every cell, and `on_result` with each cell and its result as they finish.
 
     `address` is that of a running cluster; without it a local one is started. `workers` is their
-    number, by default one for each core or all that the cluster has. `on_loss` is told when workers
-    were lost and what is left runs again; `noun` is what messages call a cell.
+    number, by default one per core or all that the cluster has. `on_loss` is called with a message
+    if workers stopped and unfinished cells run again; `noun` is what messages call a cell.
 
     Raises:
-        StudyError: no such engine, no cluster at the address, `run` failed, or workers were lost
-            several times without a cell getting done.
+        StudyError: there is no such engine, there is no cluster at the address, `run` failed, or
+            workers stopped several times without finishing a cell.
         MissingExtraError: the engine's package is not installed.
     """
     waiting = {cell.name: cell for cell in cells}
     if not waiting:
         return
     losses = 0
-    if workers is not None:  # one alone would be this process, which ends with a lost cell
+    if workers is not None:  # a single worker would be this process, which a crash would end
         workers = min(workers, max(len(waiting), 2))
     with _engine(engine, address, workers) as jobs:
         outcomes = _outcomes(list(waiting.values()), run, engine, jobs)
@@ -80,32 +79,32 @@ def run_all(
                 name, outcome = next(outcomes)
             except QcompileError:
                 raise
-            except Exception as error:  # whatever the engine raises where a worker is gone
+            except Exception as error:  # engines raise different errors if a worker stopped
                 losses += 1
                 words = first_line(f"{type(error).__name__}: {error}")
                 if losses == _MOST_LOSSES:
                     raise StudyError(
-                        f"Workers were lost {losses} times while no {noun} got done ({words}).",
+                        f"Workers stopped {losses} times without finishing a {noun} ({words}).",
                         "Each needs about 500 MB of memory; try fewer --workers.",
-                        "What is finished is kept; the same command resumes from there.",
+                        f"Finished {noun}s are kept; the same command resumes with the others.",
                     ) from error
-                on_loss(f"workers were lost ({words}); {len(waiting)} {noun}s run again")
+                on_loss(f"Workers stopped ({words}); {len(waiting)} {noun}s run again.")
                 outcomes = _outcomes(list(waiting.values()), run, engine, jobs)
                 continue
             if isinstance(outcome, _Failure):
                 raise StudyError(f"{name} failed: {outcome}")
             losses = 0
             on_result(waiting.pop(name), outcome)
-        next(outcomes, None)  # so that joblib tidies up
+        next(outcomes, None)  # lets joblib clean up
 
 
 def _outcomes(
     cells: list[C], run: Callable[[C], R], engine: Engine, jobs: int
 ) -> Iterator[tuple[str, R | _Failure]]:
-    if engine == "processes":  # the others look after their workers themselves
+    if engine == "processes":  # the other engines end their workers themselves
         run = partial(_watched, run, os.getpid())
     tasks = [joblib.delayed(_outcome)(cell, run) for cell in cells]
-    # One cell a task: the next one goes to whoever is free.
+    # One cell per task: the next one goes to a free worker.
     options: dict[str, Any] = {"n_jobs": jobs, "batch_size": 1, "pre_dispatch": "2*n_jobs"}
     with joblib.parallel_config(backend=_BACKENDS[engine]):
         if engine != "ray":
@@ -114,20 +113,20 @@ def _outcomes(
                 outcomes = parallel(tasks)
             yield from outcomes
             return
-        # Ray's backend hands over lists alone: what is finished is kept after each of these.
+        # Ray's backend only returns whole lists: results are stored after each list.
         size = 2 * joblib.effective_n_jobs(jobs)
         for start in range(0, len(tasks), size):
             yield from joblib.Parallel(**options)(tasks[start : start + size])
 
 
 def _watched(run: Callable[[C], R], parent: int, cell: C) -> R:
-    """`run`, in a process that ends with its parent."""
+    """Call `run` in a process that ends with its parent."""
     end_with(parent)
     return run(cell)
 
 
 def _outcome(cell: C, run: Callable[[C], R]) -> tuple[str, R | _Failure]:
-    """The cell's name with its result, or with what went wrong: no worker raises for that."""
+    """The cell's name with its result, or with the message of its error."""
     try:
         return cell.name, run(cell)
     except QcompileError as error:
@@ -138,12 +137,12 @@ def _outcome(cell: C, run: Callable[[C], R]) -> tuple[str, R | _Failure]:
 
 @contextmanager
 def _engine(engine: Engine, address: str | None, workers: int | None) -> Iterator[int]:
-    """The engine made ready; gives joblib's number of jobs."""
+    """Start the engine; yields joblib's number of jobs."""
     if engine == "processes":
         if address is not None:
             raise StudyError(
-                f"The engine 'processes' has no address, found {address!r}.",
-                "Say --engine dask or --engine ray.",
+                f"The engine 'processes' takes no address, found {address!r}.",
+                "Use --engine dask or --engine ray.",
             )
         yield workers or joblib.cpu_count()
     elif engine == "dask":
@@ -167,7 +166,7 @@ def _dask(address: str | None, workers: int | None) -> Iterator[None]:
             LocalCluster(
                 n_workers=workers or joblib.cpu_count(),
                 threads_per_worker=1,
-                dashboard_address="127.0.0.1:0",  # else it wants port 8787 for itself
+                dashboard_address="127.0.0.1:0",  # the default, port 8787, may be taken
                 scheduler_kwargs={"dashboard": False},
             ) as cluster,
             Client(cluster),
@@ -179,7 +178,7 @@ def _dask(address: str | None, workers: int | None) -> Iterator[None]:
         asyncio.run(_greet(address))
     except (OSError, ValueError, TimeoutError) as error:
         raise StudyError(
-            f"There is no Dask scheduler at {address!r}: what is there does not answer as one."
+            f"There is no Dask scheduler at {address!r}: another kind of server answers there."
         ) from error
     with Client(address, timeout=_CONNECT_SECONDS) as client:
         if not client.scheduler_info()["workers"]:
@@ -190,7 +189,7 @@ def _dask(address: str | None, workers: int | None) -> Iterator[None]:
 
 
 async def _greet(address: str) -> None:
-    """Shake hands and leave: the client would wait for ever for a server of another kind."""
+    """Connect and disconnect: Dask's client would wait forever for another kind of server."""
     from distributed import Security
     from distributed.comm import connect
 
@@ -221,7 +220,7 @@ def _ray(address: str | None, workers: int | None) -> Iterator[None]:
 
 
 def _check_reachable(what: str, address: str, form: str) -> None:
-    """Raise StudyError where nothing listens: the clients would try for minutes."""
+    """Raise StudyError if nothing listens at the address: the clients would try for minutes."""
     try:
         place = urlsplit(address if "://" in address else f"//{address}")
         with socket.create_connection((place.hostname, place.port or 0), _CONNECT_SECONDS):
@@ -229,5 +228,5 @@ def _check_reachable(what: str, address: str, form: str) -> None:
     except (OSError, ValueError) as error:
         raise StudyError(
             f"There is no {what} at {address!r} ({error}).",
-            f"An address looks like {form}; without --address one is started here.",
+            f"An address looks like {form}. Without --address, one is started here.",
         ) from error

@@ -1,4 +1,4 @@
-"""A folder of cells: the result of each in a file of its own, used for that very cell alone."""
+"""A folder of cells: each result is stored in its own file, and used only for that cell."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ R = TypeVar("R", bound=BaseModel)
 class Folder(Generic[C, R]):
     """The results of a sweep in `path`/cells, a file NAME.json for the cell of that name.
 
-    `model` is what a file holds. `match` gives the result of a cell, or None where what its file
-    holds is of another cell or other settings.
+    `model` is the schema of a file. `match` returns the result of a cell, or None if its file is of
+    another cell or other settings.
     """
 
     path: Path
@@ -40,7 +40,7 @@ class Folder(Generic[C, R]):
         return self.cells / f"{cell.name}.json"
 
     def check_writable(self) -> None:
-        """Raise, before anything is run, where no cell could be written.
+        """Check that cells can be written, before anything is run.
 
         Raises:
             OutputError: the folder cannot be made or written to.
@@ -48,7 +48,7 @@ class Folder(Generic[C, R]):
         check_writable(self.cells / "cell.json")
 
     def write(self, cell: C, result: R) -> None:
-        """Write the result of a cell, whole or not at all.
+        """Write the result of a cell, completely or not at all.
 
         Raises:
             OutputError: the file cannot be written.
@@ -56,7 +56,7 @@ class Folder(Generic[C, R]):
         write_file(self.file(cell), (json.dumps(result.model_dump()) + "\n").encode())
 
     def read(self, cell: C) -> R | None:
-        """The result of a cell; None where there is none, or its file is damaged."""
+        """The result of a cell; None if it has no file, or a damaged one."""
         try:
             result = self.model.model_validate_json(read_json(self.file(cell)))
         except (OSError, ContentsError, ValidationError):
@@ -64,10 +64,10 @@ class Folder(Generic[C, R]):
         return self.match(cell, result)
 
     def finished(self, cells: Sequence[C]) -> dict[str, R]:
-        """The results of those cells that have one, by the names of the cells."""
+        """The results of the cells that have one, by cell name."""
         results = {cell.name: self.read(cell) for cell in cells}
         return {name: result for name, result in results.items() if result is not None}
 
     def missing(self, cells: Sequence[C]) -> list[C]:
-        """Those of the cells that have no result."""
+        """The cells that have no result."""
         return [cell for cell in cells if self.read(cell) is None]

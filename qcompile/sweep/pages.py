@@ -1,4 +1,4 @@
-"""What both faces write: CSV, Markdown tables, links from a page to its folder."""
+"""Files of studies and evaluations: CSV, Markdown tables, links from a page to its folder."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ def csv_text(header: Sequence[str], lines: Sequence[Sequence[object]]) -> str:
 
 
 def markdown_table(header: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
-    """A table in Markdown, with a line for each of `lines`."""
-    every = (header, ("---",) * len(header), *lines)
-    return "".join(f"| {' | '.join(line)} |\n" for line in every)
+    """A Markdown table with a row for each of `lines`."""
+    rows = (header, ("---",) * len(header), *lines)
+    return "".join(f"| {' | '.join(row)} |\n" for row in rows)
 
 
 def markdown_text(text: str) -> str:
-    """A text of a file in Markdown: it ends no cell of a table, and is not taken for HTML."""
+    """Text from a file, escaped for Markdown: it cannot end a table cell or start HTML."""
     return text.replace("|", "\\|").replace("<", "&lt;")
 
 
 def assignments(values: Mapping[str, object]) -> str:
-    """Names with their values, as JSON has these."""
+    """Names with their values in JSON."""
     return markdown_text(", ".join(f"{name} = {json.dumps(v)}" for name, v in values.items()))
 
 
@@ -43,7 +43,7 @@ def version_words(versions: Mapping[str, str]) -> str:
 
 
 def link(folder: Path, page: Path) -> str:
-    """The folder as seen from the page, as a link has it."""
+    """The path of the folder relative to the page, for a link."""
     return Path(os.path.relpath(folder.resolve(), page.resolve().parent)).as_posix()
 
 

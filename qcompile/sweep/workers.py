@@ -1,4 +1,4 @@
-"""Worker processes that end with the process they work for, however that ends."""
+"""Worker processes that end when their parent process ends, however it ends."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ _LOOK_SECONDS = 0.5
 
 @contextmanager
 def deaf_children() -> Iterator[None]:
-    """Processes that are started within do not hear Ctrl-C: their parent does, and ends them.
+    """Processes started within the block ignore Ctrl-C: their parent handles it, and ends them.
 
-    A terminal sends it to all; in one that is still importing it would end in a traceback.
+    A terminal sends Ctrl-C to all of them; one that is still importing would print a traceback.
     """
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
@@ -31,9 +31,9 @@ def deaf_children() -> Iterator[None]:
 
 @cache
 def end_with(parent: int) -> None:
-    """Have this process end soon after its parent, the process `parent`, has; said once for all.
+    """Make this process end soon after its parent, the process `parent`, has ended.
 
-    Nothing tells a process that its parent was killed, but it has another parent from then on.
+    A process is not told that its parent was killed, but it then gets another parent.
     """
     if os.getpid() != parent:
         threading.Thread(target=_watch, args=(parent,), daemon=True).start()
@@ -42,4 +42,4 @@ def end_with(parent: int) -> None:
 def _watch(parent: int) -> None:
     while os.getppid() == parent:
         time.sleep(_LOOK_SECONDS)
-    os._exit(1)  # at once: nobody is left to hand anything to
+    os._exit(1)  # at once: nothing is left to return results to

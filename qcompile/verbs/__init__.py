@@ -1,1 +1,1 @@
-"""What command line and Python share: a function for each command, and what it gives."""
+"""Shared by the command line and Python: a function for each command, and its result."""

@@ -1,4 +1,4 @@
-"""The arguments of verbs, held to what their signatures say before anything is done with them."""
+"""Check the arguments of verbs against their signatures, before anything is done with them."""
 
 from __future__ import annotations
 
@@ -39,16 +39,16 @@ _RANGES: dict[str, tuple[float, float]] = {
     "evaluate_episodes": (1, MAX_EPISODES),
     "workers": (1, 10_000),
 }
-"""The least and the most of what no more special error refuses; the command line has the same."""
+"""The ranges of arguments that are not checked elsewhere; the command line has the same ranges."""
 
 _WORDS = {
     "None": "None",
     "bool": "True or False",
     "int": "a whole number",
     "float": "a number",
-    "str": "a text",
+    "str": "a string",
     "Name": "a name or a path",
-    "Engine": "a text",
+    "Engine": "a string",
     "Shots": "a whole number, 'exact' or None",
     "Live": "a qcompile.Live",
     "Words": "a function",
@@ -57,14 +57,14 @@ _WORDS = {
 
 
 def checked(function: Callable[P, R]) -> Callable[P, R]:
-    """`function` with its plain arguments checked and converted before each call.
+    """Return `function` with its plain arguments checked and converted on each call.
 
-    numpy's numbers become Python's, and arrays and generators lists. Other types are left to the
-    function, whose module has `from __future__ import annotations`. A result that has a report
-    keeps its call.
+    NumPy numbers become Python numbers; arrays and generators become lists. The function checks
+    arguments of other types itself. A result that has a report remembers the call. The function's
+    module needs `from __future__ import annotations`.
 
     Raises:
-        OptionError: an argument is of another type or out of range, when the function is called.
+        OptionError: on a call, an argument has the wrong type or is out of range.
     """
     form = signature(function)
 
@@ -82,10 +82,10 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def calibration_settings(calibration: Name | Calibration | None, on_note: Words) -> dict[str, Any]:
-    """The settings of a run that a calibration, or its file, is; `on_note` hears of its age.
+    """The run settings for a calibration or its file; `on_note` is told if the file is old.
 
     Raises:
-        CalibrationError: the file has none.
+        CalibrationError: the file does not hold a calibration.
     """
     if not isinstance(calibration, str | PathLike):
         return {"calibration": calibration}
@@ -100,16 +100,16 @@ def _argument(name: str, value: Any, annotation: str) -> Any:
     plain, fits = _plain(value, annotation)
     if not fits:
         kinds = dict.fromkeys(_words(atom) for atom in _atoms(annotation))
-        raise OptionError(f"{name} cannot be {_shown(value)}.", f"It is {' or '.join(kinds)}.")
+        raise OptionError(f"{name} cannot be {_shown(value)}.", f"It must be {' or '.join(kinds)}.")
     least, most = _RANGES.get(name, (-math.inf, math.inf))
     if isinstance(plain, int | float) and not least <= plain <= most:
         limit = f"in [{least}, {most}]" if most < math.inf else f"{least} or more"
-        raise OptionError(f"{name} cannot be {_shown(value)}.", f"It is {limit}.")
+        raise OptionError(f"{name} cannot be {_shown(value)}.", f"It must be {limit}.")
     return plain
 
 
 def _plain(value: Any, annotation: str) -> tuple[Any, bool]:
-    """The value as a plain one of the annotation's types, and whether it may be one."""
+    """The value converted to a plain type of the annotation, and whether it has such a type."""
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value.item()
     atoms = _atoms(annotation)
@@ -181,7 +181,7 @@ _KINDS: Mapping[str, Callable[[Any], bool]] = {
 
 @cache
 def _atoms(annotation: str) -> tuple[str, ...]:
-    """The types of a union, as they are written."""
+    """The members of a union, as source text."""
 
     def members(node: ast.expr) -> list[ast.expr]:
         if isinstance(node, ast.BinOp):
@@ -194,13 +194,13 @@ def _atoms(annotation: str) -> tuple[str, ...]:
 
 def _words(atom: str) -> str:
     if atom.startswith("Sequence["):
-        return "several of these"
+        return "a list"
     return _WORDS.get(atom, atom.replace("Callable[[str], None]", "a function"))
 
 
 def _shown(value: Any) -> str:
     try:
         words = ascii(value)
-    except Exception:  # whatever an object raises, or an integer of too many digits
+    except Exception:  # an error of the object's own, or an integer with too many digits
         return f"a {type(value).__name__}"
     return words if len(words) <= 60 else f"{words[:57]}..."

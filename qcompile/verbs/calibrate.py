@@ -52,18 +52,19 @@ def calibrate(
 ) -> Calibration:
     """Measure the readout and the response of a device's qubits, and fit them.
 
-    The backend is a name, a file or an object. `qubits` are by default those that can be used, or
-    those on which the circuits of `policy` are placed. Each circuit is run for `shots`; None fits
-    exact probabilities. `parts` are "readout", "response" or both, the default. The same `seed`
-    draws the same shots.
+    The backend is a name, a file or an object. `qubits` defaults to all usable qubits; with
+    `policy`, the qubits that its circuits are placed on are measured. Each circuit is run for
+    `shots`; None fits exact probabilities. `parts` is "readout", "response" or both, the default.
+    The same `seed` draws the same shots.
 
-    With `live` IBM's machine of that name is measured, which costs money: see `Live`; the default
-    is then the response alone, and the run's journal keeps it. `on_note` is told what a person
-    should read. Counts that cannot be fitted are kept: the calibration's `unfitted` says why.
+    With `live` the IBM machine of that name is measured, which costs money: see `Live`. `parts`
+    then defaults to "response", and the run is recorded in its journal. `on_note` is called with
+    messages for the user. Counts that cannot be fitted are kept: `unfitted` of the calibration says
+    why.
 
     Raises:
         OptionError: options contradict each other.
-        QcompileError: a name, a file, or a qubit that cannot be measured; Ctrl-C.
+        QcompileError: a name, a file or a qubit cannot be used; Ctrl-C.
     """
     request = CalibrationRequest(
         backend, qubits, shots, policy, parts, seed, live, progress, on_note
@@ -82,14 +83,14 @@ def calibrate_into(
     plot: Name | None = None,
     style: AnyStyle = None,
 ) -> CalibrationResult:
-    """Measure as `calibrate` does, into a file and a figure.
+    """Measure as `calibrate` does, and write a file and a figure.
 
-    The file is by default BACKEND-calibration.json; one that is there is overwritten with `force`
-    alone. `plot` is a .png, .svg or .pdf file, which is overwritten, drawn in `style`.
+    The file is by default BACKEND-calibration.json; an existing one is overwritten only with
+    `force`. `plot` is a .png, .svg or .pdf file drawn in `style`; it is overwritten.
 
     Raises:
-        OutputError: a file is there already, or cannot be written.
-        QcompileError: as `calibrate`; not everything could be fitted: the counts are in the file.
+        OutputError: a file already exists, or cannot be written.
+        QcompileError: as for `calibrate`; also if a fit fails, with the counts in the file.
     """
     return _measure(request, CalibrationOutputs(path_of(out), force, path_of(plot), style))
 
@@ -104,19 +105,19 @@ def check_calibration(
     plot: Name | None = None,
     style: AnyStyle = None,
 ) -> DriftCheck:
-    """Measure afresh, and compare with an older calibration: its qubits and parts by default.
+    """Measure again, and compare with an older calibration: its qubits and parts by default.
 
-    It holds where no qubit drifted and it is not older than `max_age_hours` (24). The fresh
-    calibration is written to `out`, if that is named.
+    The older one holds if no qubit drifted and its age is at most `max_age_hours` (24). The new
+    calibration is written to `out`, if given.
 
     Raises:
         CalibrationError: the two cannot be compared.
-        QcompileError: as `calibrate_into`.
+        QcompileError: as for `calibrate_into`.
     """
     if request.shots is None:
-        raise OptionError("A check compares counts: shots exact has none.")
+        raise OptionError("A check compares counts, so shots cannot be exact.")
     if force and out is None:
-        raise OptionError("force overwrites a file: a check writes none unless out names one.")
+        raise OptionError("force needs out: without it a check writes no file.")
     outputs = CalibrationOutputs(path_of(out), force, path_of(plot), style)
     file = None if isinstance(old, Calibration) else Path(old)
     outputs.check_words(check=file)
@@ -150,13 +151,13 @@ def refit(
     plot: Name | None = None,
     style: AnyStyle = None,
 ) -> CalibrationResult:
-    """Fit the counts of a calibration's file anew, of all its qubits or of these alone.
+    """Fit the counts in a calibration file again, for all its qubits or only for `qubits`.
 
-    Nothing is measured, and nothing is spent. Files are written as by `calibrate_into`.
+    Nothing is measured and nothing is spent. Files are written as by `calibrate_into`.
 
     Raises:
-        CalibrationError: there are no counts, or not everything can be fitted.
-        OutputError: a file is there already, or cannot be written.
+        CalibrationError: the file has no counts, or a fit fails.
+        OutputError: a file already exists, or cannot be written.
     """
     file = Path(counted)
     outputs = CalibrationOutputs(path_of(out), force, path_of(plot), style)
@@ -173,7 +174,7 @@ def _measure(
     outputs: CalibrationOutputs | None = None,
     old: Calibration | None = None,
 ) -> CalibrationResult:
-    """The calibration, measured and written to the outputs, with the circuits of `old`, if any."""
+    """Measure a calibration and write it to the outputs; with `old`, run the same circuits."""
     if old is None:
         request.check_words()
         if outputs is not None:
@@ -216,7 +217,7 @@ def _measure(
         **live.where,
     )
     answer = spend(task, task.load, live, connection, request.on_note)
-    if out is not None and str(resolved(out)) != answer["file"]:  # a file came in between
+    if out is not None and str(resolved(out)) != answer["file"]:  # `out` was taken meanwhile
         out = Path(answer["file"])
     calibration = Calibration.model_validate(answer["calibration"])
     return _finish(calibration, result_values("calibrate", answer), out, outputs)
@@ -245,7 +246,7 @@ def _offline(
 
 
 def _save(calibration: Calibration, outputs: CalibrationOutputs | None) -> CalibrationResult:
-    """The calibration in its file, if it has one."""
+    """Write the calibration to its file, if there is one."""
     out = None if outputs is None else outputs.out
     if out is not None:
         calibration.save(out)
@@ -259,12 +260,10 @@ def _finish(
     file: Path | None,
     outputs: CalibrationOutputs | None,
 ) -> CalibrationResult:
-    """The result, once its figure is drawn; with outputs everything must be fitted."""
+    """Draw the figure and return the result; with outputs, every fit must have succeeded."""
     if outputs is not None:
         if calibration.unfitted:
-            where = "Nothing was kept" if file is None else f"The counts are in {file}"
-            raise CalibrationError(
-                f"Not everything could be fitted. {where}.", *calibration.unfitted
-            )
+            where = "No file was written" if file is None else f"The counts are in {file}"
+            raise CalibrationError(f"Some fits failed. {where}.", *calibration.unfitted)
         outputs.draw(calibration, file)
     return CalibrationResult(calibration, values, file)

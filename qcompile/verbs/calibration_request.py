@@ -1,4 +1,4 @@
-"""What a calibration is to measure, checked before anything is run."""
+"""The request for a calibration, checked before anything is run."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ class CalibrationRequest:
     on_note: Words = ignore
 
     def check_words(self) -> None:
-        """Nothing, if the arguments fit each other.
+        """Check that the arguments fit each other.
 
         Raises:
             OptionError: they contradict each other.
         """
         if self.qubits is not None and self.policy is not None:
-            raise OptionError("qubits and policy exclude each other: both name the qubits.")
+            raise OptionError("qubits and policy cannot be combined: both choose the qubits.")
         for part in self.asked:
             if part not in PARTS:
                 raise OptionError(f"{part!r} is neither readout nor response.")
@@ -51,28 +51,28 @@ class CalibrationRequest:
             return
         for option, given in (("seed", self.seed is not None), ("shots exact", self.shots is None)):
             if given:
-                raise OptionError(f"{option} and live exclude each other.")
+                raise OptionError(f"{option} cannot be combined with live.")
         if not isinstance(self.backend, str):
-            raise OptionError("A live calibration needs the name of a machine of IBM's.")
+            raise OptionError("A live calibration needs the name of an IBM machine.")
 
     @property
     def asked(self) -> tuple[Part, ...]:
-        """The parts that are asked for, in their order; none for the default."""
+        """The requested parts in their usual order; empty for the default."""
         parts = [] if self.parts is None else several(self.parts)
         return tuple(sorted(set(parts), key=[*PARTS, *parts].index))
 
     def qubits_on(self, device: Device, old: Calibration | None = None) -> IntArray:
-        """The qubits to measure: asked for, of the policy, of `old`, or those that can be used.
+        """The qubits to measure: the requested ones, those of the policy, of `old`, or all usable.
 
         Raises:
-            CalibrationError: there is none, the device lacks one, or it has no errors.
+            CalibrationError: there are none, the device lacks one, or the device has no errors.
         """
         if self.qubits is not None:
             return check_qubits(device, self.qubits)
         if device.is_ideal and old is None:
             raise CalibrationError(
                 f"{device.name} needs no calibration: it has no errors.",
-                "To measure some of its perfect qubits all the same, name them with --qubits.",
+                "To measure some of its perfect qubits anyway, name them with --qubits.",
             )
         if self.policy is not None:
             policy = load_circuits(self.policy)

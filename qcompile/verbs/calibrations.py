@@ -1,4 +1,4 @@
-"""What calibrating gives: a calibration in its file, and whether an older one still holds."""
+"""Results of calibrating: a calibration and its file, and whether an older one still holds."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from qcompile.verbs.reports import Reported
 
 @dataclass(frozen=True)
 class CalibrationOutputs:
-    """The files of a calibration: `out`, which is overwritten with `force` alone, and a figure."""
+    """The files of a calibration: `out`, overwritten only with `force`, and a figure."""
 
     out: Path | None = None
     force: bool = False
@@ -36,11 +36,11 @@ class CalibrationOutputs:
     style: AnyStyle = None
 
     def check_words(self, **inputs: Path | None) -> None:
-        """Nothing, if the names fit each other and those of the files that are read.
+        """Check the file names against each other and against the input files.
 
         Raises:
-            FigureError: no figure has such a name, or the style cannot be read.
-            OptionError: the figure's file is one of the others.
+            FigureError: the suffix of the figure is unknown, or the style cannot be read.
+            OptionError: two names are the same file.
         """
         if self.plot is not None:
             check_figure_path(self.plot)
@@ -51,16 +51,16 @@ class CalibrationOutputs:
         check_distinct({"out": self.out, "plot": self.plot})
 
     def into(self, backend: str) -> CalibrationOutputs:
-        """The same, with the usual name of the file of that device where none is named."""
+        """The same outputs; `out` defaults to the usual file name for the backend."""
         out = self.out or Path(f"{backend}-calibration.json")
         return replace(self, out=out)
 
     def check_files(self) -> None:
-        """Nothing, if both files can be written.
+        """Check that both files can be written.
 
         Raises:
-            OptionError: they are the same.
-            OutputError: `out` is there already, or one cannot be written.
+            OptionError: they are the same file.
+            OutputError: `out` already exists, or a file cannot be written.
         """
         self.check_words()
         if self.out is not None:
@@ -70,11 +70,11 @@ class CalibrationOutputs:
             check_writable(self.plot)
 
     def draw(self, calibration: Calibration, file: Path | None) -> None:
-        """Draw the figure, if one is wanted, of the calibration that is in `file`.
+        """Write the figure, if requested, of the calibration that is in `file`.
 
         Raises:
             CalibrationError: Ctrl-C.
-            OutputError: it cannot be written.
+            OutputError: the figure cannot be written.
         """
         if self.plot is None:
             return
@@ -86,7 +86,7 @@ class CalibrationOutputs:
 
 
 class CalibrationResult(Reported):
-    """A calibration, the file it is in, and the plain values of `qcompile calibrate --json`."""
+    """A calibration, its file, and the document of `qcompile calibrate --json`."""
 
     def __init__(self, calibration: Calibration, values: Mapping[str, Any], file: Path | None):
         super().__init__(values)
@@ -119,7 +119,7 @@ class CalibrationResult(Reported):
 class DriftCheck(CalibrationResult):
     """A fresh calibration, and whether an older one still holds.
 
-    `failures` says why it does not, in words; it is empty where it does.
+    `failures` lists the reasons why it does not hold; it is empty if it does.
     """
 
     def __init__(
@@ -142,20 +142,20 @@ class DriftCheck(CalibrationResult):
 
     @property
     def holds(self) -> bool:
-        """Whether the older calibration is young enough and no qubit drifted."""
+        """Whether the older calibration is recent enough and no qubit drifted."""
         return not self.failures
 
     def check_holds(self) -> None:
-        """Nothing, if the older calibration holds.
+        """Check that the older calibration holds.
 
         Raises:
-            CalibrationError: it does not; the message says why.
+            CalibrationError: it does not hold; the message says why.
         """
         if self.failures:
             raise CalibrationError(
                 f"{self.to_dict()['check']['file']} no longer holds.",
                 *self.failures,
-                f"Use a new one: --backend {self._backend} --out FILE",
+                f"Make a new one: qcompile calibrate --backend {self._backend} --out FILE",
             )
 
 
@@ -165,32 +165,34 @@ def comparable(
     """The parts to measure, by default those that `old` has counts of.
 
     Raises:
-        CalibrationError: another device, or what cannot be compared with `old`.
+        CalibrationError: `old` is of another device, or a part of it cannot be compared.
     """
     if old.backend != device.name:
         raise CalibrationError(
-            f"The calibration is of {old.backend}, the backend is {device.name}.",
-            "Compare calibrations of one device.",
+            f"The calibration is of {old.backend}, but the backend is {device.name}.",
+            "Compare calibrations of the same device.",
         )
     old.rows(np.array(qubits))
     counts = zip(PARTS, (old.readout_counts, old.response_counts), strict=True)
-    there = {part: counted for part, counted in counts if counted is not None}
+    counted = {part: values for part, values in counts if values is not None}
     fits = dict(zip(PARTS, (old.readout, old.response), strict=True))
-    for part in parts or there:
-        if part not in there:
+    for part in parts or counted:
+        if part not in counted:
             raise CalibrationError(
                 f"The calibration has no counts of the {part}.",
-                f"It has: {', '.join(there) or 'none'}.",
+                f"It has counts of: {', '.join(counted) or 'nothing'}.",
             )
         if fits[part] is None:
             raise CalibrationError(
                 f"The calibration has no fit of its {part}: there is nothing to check.",
                 *old.unfitted,
-                "Calibrate anew, into another file.",
+                "Calibrate again, into another file.",
             )
-        if there[part].shots is None:
-            raise CalibrationError("A calibration without shots has no scatter to compare.")
-    return tuple(parts or there)
+        if counted[part].shots is None:
+            raise CalibrationError(
+                "The calibration was made with exact probabilities: it has no counts to compare."
+            )
+    return tuple(parts or counted)
 
 
 def _failures(values: dict[str, Any], max_age_hours: float) -> list[str]:
@@ -198,10 +200,10 @@ def _failures(values: dict[str, Any], max_age_hours: float) -> list[str]:
     check, lines = values["check"], []
     if check["age_hours"] < -CLOCK_HOURS:
         lines.append(
-            f"It is from the future, by {-check['age_hours']:.1f} hours: a clock is wrong."
+            f"It is dated {-check['age_hours']:.1f} hours in the future: a clock is wrong."
         )
     if check["age_hours"] > max_age_hours:
-        lines.append(f"It is {check['age_hours']:.1f} hours old, more than {max_age_hours:g}.")
+        lines.append(f"It is {check['age_hours']:.1f} hours old; the limit is {max_age_hours:g}.")
     if check["drifted"]:
         rows = zip(values["qubits"], check["chi_square"], strict=True)
         moved = [
@@ -210,6 +212,6 @@ def _failures(values: dict[str, Any], max_age_hours: float) -> list[str]:
             if row["qubit"] in check["drifted"]
         ]
         lines.append(
-            f"Drifted: {', '.join(moved)}; in brackets chi-square, {check['degrees']} expected."
+            f"Drifted qubits and their chi-square, {check['degrees']} expected: {', '.join(moved)}."
         )
     return lines

@@ -33,10 +33,11 @@ from qcompile.verbs.reports import Reported
 
 
 class EvaluationResult(Reported):
-    """A grid that was played: `cells` has an object for each cell, as in `qcompile run --json`.
+    """The results of a grid: `cells` has an object per cell, like that of `qcompile run --json`.
 
-    `played` counts the cells that were played now, `there` those that the folder had; `failures`
-    are those that could not be played. `paths` are the files written besides the cells.
+    `played` is the number of cells played now, `there` of those that the folder already had;
+    `failures` are those that could not be played. `paths` are the files written, without those of
+    the cells.
     """
 
     def __init__(self, evaluation: grids.Evaluation, paths: Sequence[Path]):
@@ -46,7 +47,7 @@ class EvaluationResult(Reported):
 
     @property
     def cells(self) -> list[dict[str, Any]]:
-        """The results, each policy's ideal reference first."""
+        """The results; the ideal reference of a policy comes first."""
         cells: list[dict[str, Any]] = self.to_dict()["results"]
         return cells
 
@@ -56,15 +57,15 @@ class EvaluationResult(Reported):
         return self._evaluation.failures
 
     def check_complete(self) -> None:
-        """Nothing, if every cell could be played.
+        """Check that every cell could be played.
 
         Raises:
-            StudyError: some could not; the message says why.
+            StudyError: some could not be played; the message says why.
         """
         self._evaluation.check_complete()
 
     def plot(self, policy: str | None = None, style: AnyStyle = None) -> Figure:
-        """Mean rewards and their 95 % intervals, a panel for each policy, or of this one alone.
+        """Mean rewards and their 95 % intervals, a panel per policy, or of one policy only.
 
         Policies of one environment share the axis of rewards.
 
@@ -75,7 +76,7 @@ class EvaluationResult(Reported):
         names = list(dict.fromkeys(values["policy"] for values in self.cells))
         if policy is not None and policy not in names:
             raise StudyError(
-                f"No policy of the grid is called {policy!r}.", f"It has: {', '.join(names)}."
+                f"There is no policy {policy!r} in the grid.", f"It has: {', '.join(names)}."
             )
         shown = names if policy is None else [policy]
         drawing = [
@@ -138,20 +139,21 @@ def evaluate(
     """Play every combination of policy, backend, shots, mitigation and level.
 
     Policies and backends are names, files or objects, one or several; shots None or "exact" are
-    exact expectations. Every cell plays the same `episodes`: episode i resets with `seed` + i, and
-    is compared with its policy's on `ideal` with exact expectations. `calibrations` mitigate,
-    instead of a fresh one, on every backend of their device. `greedy` takes the likeliest action.
-    `imports` are modules, names or files, that register environments, in workers too; `env` are
-    arguments of the environments, over those of the policies.
+    exact expectations. Each combination is a cell. Every cell plays the same `episodes`: episode i
+    resets with `seed` + i, and is compared with the same policy on `ideal` with exact expectations.
+    `calibrations` are used to mitigate on every backend of their device, instead of calibrating
+    first. `greedy` takes the most probable action. `imports` are modules or files that register
+    environments, in worker processes too; `env` sets arguments of the environments and overrides
+    those of the policies.
 
-    With the folder `out` cells, results.json, results.csv and a picture for each policy are written
-    to it, and cells that it holds are not played again; the command writes to `evaluation`. Without
-    it nothing is written. Cells are played side by side by `engine`: "processes", "dask" or "ray",
-    the cluster at `address`, with so many `workers`. `on_note` is told what a person should read.
+    If `out` is given, that folder gets the cells, results.json, results.csv and a figure for each
+    policy, and cells already in it are not played again. Otherwise nothing is written. `engine`
+    ("processes", "dask" or "ray", with the cluster at `address`) runs `workers` cells at a time.
+    `on_note` is called with messages for the user.
 
     Raises:
-        QcompileError: a name, a file or a combination that cannot be played; an output that cannot
-            be written; Ctrl-C. Cells that fail by themselves are in `failures` instead.
+        QcompileError: a name, a file or a combination cannot be used; an output cannot be written;
+            Ctrl-C. Cells that fail on their own are in `failures` instead.
     """
     import_modules(several(imports))
     with _folder(out) as folder, bars.progress_bar("evaluate", 1, enabled=progress) as show:
@@ -190,13 +192,13 @@ def evaluate_paper(
     progress: bool = True,
     on_note: Words = ignore,
 ) -> EvaluationResult:
-    """Play the paper's device tests as `evaluate` plays a grid, and write them up.
+    """Play the paper's device tests as `evaluate` plays a grid, and write up the results.
 
-    Writes devices.png and the Markdown page, by default devices.md in `out`, if every cell could be
-    played.
+    If every cell could be played, devices.png and the Markdown page are written; the page is by
+    default devices.md in `out`.
 
     Raises:
-        QcompileError: as `evaluate`.
+        QcompileError: as for `evaluate`.
     """
     with bars.progress_bar("evaluate", 1, enabled=progress) as show:
         evaluation = grids.evaluate_paper(
@@ -215,7 +217,7 @@ def evaluate_paper(
 
 @contextmanager
 def _folder(out: Name | None) -> Iterator[Path]:
-    """The folder of an evaluation; a temporary one is removed, with what Ctrl-C leaves there."""
+    """The folder of an evaluation: `out`, or a temporary one that is removed afterwards."""
     if out is not None:
         yield Path(out)
         return
@@ -226,5 +228,5 @@ def _folder(out: Name | None) -> Iterator[Path]:
             if not isinstance(error.__context__, KeyboardInterrupt):
                 raise
             raise StudyError(
-                str(error).splitlines()[0], "With out=FOLDER what is finished would be kept."
+                str(error).splitlines()[0], "With out=FOLDER, finished cells are kept."
             ) from None

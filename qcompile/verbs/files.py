@@ -1,4 +1,4 @@
-"""Files that a verb writes, checked before anything long is run."""
+"""Check the files that a verb writes, before anything long is run."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from qcompile.sweep.arguments import Name
 
 
 def path_of(name: Name | None) -> Path | None:
-    """The path of a file that may not be named."""
+    """The path of a file, None if no file is named."""
     return None if name is None else Path(name)
 
 
 def check_distinct(
     named: Mapping[str, Path | None], allowed: Container[frozenset[str]] = ()
 ) -> dict[Path, str]:
-    """The options by the files they name, if no two name the same one but those of `allowed`.
+    """Check that options name different files, except pairs in `allowed`; the options by file.
 
     Raises:
-        OptionError: two name the same file, by whatever path.
+        OptionError: two options name the same file, even by different paths.
     """
     taken: dict[Path, str] = {}
     for option, path in named.items():
@@ -29,17 +29,17 @@ def check_distinct(
             continue
         other = taken.setdefault(resolved(path), option)
         if other != option and frozenset({other, option}) not in allowed:
-            raise OptionError(f"{path} is the file of {other} and of {option}.")
+            raise OptionError(f"{other} and {option} are the same file, {path}.")
     return taken
 
 
 def check_new(path: Path, option: str, force: bool, why: str = "") -> None:
-    """Nothing, if there is no such file, or `force` lets it be overwritten.
+    """Check that the file does not exist, or that `force` allows overwriting it.
 
     Raises:
-        OutputError: there is; the message has `why`, and the option that would name another.
+        OutputError: it exists; the message has `why`, and the option that names another file.
     """
     if path.is_file() and not force:
         advice = f"choose another with --{option}, or overwrite it with --force."
         words = f"{why}: {advice}" if why else advice.capitalize()
-        raise OutputError(f"{path} is there already.", words)
+        raise OutputError(f"{path} already exists.", words)

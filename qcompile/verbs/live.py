@@ -1,4 +1,4 @@
-"""Runs on IBM's machines: what a user allows of one, and the guard that each passes."""
+"""Live runs on IBM machines: the user's limits, and the check before anything is spent."""
 
 from __future__ import annotations
 
@@ -22,17 +22,18 @@ from qcompile.sweep.arguments import Name, Words, ignore
 
 @dataclass(frozen=True)
 class Live:
-    """What is allowed and wanted of a run on a real machine; this spends.
+    """Options of a run on IBM hardware, which costs money.
 
-    The run stops before it would take more than `max_qpu_seconds`. `account` and `instance` are
-    names of IBM's own tools, by default theirs. With `batch` jobs go as a batch of IBM's; at most
-    `jobs_per_minute` of them are sent in a minute, for accounts that may send no more. `runs` is
-    the folder of the journals; after `max_wait_s` a job is not waited for any longer, and
-    `qcompile resume` fetches it. `confirm` is asked before anything is spent, and raises where the
-    answer is no.
+    `max_qpu_seconds` is the most QPU time to use: the run stops before it would exceed it.
+    `account` is the name of an account saved with qiskit-ibm-runtime, `instance` the CRN or name of
+    an IBM instance; the defaults are those of qiskit-ibm-runtime. With `batch` the jobs are sent as
+    one IBM batch. At most `jobs_per_minute` are sent a minute, for accounts with a rate limit.
+    `runs` is the folder that records live runs. The run stops waiting for a job after `max_wait_s`;
+    `qcompile resume` fetches it later. `confirm` is called with a question before anything is
+    spent, and raises an error if the answer is no.
 
     Raises:
-        OptionError: a number of seconds or jobs that is none, or out of range.
+        OptionError: a number of seconds or jobs is not a number, or out of range.
     """
 
     max_qpu_seconds: float
@@ -50,7 +51,7 @@ class Live:
 
     @property
     def where(self) -> dict[str, Any]:
-        """The fields of a task that say where and how it is sent."""
+        """The fields of a task that say where and how its jobs are sent."""
         return {
             "account": self.account,
             "instance": self.instance,
@@ -64,7 +65,7 @@ class Live:
 
 
 def check_live(live: object) -> None:
-    """Nothing, if `live` allows a run on a machine, or is None.
+    """Check that `live` is a `Live`, or None.
 
     Raises:
         OptionError: it is something else.
@@ -72,7 +73,7 @@ def check_live(live: object) -> None:
     if not isinstance(live, Live | None):
         raise OptionError(
             f"live is {live!r}, not a qcompile.Live.",
-            "It says what may be spent: live=qcompile.Live(max_qpu_seconds=25).",
+            "Set the limit, such as live=qcompile.Live(max_qpu_seconds=25).",
         )
 
 
@@ -83,13 +84,13 @@ def spend(
     connection: Connection,
     on_note: Words,
 ) -> dict[str, Any]:
-    """Tell what the task costs, have it confirmed, and do it; what it found.
+    """Show what the task costs, ask for confirmation, run it, and return its result.
 
-    The run keeps to the instance by which the connection reaches the backend.
+    The run uses the instance through which the connection reaches the backend.
 
     Raises:
-        BudgetError: the task needs more than it is allowed.
-        LiveError: it cannot start or resume.
+        BudgetError: the task needs more QPU time than the limit or the plan allows.
+        LiveError: it cannot be started or resumed.
     """
     seconds, left_s = load.qpu_seconds, connection.left_on_plan_s()
     task = task.model_copy(update={"instance": connection.crn, "planned_jobs": load.jobs})
@@ -100,18 +101,19 @@ def spend(
     )
     if seconds + 1 > live.max_qpu_seconds:  # IBM cuts jobs off at whole seconds
         raise BudgetError(
-            f"The run needs {seconds:.1f} QPU seconds and one to spare, more than the "
-            f"{live.max_qpu_seconds:g} allowed. Nothing was sent.",
-            "Raise --max-qpu-seconds, or take fewer shots, episodes or steps; "
-            "`qcompile plan` shows cheaper ways.",
+            f"The run needs {seconds:.1f} QPU seconds and 1 in reserve, more than the limit of "
+            f"{live.max_qpu_seconds:g}. Nothing was sent.",
+            "Raise --max-qpu-seconds, or use fewer shots, episodes or steps. "
+            "`qcompile plan --within SECONDS` finds cheaper settings.",
         )
     if left_s is not None and seconds > left_s:
         raise BudgetError(
-            f"The run needs {seconds:.1f} QPU seconds, IBM's plan has {left_s:.0f} left: its jobs "
-            "would wait in the queue. Nothing was sent.",
-            f"The Open Plan gives {FREE_SECONDS:g} in 28 days; --instance names another instance.",
+            f"The run needs {seconds:.1f} QPU seconds, but IBM's plan has only {left_s:.0f} left: "
+            "its jobs would stay in the queue. Nothing was sent.",
+            f"The Open Plan gives {FREE_SECONDS:g} in 28 days. To use another instance, add "
+            "--instance.",
         )
-    live.confirm("Spend them?")
+    live.confirm("Spend this QPU time?")
     with begin(Path(live.runs), task, live.max_qpu_seconds) as journal:
         return follow(journal, live.max_wait_s, on_note)
 
@@ -125,7 +127,7 @@ def follow(
     pay_again: bool = False,
     jobs_per_minute: int | None = None,
 ) -> dict[str, Any]:
-    """Resume a run, showing how far it is; what it found."""
+    """Resume a run, show its progress, and return its result."""
     task = task_of(journal)
     on_note(f"run {journal.id}")
     with bars.progress_bar(task.name, task.planned_jobs, estimates=False) as show:

@@ -1,4 +1,4 @@
-"""Say what episodes cost on a machine, and find the cheapest that keep the reward: `plan`."""
+"""Estimate what episodes cost on a machine, and find the cheapest settings: `qcompile plan`."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ from qcompile.verbs.reports import Reported
 from qcompile.verbs.within import advice, frontier_table, within_values
 
 _SHOTS = 8192
-"""Of a plan that is not told another number, and of the paper."""
+"""The default, and the paper's number of shots."""
 
 
 class Plan(Reported):
-    """What each way to run a policy takes: `strategies`, the paper's first.
+    """The cost of each way to run a policy: `strategies`, with the paper's first.
 
-    With a limit of seconds, `frontier` has the settings of which none is cheaper and as good, and
-    `recommended` the cheapest that keep the reward and fit, or None.
+    With a limit of seconds, `frontier` has the best settings: no others are both cheaper and at
+    least as good. `recommended` has the cheapest of them that keep the reward and fit, or None.
     """
 
     def __init__(self, values: Mapping[str, Any], compiled: Compiled | None = None):
@@ -58,13 +58,13 @@ class Plan(Reported):
 
     @property
     def frontier(self) -> list[dict[str, Any]]:
-        """Settings, jobs, seconds and reward of the undominated points; empty without a limit."""
+        """Settings, jobs, seconds and reward of the best settings; empty without a limit."""
         frontier: list[dict[str, Any]] = self.to_dict().get("frontier", [])
         return frontier
 
     @property
     def recommended(self) -> dict[str, Any] | None:
-        """The cheapest point that keeps the reward and fits, with its `command`."""
+        """The cheapest settings that keep the reward and fit, with their `command`."""
         chosen: dict[str, Any] | None = self.to_dict().get("recommended")
         return chosen
 
@@ -93,7 +93,7 @@ class Plan(Reported):
         return advice(values) if "frontier" in values else ""
 
     def check_fits(self) -> None:
-        """Nothing, if a limit of seconds is kept, or none was given.
+        """Check that some settings fit the limit of seconds, if there is one.
 
         Raises:
             BudgetError: nothing fits; the message says what would.
@@ -149,36 +149,38 @@ def plan(
     progress: bool = True,
     on_note: Words = ignore,
 ) -> Plan:
-    """Say what episodes with a policy cost on a machine, and find the cheapest settings that fit.
+    """Estimate what episodes with a policy cost on a machine, and find the cheapest settings.
 
-    They are played on the backend's noise model first, or on a twin of the machine: they may last
-    longer or shorter on the machine. Nothing is sent. The calibration of `mitigation` (None:
-    readout, or what `calibration` has) is counted, but for the paper's way; one that is given, or
-    that of a twin, costs nothing. Where they are None, `shots` and `calibration_shots` are 8192 and
-    `copies` as many episodes side by side as fit.
+    The episodes are played on the backend's noise model, or on a twin of the machine; on the
+    machine they may be longer or shorter. Nothing is sent. The cost includes calibrating for
+    `mitigation` (None: readout, or what `calibration` has), except for the paper's way; a given
+    `calibration`, or that of a twin, costs nothing. If None, `shots` and `calibration_shots` are
+    8192 and `copies` is as many as fit on the device.
 
-    With `within`, QPU seconds, the cheapest settings are found whose upper end of the 80 % interval
-    stays within and which keep the share `keep` of what the policy (the best of several) earns over
-    random actions without noise; what is not None among the settings is kept as given.
+    With `within`, a number of QPU seconds, the cheapest settings are found that fit and keep the
+    reward. Settings fit if the upper end of their 80 % interval is within the limit. They keep the
+    reward if it is at least the share `keep` of what the policy (the best of several) earns without
+    noise, counted from the reward of random actions. Settings that are not None stay as given.
 
-    `imports` are modules that register environments, `env` arguments of the policy's.
-    `usd_per_second` is the price of a QPU second beyond the free plan, a third party's figure. With
-    `live` IBM is asked for the machine's qubits, which spends nothing; `account` and `instance` are
-    names of IBM's own tools. `on_note` is told what a person should read.
+    `imports` are modules that register environments, `env` are arguments of the policy's
+    environment. `usd_per_second` is the price of a QPU second beyond the free plan; the default
+    comes from a third party. With `live` the machine's qubits are read from IBM, which spends
+    nothing; `account` and `instance` are those of `Live`. `on_note` is called with messages for the
+    user.
 
     Raises:
         OptionError: options contradict each other.
-        QcompileError: a name, a file or a combination that cannot be played.
+        QcompileError: a name, a file or a combination cannot be used.
     """
     if shots_of(1 if shots is None else shots) is None:
-        raise OptionError("A plan needs a number of shots: a machine gives nothing exact.")
+        raise OptionError("A plan needs a number of shots: a machine cannot give exact values.")
     for option, value in (("account", account), ("instance", instance)):
         if value is not None and not live:
-            raise OptionError(f"{option} is for live: nothing else asks IBM.")
+            raise OptionError(f"{option} needs live.")
     named = several(policy)
     if within is None and (len(named) != 1 or keep != KEEP):
-        what = "keep is" if len(named) == 1 else f"{len(named)} policies are"
-        raise OptionError(f"{what} for a plan within a number of QPU seconds: give within.")
+        what = "keep needs" if len(named) == 1 else f"{len(named)} policies need"
+        raise OptionError(f"{what} within, a limit of QPU seconds.")
     import_modules(several(imports))
     policies = [with_arguments(load_circuits(name), env, kept=True) for name in named]
     opened = _opened(backend, account, instance, live=live)
@@ -192,15 +194,17 @@ def plan(
     given = {name: value for name, value in given.items() if value is not None}
     values_of = {"seed": seed, "level": level, "mitigation": mitigation}
     settings = _settings(opened, calibration, on_note, **values_of)
-    found = None
+    searched = None
     if within is None:
         RunSettings.of(settings, copies=copies, split=bool(split)).check_shared(episodes)
     else:
         goal = Goal(settings, episodes, within, keep, given)
         title = f"planning for {opened.device.name}"
         with bars.progress_bar(title, 1.0, enabled=progress) as show:
-            found = search(policies, opened, goal, show)
-    chosen = policies[0] if found is None or found.recommended is None else found.recommended.policy
+            searched = search(policies, opened, goal, show)
+    chosen = policies[0]
+    if searched is not None and searched.recommended is not None:
+        chosen = searched.recommended.policy
     settings = RunSettings.of(settings, **{"shots": _SHOTS, "copies": copies, **given})
     task = run_task(chosen, opened.device, settings, episodes, backend=opened.device.name)
     forecasted = forecast(task, opened)
@@ -217,33 +221,33 @@ def plan(
         "free_seconds": FREE_SECONDS,
         "strategies": [way.values(usd_per_second) for way in strategies(task, forecasted)],
     }
-    if found is not None:
+    if searched is not None:
         words = dict(zip(map(id, policies), named, strict=True))
         spend = {"max-qpu-seconds": within, "account": account, "instance": instance}
 
         def command(point: Point) -> str | None:
             typed = words[id(point.policy)], backend, calibration or ""
             if not all(isinstance(word, str | PathLike) for word in typed):
-                return None  # an object cannot be typed
+                return None  # an object has no name to type
             policy, machine, _ = map(str, typed)
             modules = [*map(str, several(imports))]
             return run_command(point, policy, machine, modules, env, spend if live else {})
 
         way, reward = values["strategies"][0], float(forecasted.rewards.mean())
         values["paper"] = way | {"shots": task.shots, "mean_reward": reward}
-        values |= within_values(found, command)
+        values |= within_values(searched, command)
     return Plan(values, Compiled(chosen, opened.device, task.level, task.copies or 1))
 
 
 def _opened(
     backend: Any, account: str | None, instance: str | None, *, live: bool
 ) -> Backend | Executor:
-    """What is played on in place of the machine: its noise model, or its twin."""
+    """The simulation that stands in for the machine: its noise model, or its twin."""
     if live and not isinstance(backend, str):
-        raise OptionError("A live plan needs the name of a machine of IBM's.")
+        raise OptionError("A live plan needs the name of an IBM machine.")
     asked = Connection(backend, account, instance).device() if live else backend
     opened: Backend | Executor = load_backend(asked)
-    if opened.calibration is None:  # no twin
+    if opened.calibration is None:  # not a twin
         opened = DeviceBackend(opened.device)
     if opened.device.is_ideal:
         raise DeviceError(
@@ -256,7 +260,7 @@ def _opened(
 def _settings(
     backend: Backend | Executor, calibration: Any, on_note: Words, **values: Any
 ) -> RunSettings:
-    """The settings for the machine, with the calibration that is given or that of the twin."""
+    """The settings for the machine, with the given calibration or the twin's."""
     known = calibration_settings(calibration, on_note)
     known["calibration"] = known["calibration"] or backend.calibration
     return RunSettings.of(**values, **known).resolved(backend.device)

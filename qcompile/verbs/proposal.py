@@ -1,4 +1,4 @@
-"""The settings of a live run: those that are given, and the plan's for the others."""
+"""The settings of a live run: the explicit ones, and the plan's for all others."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from qcompile.report import progress as bars
 from qcompile.sweep.arguments import Planned, Words
 
 _WITHOUT_A_PLAN = {"speculate": "auto", "calibration_shots": "auto"}
-"""What a live run takes where its shots are given."""
+"""Defaults of a live run with explicit shots."""
 
 
 def offline(values: Mapping[str, Any]) -> dict[str, Any]:
-    """The values, with those of runs offline where nothing was said."""
+    """The values, with the defaults of offline runs for those that are not explicit."""
     return {
         name: value.offline if isinstance(value, Planned) else value
         for name, value in values.items()
     }
 
 
-def given(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Those of the values that somebody said."""
+def explicit_only(values: Mapping[str, Any]) -> dict[str, Any]:
+    """The values that the user set."""
     return {
         name: value
         for name, value in values.items()
@@ -39,35 +39,36 @@ def live_settings(
     policy: Policy,
     device: Device,
     settings: RunSettings,
-    said: Mapping[str, Any],
+    explicit: Mapping[str, Any],
     episodes: int,
     limit_s: float,
     on_note: Words,
 ) -> RunSettings:
-    """The settings with what a live run of the policy takes where nothing was said.
+    """The settings of a live run of the policy, filled in by a plan.
 
-    `said` are those of shots, copies, split, speculate, calibration_shots and max_steps that were.
-    Without shots it is planned within `limit_s` QPU seconds, less the one that a run keeps to
-    spare; `on_note` is told what the plan proposes. Where nothing fits it is the nearest.
+    `explicit` are those of shots, copies, split, speculate, calibration_shots and max_steps that
+    the user set. Without shots, the cheapest settings within `limit_s` QPU seconds are planned,
+    less the one second that a run keeps in reserve; if nothing fits, the nearest are taken.
+    `on_note` is told what the plan proposes.
 
     Raises:
-        OptionError: the policy is no better than random actions, so that nothing can be planned.
+        OptionError: the policy is not better than random actions, so nothing can be planned.
     """
     resolved = settings.resolved(device)
-    if "shots" in said:
-        changes = {"copies": settings.copies, **_WITHOUT_A_PLAN, **said}
+    if "shots" in explicit:
+        changes = {"copies": settings.copies, **_WITHOUT_A_PLAN, **explicit}
         return RunSettings.of(resolved, **changes)
-    goal = Goal(resolved, episodes, max(limit_s - 1, 0), fixed=dict(said))
+    goal = Goal(resolved, episodes, max(limit_s - 1, 0), fixed=dict(explicit))
     with bars.progress_bar(f"planning for {device.name}", 1.0) as show:
-        found = search([policy], DeviceBackend(device), goal, show)
-    point = found.recommended or found.closest
-    words = " ".join(option_words(point))
-    kept = f"{words}, which keep {100 * point.share:.0f} % of the reward"
-    if found.recommended is None:
+        result = search([policy], DeviceBackend(device), goal, show)
+    point = result.recommended or result.closest
+    options = " ".join(option_words(point))
+    words = f"{options}, which keep {100 * point.share:.0f} % of the reward"
+    if result.recommended is None:
         on_note(
-            f"planned: nothing fits; the nearest is {kept} and may take "
-            f"{point.most_seconds:.0f} QPU seconds"
+            f"Planned settings: nothing fits the limit. The nearest are {words} and may need "
+            f"{point.most_seconds:.0f} QPU seconds."
         )
     else:
-        on_note(f"planned: {kept}; other settings: give --shots")
+        on_note(f"Planned settings: {words}. To choose others, add --shots.")
     return point.settings

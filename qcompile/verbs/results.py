@@ -1,4 +1,4 @@
-"""What a verb gives: short to print, a picture on demand, the JSON document of its command."""
+"""The results of verbs: short to print, with figures, and the JSON document of the command."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from qcompile.sweep.arguments import Name
 
 
 class Result:
-    """Plain values with a short repr; `to_dict` is the document of the command's --json."""
+    """Plain values with a short repr; `to_dict` is the document of the command with --json."""
 
     def __init__(self, values: Mapping[str, Any]):
         self._values = dict(values)
@@ -38,7 +38,7 @@ class Result:
 
     @property
     def remark(self) -> str:
-        """What a reader of the table must know besides; shown below it."""
+        """A note that is shown below the table."""
         return ""
 
     def __repr__(self) -> str:

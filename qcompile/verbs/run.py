@@ -40,7 +40,7 @@ from qcompile.report.tables import INTERVAL, interval_cell
 from qcompile.sweep.arguments import Name, Planned, Shots, Words, ignore, several, shots_of
 from qcompile.verbs.arguments import calibration_settings, checked
 from qcompile.verbs.live import Live, check_live, spend
-from qcompile.verbs.proposal import given, live_settings, offline
+from qcompile.verbs.proposal import explicit_only, live_settings, offline
 from qcompile.verbs.reports import Reported
 
 _SHOTS, _SPECULATE, _SPLIT = Planned(8192), Planned(1), Planned(False)
@@ -49,9 +49,9 @@ _SHOWN_EVERY = 20
 
 
 class RunResult(Reported):
-    """What a run found. Of an interrupted one the shortest episodes alone are there.
+    """The result of a run. After an interruption it has only the shortest episodes.
 
-    `film` is that of the first episode, where one was taken.
+    `film` shows the first episode, if it was filmed.
     """
 
     def __init__(
@@ -76,19 +76,19 @@ class RunResult(Reported):
 
     @property
     def mean_reward(self) -> float | None:
-        """None where no episode was finished, or not all that were measured ahead."""
+        """None if no episode was finished, or if a run with `speculate` was interrupted."""
         mean: float | None = self.to_dict()["mean_reward"]
         return mean
 
     @property
     def mean_reward_completed(self) -> float | None:
-        """The mean with cut episodes completed on the noise model; None where none was cut."""
+        """The mean with cut episodes completed on the noise model; None if none was cut."""
         mean: float | None = self.to_dict()["mean_reward_completed"]
         return mean
 
     @property
     def ci95(self) -> list[float] | None:
-        """The 95 % interval of the mean; None where there is none to be had."""
+        """The 95 % interval of the mean; None if it cannot be estimated."""
         interval: list[float] | None = self.to_dict()["ci95"]
         return interval
 
@@ -125,23 +125,23 @@ class RunResult(Reported):
 
     @property
     def remark(self) -> str:
-        interrupted = f"interrupted: {len(self.episodes)} of {self._asked} episodes were finished"
+        interrupted = f"interrupted: {len(self.episodes)} of {self._asked} episodes finished"
         return interrupted if self.to_dict()["interrupted"] else ""
 
     def check_complete(self) -> None:
-        """Nothing, if all episodes were played.
+        """Check that all episodes were played.
 
         Raises:
-            QcompileError: Ctrl-C came before.
+            QcompileError: Ctrl-C ended the run before.
         """
         if self.to_dict()["interrupted"]:
             bias = "These are the shortest ones: their mean does not estimate the policy's score."
             if self.to_dict()["speculate"] != 1:
-                bias = "These ended first, as their measurements were predicted: they give no mean."
+                bias = "Which ones finished depends on the predictions, so no mean is reported."
             raise QcompileError(
-                f"Interrupted: {len(self.episodes)} of {self._asked} episodes were finished.",
+                f"Interrupted: {len(self.episodes)} of {self._asked} episodes finished.",
                 *([bias] if self.episodes else []),
-                "Fewer --episodes end sooner.",
+                "For a shorter run, use fewer --episodes.",
             )
 
 
@@ -173,28 +173,28 @@ def run(
 ) -> RunResult:
     """Play `episodes` with a policy on a backend, all in lockstep.
 
-    Policy and backend are names, files or objects; a Qiskit backend is played on the noise model of
-    its calibration, or through `sampler`, a SamplerV2. The settings are those of `RunSettings`:
-    shots None or "exact" are exact expectations; mitigation None is `readout` on a noisy backend,
-    calibrated first with `calibration_shots` unless `calibration` is given, and `none` on `ideal`.
-    `split` spreads the shots of a row over `copies` of the circuits; `speculate` is the number of
-    decisions of each episode that a job measures, along predicted steps, or "auto". A network plays
-    on `ideal` alone, exactly, and takes none of the settings of circuits. The same seed gives the
-    same result; episode i resets its environment with seed + i. `imports` are modules, names or
-    files, that register environments; `env` are arguments of the environment, over those of the
-    policy. `video` films the first episode, with the `<Z>` and the probabilities that its actions
-    came from: .mp4, .gif or .webm.
+    Policy and backend are names, files or objects; a Qiskit backend is simulated by the noise model
+    of its calibration, or run through `sampler`, a SamplerV2. The settings are those of
+    `RunSettings`. Shots None or "exact" are exact expectations. Mitigation None is `none` on
+    `ideal` and `readout` on a noisy backend, which is calibrated first with `calibration_shots`
+    unless `calibration` is given. `split` spreads the shots of a decision over `copies` of the
+    circuits. `speculate` is the number of decisions of each episode that one job measures, along
+    predicted actions, or "auto". A network plays only on `ideal`, exactly, and takes no settings of
+    circuits. The same seed gives the same result; episode i resets its environment with seed + i.
+    `imports` are modules or files that register environments; `env` sets arguments of the
+    environment and overrides those of the policy. `video` films the first episode, with the
+    `<Z>` and the probabilities behind its actions: .mp4, .gif or .webm.
 
-    With `live` it is played on IBM's machine of that name, which costs money: see `Live`. Without
-    shots its settings then are the plan's, the cheapest within the limit that keep 97 % of the
-    reward; what is given is kept, and `speculate` and `calibration_shots` are "auto". `on_note` is
-    told what a person should read.
+    With `live` the circuits run on the IBM machine of that name, which costs money: see `Live`. If
+    `shots` is not set, a plan chooses the cheapest settings within the limit that keep 97 % of the
+    reward; settings that are set stay as they are. `speculate` and `calibration_shots` are then
+    "auto". `on_note` is called with messages for the user.
 
     Raises:
         OptionError: options contradict each other.
-        QcompileError: a name, a file or a combination that cannot be played.
+        QcompileError: a name, a file or a combination cannot be used.
     """
-    planned = {
+    plannable = {
         "shots": shots,
         "calibration_shots": calibration_shots,
         "copies": copies,
@@ -202,13 +202,13 @@ def run(
         "speculate": speculate,
         "max_steps": max_steps,
     }
-    taken = offline(planned)
+    values = offline(plannable)
     settings = _settings(
         episodes,
         video,
         live,
         sampler,
-        **taken | {"shots": shots_of(taken["shots"])},
+        **values | {"shots": shots_of(values["shots"])},
         seed=seed,
         level=level,
         mitigation=mitigation,
@@ -219,9 +219,8 @@ def run(
     loaded = with_arguments(load_policy(policy), env, kept=live is not None)
     settings = RunSettings.of(settings, **calibration_settings(calibration, on_note))
     if live is not None:
-        said = given(planned)
-        policy = load_circuits(loaded)
-        return _run_live(policy, backend, settings, said, episodes, live, on_note)
+        circuits, explicit = load_circuits(loaded), explicit_only(plannable)
+        return _run_live(circuits, backend, settings, explicit, episodes, live, on_note)
     if isinstance(loaded, Network) and sampler is not None:
         refuse_options(loaded, ["sampler"])
     opened = load_backend(backend, sampler=sampler)
@@ -247,14 +246,14 @@ def run(
             show(len(rewards), "writing the film")
     if film is not None:
         words = f"film of the first episode in {video}"
-        on_note(words if film.clip else "no step was played: there is no film")
+        on_note(words if film.clip else "no film: no step was played")
     compiled = Compiled(loaded, opened.device, playing.settings.level, playing.settings.copies or 1)
     clip = None if film is None else film.clip
     return RunResult(result.summary(), episodes, compiled, clip)
 
 
 def _filming(film: Film, player: Player, show: bars.Show) -> Callable[[Frame], None]:
-    """What puts each frame of a run into the film; `show` is told now and then."""
+    """A callback that adds each frame to the film, and shows progress now and then."""
     scene = Scene(player)
 
     def shoot(frame: Frame) -> None:
@@ -268,17 +267,21 @@ def _filming(film: Film, player: Player, show: bars.Show) -> Callable[[Frame], N
 def _settings(
     episodes: int, video: Name | None, live: Live | None, sampler: Any, **values: Any
 ) -> RunSettings:
-    """The settings, if they fit what else is asked for."""
+    """The settings, checked against the other arguments."""
     settings = RunSettings.of(**values)
     if video is not None:
         check_suffix(Path(video))
     settings.check_shared(episodes)
     check_live(live)
     if live is not None:
-        wrong = {"video": video is not None, "shots exact": settings.shots is None}
-        wrong["sampler"] = sampler is not None
+        if video is not None:
+            raise OptionError(
+                "video and live exclude each other: a live run is not filmed.",
+                "Film the same settings without live, on the noise model or the machine's twin.",
+            )
+        wrong = {"shots exact": settings.shots is None, "sampler": sampler is not None}
         for name in (name for name, given in wrong.items() if given):
-            raise OptionError(f"{name} and live exclude each other.")
+            raise OptionError(f"{name} cannot be combined with live.")
     return settings
 
 
@@ -288,7 +291,7 @@ def _player(
     settings: RunSettings,
     show: Callable[[float, str], None],
 ) -> Player:
-    """What plays the policy; `show` is told what is done before the first episode."""
+    """Open what plays the policy; `show` is told what happens before the first episode."""
     if isinstance(policy, Policy):
         known = settings.resolved(backend.device, backend.calibration)
         is_measured = known.calibrates and settings.calibration is None
@@ -302,22 +305,22 @@ def _run_live(
     policy: Policy,
     backend: Any,
     settings: RunSettings,
-    said: Mapping[str, Any],
+    explicit: Mapping[str, Any],
     episodes: int,
     live: Live,
     on_note: Words,
 ) -> RunResult:
-    """Plan the run on the noise model of the backend of now, have it confirmed, and play it."""
+    """Plan the run on the noise model of the machine today, ask for confirmation, and play it."""
     if not isinstance(backend, str):
-        raise OptionError("A live run needs the name of a machine of IBM's.")
+        raise OptionError("A live run needs the name of an IBM machine.")
     connection = live.connection(backend)
     device = connection.device()
     limit_s = live.max_qpu_seconds
-    settings = live_settings(policy, device, settings, said, episodes, limit_s, on_note)
+    settings = live_settings(policy, device, settings, explicit, episodes, limit_s, on_note)
     task = run_task(policy, device, settings, episodes, backend=backend, **live.where)
     forecasted = forecast(task)
     if (counted := forecasted.player.calibration_shots) is not None:
-        task = task.model_copy(update={"calibration_shots": counted})  # as told, and as resumed
+        task = task.model_copy(update={"calibration_shots": counted})  # resuming needs the number
     if task.calibration is not None:
         for words in misfit_warnings(forecasted.player.misfits):
             on_note(f"{task.calibration_file or 'the calibration'}: {words}")

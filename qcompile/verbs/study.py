@@ -25,10 +25,10 @@ from qcompile.verbs.reports import Reported
 
 
 class StudyResult(Reported):
-    """What a study's folder holds: its rows, trainings of before included.
+    """The rows of a study in its folder, with earlier trainings.
 
-    `trained` counts the trainings done now, `there` those asked for that the folder had; `files`
-    are what was written besides the trainings, `page` among them.
+    `trained` is the number of trainings done now, `there` of those that the folder already had;
+    `files` are the other files written, among them `page`.
     """
 
     def __init__(self, study: Study):
@@ -42,13 +42,13 @@ class StudyResult(Reported):
 
         Raises:
             FigureError: the style cannot be read.
-            StudyError: the folder holds no training of such a figure.
+            StudyError: the folder has no trainings of that figure.
         """
         panels = figure_panels(self._study.request.study, self._study.summaries)
         if figure is not None and figure not in panels:
             raise StudyError(
-                f"There are no trainings of a figure {figure!r}.",
-                f"There are: {', '.join(panels)}.",
+                f"There are no trainings of figure {figure!r}.",
+                f"Figures with trainings: {', '.join(panels)}.",
             )
         return draw_curves([*panels.values()] if figure is None else [panels[figure]], style)
 
@@ -109,21 +109,21 @@ def study(
     progress: bool = True,
     on_note: Words = ignore,
 ) -> StudyResult:
-    """Train every row of a study with several seeds and write up all that the folder holds.
+    """Train every row of a study with several seeds, and write up the results.
 
-    The study is "paper", or a .toml file of rows. `figures` and `rows` (beginnings of their names)
-    choose rows, `seeds` their number of seeds. `episodes` shortens every training, for a first
-    look; the final models play `evaluation` fresh episodes. Trainings, results.csv, curves.csv and
-    a picture for each figure are written to `out`, whose trainings are not repeated: by default
-    the folder `study`, for a file a folder of its name. The Markdown page is by default
-    reproduction.md in `out`. Trainings run side by side by `engine`: "processes", "dask" or "ray",
-    the cluster at `address`, with so many `workers`. `imports` are modules that register
-    environments; `env` changes arguments that those of every row are made with. `on_note` is told
-    when workers were lost.
+    The study is "paper", or a .toml file of rows. `figures` and `rows` (beginnings of row names)
+    choose rows; `seeds` is the number of seeds of each. `episodes` shortens every training, for a
+    first look. Each trained model plays `evaluation` episodes at the end.
+
+    Trainings, results.csv, curves.csv and the figures are written to `out`: by default the folder
+    `study`, or the name of the file. Trainings already there are not repeated. The Markdown page is
+    by default reproduction.md in `out`. `engine` ("processes", "dask" or "ray", with the cluster at
+    `address`) runs `workers` trainings at a time. `imports` are modules that register environments;
+    `env` changes arguments of the environments of all rows. `on_note` is told if workers stopped.
 
     Raises:
-        QcompileError: no such study, figure or row; an output that cannot be written; a training
-            that fails; Ctrl-C, after which `out` holds what is finished.
+        QcompileError: there is no such study, figure or row; an output cannot be written; a
+            training fails; Ctrl-C, after which finished trainings are in `out`.
     """
     request = StudyRequest(
         name=name,

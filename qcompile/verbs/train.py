@@ -65,44 +65,43 @@ def train(
 ) -> Training:
     """Train a policy in an environment with PPO.
 
-    The environment is a registered id, an EnvSpec or what makes it: a class is registered as
-    CLASS-v0, a function as FUNCTION-v0, a lambda as CLASS-v0 of what it makes. `imports` are
-    modules, names or files, that register environments; `env` are arguments that the environment is
-    made with, which the policy keeps.
+    The environment is a registered id, an EnvSpec, or a class or function that makes it. A class is
+    registered as CLASS-v0, a function as FUNCTION-v0, and a lambda as CLASS-v0 after the class that
+    it makes. `imports` are modules or files that register environments; `env` are arguments of the
+    environment, which are saved with the policy.
 
-    `model` is svqc (the default), mvqc, fcn, cnn or surrogate; `preset` tuned (the default), paper,
-    or hardware (svqc; held decisions, learned under noise); `layout` parallel (the default), serial
-    or single; `reuse` the copies of each output; `seed` 0. `episodes` and `steps` end the training
-    sooner or later than the preset does; `settings` changes others of its settings by name. On a
-    `backend` with noise the policy learns under it: with 1024 shots and mitigation readout, unless
-    `shots` (a number or "exact") and `mitigation` say otherwise. Each decision is held for `hold`
-    steps of the environment (1, or what the preset or the policy of `init` says), and by the policy
-    for good.
+    `model` is svqc (the default), mvqc, fcn, cnn or surrogate. `preset` is tuned (the default),
+    paper, or hardware, which trains svqc under noise and holds each action for several steps.
+    `layout` is parallel (the default), serial or single; `reuse` is the number of copies of each
+    output; `seed` is 0 by default. `episodes` and `steps` end the training earlier or later than
+    the preset does; `settings` changes its other settings by name. On a noisy `backend` the policy
+    is trained under noise, with 1024 shots and mitigation readout unless `shots` (a number or
+    "exact") and `mitigation` are set. Each action is repeated for `hold` environment steps, also
+    when the policy is played later; the default is that of the policy in `init`, or the preset's.
 
-    `circuits` are trained in place of a layout: those of a policy with its encoder and its numbers
-    as a start, of an OpenQASM file, a Program, an Ansatz or a Qiskit circuit; the head is new.
-    `init` starts from a policy with its head. Settings of such circuits are `features`, `encoder`,
-    `scales`, `trainable_scale` and `trainable_gain`.
+    `circuits` are trained instead of a layout, with a new head: those of a policy, with its encoder
+    and its parameters to start from, of an OpenQASM file, a Program, an Ansatz or a Qiskit circuit.
+    `init` starts from a policy and keeps its head. Settings of such circuits are `features`,
+    `encoder`, `scales`, `trainable_scale` and `trainable_gain`.
 
-    With `seeds` so many trainings run side by side, `workers` at a time, with the seeds from `seed`
-    on. Each plays `evaluation` (100) fresh episodes; the best by their mean is the result, whose
-    `trainings` are all: see `Trainings`.
+    With `seeds`, that many trainings run, `workers` at a time, with seeds starting at `seed`. Each
+    trained model plays `evaluation` (100) episodes. The result is the best by their mean; its
+    `trainings` are all of them: see `Trainings`.
 
-    After every `evaluate_every` episodes it plays `evaluate_episodes` (20) test episodes.
-    `callback` is called with scalars by their names, and with the steps taken by then, after each
-    episode, update and evaluation; it ends the training where it returns False. What it raises is
-    raised once the files are written. `log` is a CSV file, `tensorboard` a folder, `checkpoint` a
-    file from which `resume` continues; settings then come from the checkpoint. `out` is the file of
-    the policy, .pt or .json; without it the policy is in the result alone. `force` overwrites
-    `out` and `checkpoint`; without it, files that are there are refused, but those of the training
-    that is resumed. Ctrl-C, or an environment that fails, ends the training and keeps what was
-    trained: see `Training.check_complete`.
+    After every `evaluate_every` episodes, `evaluate_episodes` (20) test episodes are played.
+    `callback` is called after each episode, update and evaluation, with a dict of scalars and the
+    number of steps so far; the training ends if it returns False. An error in it is raised after
+    the files are written. `log` is a CSV file, `tensorboard` a folder, and `checkpoint` a file to
+    `resume` from, with the settings in the checkpoint. `out` is the policy file, .pt or .json;
+    without it the policy is only in the result. `force` overwrites `out` and `checkpoint`; existing
+    files are refused otherwise, except those of the training that is resumed. After Ctrl-C or an
+    error in the environment, what was trained so far is kept: see `Training.check_complete`.
 
     Raises:
         OptionError: options contradict each other.
-        OutputError: a file that is there already, or cannot be written.
-        QcompileError: an environment, settings or files that cannot be used; an environment fails
-            before anything was learned.
+        OutputError: a file already exists, or cannot be written.
+        QcompileError: an environment, settings or files cannot be used; an environment fails before
+            anything was learned.
     """
     modules = several(imports)
     import_modules(modules)
@@ -125,7 +124,7 @@ def train(
         env=env or {},
     )
     if evaluate_episodes is not None and evaluate_every is None:
-        raise OptionError("evaluate-episodes needs evaluate-every: how often they are played.")
+        raise OptionError("evaluate-episodes needs evaluate-every.")
     state = path_of(resume)
     outputs = TrainingOutputs(
         out=path_of(out),
@@ -148,10 +147,10 @@ def train(
         )
     for name, value in (("evaluation", evaluation), ("workers", workers)):
         if value is not None:
-            raise OptionError(f"{name} needs seeds: how many are trained.")
+            raise OptionError(f"{name} needs seeds, the number of trainings.")
     trainer = request.trainer() if state is None else request.resumed(state, on_note)
     outputs.check(trainer)
     if trainer.progress >= 1.0:
-        on_note(f"The training of {resume} was finished; only its outputs are made.")
+        on_note(f"The training in {resume} is finished; only its output files are written.")
     with bars.progress_bar(request.environment, 1.0, enabled=progress) as show:
         return train_one(trainer, outputs, watch, show)

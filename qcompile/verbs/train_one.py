@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class WatchRequest:
-    """The arguments of `train` that say how a training is watched.
+    """The arguments of `train` about watching a training.
 
-    `evaluate_episodes` are played after every `evaluate_every`. The result names `preset` and
-    `imports`.
+    `evaluate_episodes` are played after every `evaluate_every` episodes. `preset` and `imports` are
+    named in the result.
     """
 
     evaluate_every: int | None
@@ -34,14 +34,14 @@ class WatchRequest:
 
 
 def train_one(
-    trainer: Trainer, outputs: TrainingOutputs, asked: WatchRequest, show: Show
+    trainer: Trainer, outputs: TrainingOutputs, request: WatchRequest, show: Show
 ) -> Training:
     """Train to the end, or to Ctrl-C, and write the files.
 
     Raises:
         QcompileError: an environment fails before anything was learned.
         OutputError: a file cannot be written.
-        Exception: what the callback raises, with a note; the files are there.
+        Exception: the callback's error, with a note, after the files are written.
     """
     from qcompile.rl.training_log import EpisodeLog, TensorBoard
     from qcompile.rl.watch import Watch
@@ -49,20 +49,20 @@ def train_one(
     failure: QcompileError | None = None
     with ExitStack() as stack:
         watch = Watch(
-            trainer, show, outputs.checkpoint, asked.evaluate_every, asked.evaluate_episodes
+            trainer, show, outputs.checkpoint, request.evaluate_every, request.evaluate_episodes
         )
         if outputs.tensorboard is not None:
             board = TensorBoard(outputs.tensorboard, trainer.steps)
             watch.callbacks.append(stack.enter_context(board))
-        if asked.callback is not None:
-            watch.callbacks.append(asked.callback)
+        if request.callback is not None:
+            watch.callbacks.append(request.callback)
         if outputs.log is not None:
             watch.log = stack.enter_context(EpisodeLog(outputs.log, trainer.history))
         try:
             result = watch.train()
         except Exception as error:
             if error is watch.callback_error:
-                error.add_note(_keep(trainer, outputs, watch))
+                error.add_note(_save_learned(trainer, outputs, watch))
                 raise
             if not isinstance(error, EnvironmentStepError | TrainingError):
                 raise
@@ -74,24 +74,24 @@ def train_one(
         policy=outputs.write(result.policy, watch),
         watch=watch,
         outputs=outputs,
-        imports=asked.imports,
-        preset=asked.preset,
+        imports=request.imports,
+        preset=request.preset,
         interrupted=result.interrupted,
         failure=failure,
     )
 
 
-def _keep(trainer: Trainer, outputs: TrainingOutputs, watch: Watch) -> str:
-    """Write what was learned before a callback failed, and say where it is."""
+def _save_learned(trainer: Trainer, outputs: TrainingOutputs, watch: Watch) -> str:
+    """Write what was learned before a callback failed; a sentence about where it is."""
     if not watch.has_learned:
         return _nothing_learned(outputs)
     policy = outputs.write(trainer.result(interrupted=True).policy, watch)
     if outputs.out is None:
-        return "The files of out and checkpoint would have kept what was learned by then."
-    what = "model" if policy is None else "policy"
-    return f"The {what} as it was by then is in {outputs.out}."
+        return "With out or checkpoint, what was learned would have been saved."
+    noun = "model" if policy is None else "policy"
+    return f"The {noun} trained so far is in {outputs.out}."
 
 
 def _nothing_learned(outputs: TrainingOutputs) -> str:
-    hint = "Nothing was learned by then"
-    return f"{hint}." if outputs.out is None else f"{hint}: {outputs.out} is not written."
+    hint = "Nothing was learned yet"
+    return f"{hint}." if outputs.out is None else f"{hint}, so {outputs.out} was not written."

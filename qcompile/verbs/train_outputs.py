@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class TrainingOutputs:
-    """What a training writes, and the checkpoint that it resumes from; None for what it does not.
+    """The files that a training writes, and the checkpoint that it resumes from, if any.
 
-    `out` is the policy; of mvqc, which makes none yet, it is its checkpoint. `out` and `checkpoint`
-    are overwritten with `force` alone; but the checkpoint that is resumed is kept up to date, and a
-    resumed training overwrites its own policy.
+    `out` is the policy; for mvqc, whose policies cannot be played yet, it is a checkpoint. `out`
+    and `checkpoint` are overwritten only with `force`. A resumed training also updates its own
+    checkpoint and policy.
     """
 
     out: Path | None
@@ -36,13 +36,13 @@ class TrainingOutputs:
     force: bool = False
 
     def check(self, trainer: Trainer) -> None:
-        """Nothing, if every file can be written and replaces no other.
+        """Check that every file can be written and replaces no other.
 
         Raises:
-            OptionError: a wrong suffix, a name that no policy can have, or files that are the same
-                or lie in each other.
-            OutputError: a file that is there already, or cannot be written.
-            PolicyError: a policy that is too large for a file.
+            OptionError: a suffix is wrong, a name cannot be that of a policy, or files are the same
+                or inside each other.
+            OutputError: a file already exists, or cannot be written.
+            PolicyError: the policy is too large for a file.
         """
         policy = trainer.policy()
         has_policy = policy is not None
@@ -58,20 +58,20 @@ class TrainingOutputs:
         for inner, option in taken.items():
             for outer in inner.parents:
                 if outer in taken and taken[outer] != "tensorboard" and not outer.is_dir():
-                    raise OptionError(f"{option}: {inner} lies in the file of {taken[outer]}.")
+                    raise OptionError(f"{option}: {inner} is inside {taken[outer]}, a file.")
         resumable = "It can be resumed with --resume"
         for option, path, why in (
             ("checkpoint", self.checkpoint, resumable),
             ("out", self.out, ""),
         ):
-            if path is not None and not self._continues(path, trainer):
+            if path is not None and not self._is_of(trainer, path):
                 check_new(path, option, self.force, why)
         for path in (self.log, self.checkpoint, self.out):
             if path is not None:
                 check_writable(path)
 
-    def _continues(self, path: Path, trainer: Trainer) -> bool:
-        """Whether a file is the checkpoint that is resumed, or was made by the same training."""
+    def _is_of(self, trainer: Trainer, path: Path) -> bool:
+        """Whether a file is the checkpoint to resume, or was written by the same training."""
         if self.resume is None:
             return False
         if resolved(path) == resolved(self.resume):
@@ -80,22 +80,22 @@ class TrainingOutputs:
         from qcompile.rl.settings import restored
 
         try:
-            if (own_policy := trainer.policy()) is None:
-                made_by = identity(path)
+            if (expected := trainer.policy()) is None:
+                writer = identity(path)
             else:
                 policy = load_policy(path)
                 settings = restored(policy.metadata["settings"])
                 seed = policy.metadata["seed"]
-                made_by = (policy.environment, dict(policy.environment_kwargs), settings, seed)
-                if not _same_circuits(policy.metadata, own_policy.metadata):
+                writer = (policy.environment, dict(policy.environment_kwargs), settings, seed)
+                if not _same_circuits(policy.metadata, expected.metadata):
                     return False
-        except (QcompileError, LookupError, TypeError, ValueError):  # a file of anything else
+        except (QcompileError, LookupError, TypeError, ValueError):  # another kind of file
             return False
-        own = (trainer.environment, trainer.arguments, trainer.settings, trainer.seed)
-        return path == self.out and made_by == own
+        training = (trainer.environment, trainer.arguments, trainer.settings, trainer.seed)
+        return path == self.out and writer == training
 
     def of_seed(self, seed: int) -> TrainingOutputs:
-        """The files of one of several trainings: the seed is in their names, and none is `out`."""
+        """The files of one of several trainings, with the seed in their names and without `out`."""
         return TrainingOutputs(
             out=None,
             checkpoint=_numbered(self.checkpoint, seed),
@@ -111,16 +111,16 @@ class TrainingOutputs:
             raise OptionError(f"{out} must end with .pt or .json.")
         if not has_policy and out.suffix != ".pt":
             raise OptionError(
-                f"{out} must end with .pt: model {model!r} is an entangling circuit, which this "
-                "version does not play yet, so it is saved as a checkpoint."
+                f"{out} must end with .pt: model {model!r} is an entangling circuit, which cannot "
+                "be played yet and is saved as a checkpoint."
             )
         if not out.stem.isprintable():
             raise OptionError(
-                f"{str(out)!a} must have a name of printable characters: it names the policy."
+                f"{str(out)!a} must have printable characters only: the policy is named after it."
             )
 
     def write(self, policy: AnyPolicy | None, watch: Watch) -> AnyPolicy | None:
-        """Write the policy, or the checkpoint of a model that has none; the policy by its name."""
+        """Write the policy, or a checkpoint if there is none; the policy with its final name."""
         if policy is not None:
             return self.named(policy)
         if self.out is not None:
@@ -128,7 +128,7 @@ class TrainingOutputs:
         return None
 
     def named(self, policy: AnyPolicy) -> AnyPolicy:
-        """The policy by the name of its file, which is written; without a file as it is."""
+        """Name the policy after its file and write it; without a file, return it as it is."""
         if self.out is None:
             return policy
         policy = replace(policy, name=self.out.stem)
@@ -137,9 +137,9 @@ class TrainingOutputs:
 
 
 def _same_circuits(metadata: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
-    """Whether two policies were trained with the same circuits of one's own, or with none.
+    """Whether two policies were trained with the same custom circuits, or both without.
 
-    Their trained numbers are those of different updates.
+    Their parameters may come from different updates.
     """
     one, two = (dict(values.get("circuits", {})) for values in (metadata, other))
     names = [sorted(circuits.pop("parameters", {})) for circuits in (one, two)]
@@ -147,5 +147,5 @@ def _same_circuits(metadata: Mapping[str, Any], other: Mapping[str, Any]) -> boo
 
 
 def _numbered(path: Path | None, seed: int) -> Path | None:
-    """log-3.csv of log.csv for seed 3."""
+    """log-3.csv for log.csv and seed 3."""
     return None if path is None else path.with_name(f"{path.stem}-{seed}{path.suffix}")

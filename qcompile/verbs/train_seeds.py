@@ -1,4 +1,4 @@
-"""The same training with several seeds, side by side on the cores."""
+"""The same training with several seeds, in parallel."""
 
 from __future__ import annotations
 
@@ -19,16 +19,15 @@ from qcompile.verbs.trainings import Scored, Trainings, best_of
 
 FRESH_EPISODES = 100
 CHOICE_SEED, OTHER_SEED = 2_000_000, 3_000_000
-"""From here on are the reset seeds of the episodes by which the best is chosen, and of those on
-which it is then scored."""
+"""First reset seeds of the episodes that choose the best policy, and of those that score it."""
 
 
 @dataclass(frozen=True)
 class SeedsRequest:
-    """What is trained with `seeds` seeds, and how many fresh episodes judge each; None is 100.
+    """A training with `seeds` seeds, each of which plays `evaluation` episodes (None: 100).
 
     Raises:
-        OptionError: something stands beside it that goes with one seed alone.
+        OptionError: an argument can only be used with a single seed.
     """
 
     request: TrainingRequest
@@ -39,25 +38,28 @@ class SeedsRequest:
 
     def __post_init__(self) -> None:
         if self.outputs.resume is not None:
-            raise OptionError("resume goes without seeds: a checkpoint is of one training.")
+            raise OptionError(
+                "resume cannot be combined with seeds: a checkpoint belongs to one training."
+            )
         if self.watch.callback is not None:
             raise OptionError(
-                "callback goes without seeds, which are trained in processes of their own.",
+                "callback cannot be combined with seeds, which are trained in other processes.",
                 "Call train for each seed.",
             )
 
     def cells(self) -> list[_Seed]:
-        """The trainings, once their files are checked.
+        """Check the files of all trainings, and return the trainings.
 
         Raises:
-            OptionError: the model makes no policy, or files contradict each other.
-            QcompileError: settings or files that cannot be used.
+            OptionError: the model cannot be played, or files contradict each other.
+            QcompileError: settings or files cannot be used.
         """
         trainer = self.request.trainer()
         if trainer.policy() is None:
             raise OptionError(
-                f"Model {trainer.settings.model!r} makes no policy, so seeds have no best one.",
-                "Train each seed by itself, with --seed.",
+                f"Model {trainer.settings.model!r} cannot be played yet, so the best seed cannot "
+                "be found.",
+                "Train each seed separately, with --seed.",
             )
         cells = []
         for seed in range(trainer.seed, trainer.seed + self.seeds):
@@ -81,19 +83,19 @@ class _Seed:
 
 
 def train_seeds(
-    asked: SeedsRequest, workers: int | None, progress: bool, on_note: Words
+    seeds_request: SeedsRequest, workers: int | None, progress: bool, on_note: Words
 ) -> Trainings:
     """Train every seed, and write the policy of the best.
 
     Raises:
-        QcompileError: options, settings or files that cannot be used; no training came to its end.
+        QcompileError: options, settings or files cannot be used; no training was finished.
     """
-    cells = asked.cells()
-    evaluation = FRESH_EPISODES if asked.evaluation is None else asked.evaluation
+    cells = seeds_request.cells()
+    evaluation = FRESH_EPISODES if seeds_request.evaluation is None else seeds_request.evaluation
     scored: dict[int, Scored] = {}
     failures: dict[int, str] = {}
     interrupted, failure = False, None
-    title = f"{asked.request.environment}, {len(cells)} seeds"
+    title = f"{seeds_request.request.environment}, {len(cells)} seeds"
     with bars.progress_bar(title, len(cells), enabled=progress) as show:
 
         def keep(cell: _Seed, outcome: Scored | str) -> None:
@@ -104,7 +106,7 @@ def train_seeds(
             show(len(scored) + len(failures), f"{cell.name}: {words}")
 
         train = with_environments(
-            partial(_train, evaluation=evaluation), [asked.request.environment]
+            partial(_train, evaluation=evaluation), [seeds_request.request.environment]
         )
         try:
             run_all(cells, train, keep, workers=workers, on_loss=on_note, noun="training")
@@ -115,27 +117,27 @@ def train_seeds(
     if not scored:
         if failure is not None:
             raise failure
-        what = f"0 of {len(cells)} trainings were finished."
+        finished = f"0 of {len(cells)} trainings finished."
         words = [f"Seed {seed}: {text}" for seed, text in sorted(failures.items())]
-        raise QcompileError(f"Interrupted: {what}" if interrupted else what, *words)
+        raise QcompileError(f"Interrupted: {finished}" if interrupted else finished, *words)
     ordered = [scored[seed] for seed in sorted(scored)]
     policy = best_of(ordered).training.policy
     return Trainings(
         ordered,
-        policy=None if policy is None else asked.outputs.named(policy),
+        policy=None if policy is None else seeds_request.outputs.named(policy),
         asked=len(cells),
         failures=dict(sorted(failures.items())),
-        out=asked.outputs.out,
+        out=seeds_request.outputs.out,
         interrupted=interrupted,
         failure=failure,
     )
 
 
 def _train(cell: _Seed, evaluation: int) -> Scored | str:
-    """A training and its scores, or why there are none, in words.
+    """A training and its scores, or the message of its failure.
 
     Raises:
-        KeyboardInterrupt: Ctrl-C; half a training is no result.
+        KeyboardInterrupt: Ctrl-C; an unfinished training is not a result.
     """
     import torch
 

@@ -1,4 +1,4 @@
-"""What is trained: settings from a preset and what changes it, or from a checkpoint."""
+"""The settings of a training: a preset with changes, or those of a checkpoint."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ if TYPE_CHECKING:
     from qcompile.rl.settings import Settings
 
 NOISY_SHOTS = 1024
-"""Shots on a backend with noise where none are named."""
+"""The default shots on a noisy backend."""
 MODEL, PRESET, LAYOUT, SEED = "svqc", "tuned", "parallel", 0
-"""What is trained where nothing is named."""
+"""The defaults."""
 
 _PRESET_OF = ("model", "layout")
 
 _NOT_WITH = {"circuits": ("init", "layout"), "init": ("layout", "reuse")}
 _WHY = {
-    "init": "circuits has a new head, init starts from that of the policy.",
-    "layout": "The circuits are those of the file, or of the object.",
-    "reuse": "The policy has a head already, and it is trained further.",
+    "init": "circuits trains a new head; init starts from the policy's own head.",
+    "layout": "The circuits come from the file or the object.",
+    "reuse": "The policy already has a head, which is trained further.",
 }
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrainingRequest:
-    """The arguments of `train` that say what is trained; None where nothing is named."""
+    """The arguments of `train` about what is trained; None for the default."""
 
     environment: str
     model: str | None = None
@@ -56,10 +56,10 @@ class TrainingRequest:
     env: Mapping[str, Any] = field(default_factory=dict)
 
     def trainer(self) -> Trainer:
-        """A new trainer of the preset's settings, with what is named beside it.
+        """A new trainer with the settings of the preset, changed by the other arguments.
 
         Raises:
-            OptionError: a setting is unknown, or named twice; `env` cannot be kept in a policy.
+            OptionError: a setting is unknown or given twice; `env` cannot be saved in a policy.
             QcompileError: the settings do not fit each other, or there is no such device.
         """
         from qcompile.rl.models import NetworkModel
@@ -67,7 +67,7 @@ class TrainingRequest:
 
         check_env(self.env, kept=True)
         start = None if self.init is None else load_policy(self.init)
-        self._check_own(start)
+        self._check_start(start)
         ansatz, env = None, self.env
         if self.circuits is not None:
             ansatz = load_ansatz(self.circuits)
@@ -82,19 +82,19 @@ class TrainingRequest:
             trainer.actor.take(start)
         return trainer
 
-    def _check_own(self, start: AnyPolicy | None) -> None:
-        """Raise OptionError where circuits or init are given with what they stand for."""
-        own = "circuits" if self.circuits is not None else "init"
-        if getattr(self, own) is None:
+    def _check_start(self, start: AnyPolicy | None) -> None:
+        """Raise OptionError if circuits or init are combined with what they already determine."""
+        option = "circuits" if self.circuits is not None else "init"
+        if getattr(self, option) is None:
             return
-        for other in _NOT_WITH[own]:
+        for other in _NOT_WITH[option]:
             if getattr(self, other) is not None or other in self.settings:
-                raise OptionError(f"{own} and {other} cannot be given together.", _WHY[other])
+                raise OptionError(f"{option} and {other} cannot be combined.", _WHY[other])
         model = start.model if isinstance(start, Network) else MODEL
         if self.model not in (None, model):
             raise OptionError(
-                f"{own} and model {self.model!r} cannot be given together.",
-                f"What is trained is of model {model}.",
+                f"{option} and model {self.model!r} cannot be combined.",
+                f"These circuits or layers have model {model}.",
             )
 
     def _settings(self, ansatz: Ansatz | None, start: AnyPolicy | None) -> Settings:
@@ -128,7 +128,7 @@ class TrainingRequest:
         return settings.changed(**changed)
 
     def _named_settings(self) -> dict[str, Any]:
-        """The settings that are named one by one, which `Settings.changed` looks into."""
+        """The settings given by name; `Settings.changed` checks their values."""
         from qcompile.rl.settings import SETTING_NAMES
 
         for name in self.settings:
@@ -136,19 +136,20 @@ class TrainingRequest:
                 raise OptionError(f"Unknown setting {name!r}.", nearest(name, SETTING_NAMES))
             if name in _PRESET_OF:
                 raise OptionError(
-                    f"The setting {name!r} decides which preset is taken.",
-                    f"It is the option {name}, not one of the settings.",
+                    f"{name!r} cannot be changed as a setting: the preset depends on it.",
+                    f"Use the option {name}.",
                 )
             if getattr(self, name, None) is not None:
-                raise OptionError(f"{name} is both an option and one of the settings.")
+                raise OptionError(f"{name} is given twice, as an option and as a setting.")
         return dict(self.settings)
 
     def resumed(self, checkpoint: Path, on_note: Words) -> Trainer:
-        """The trainer of a checkpoint; what is named besides must agree with it.
+        """The trainer of a checkpoint; the arguments must agree with it.
 
         Raises:
-            OptionError: something that is named would change settings.
-            TrainingError: it is not a checkpoint, or of another environment, model, seed or hold.
+            OptionError: an argument would change settings.
+            TrainingError: the file is not a checkpoint, or has another environment, model, seed or
+                hold.
         """
         from qcompile.rl.checkpoint import load_checkpoint
 
@@ -156,22 +157,22 @@ class TrainingRequest:
         options = [name for name, value in vars(self).items() if value and name not in names]
         if options:
             raise OptionError(
-                f"{' and '.join(options)} cannot be given with resume: "
-                "the checkpoint has the settings."
+                f"{' and '.join(options)} cannot be combined with resume: "
+                "the settings come from the checkpoint."
             )
         trainer, differ = load_checkpoint(checkpoint)
         settings = trainer.settings
         saved = (trainer.environment, settings.model, trainer.seed, settings.hold)
         for name, value in zip(names, saved, strict=True):
-            asked = getattr(self, name)
-            if asked is not None and asked != value:
+            argument = getattr(self, name)
+            if argument is not None and argument != value:
                 raise TrainingError(
-                    f"Checkpoint {checkpoint} has the {name} {value!r}, found {asked!r}.",
-                    f"Name {value}, or resume another checkpoint.",
+                    f"Checkpoint {checkpoint} has {name} {value!r}, not {argument!r}.",
+                    f"Use {value}, or resume another checkpoint.",
                 )
         if differ:
             on_note(
                 f"Warning: {checkpoint} was made with other versions ({'; '.join(differ)}). "
-                "The training may not resume bit for bit."
+                "The resumed training may differ slightly from an uninterrupted one."
             )
         return trainer

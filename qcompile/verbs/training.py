@@ -1,4 +1,4 @@
-"""What a training gives: the policy, its episodes, and how it went."""
+"""The result of a training: the policy, its episodes, and how it ended."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ if TYPE_CHECKING:
 
 
 class Training(Result):
-    """A training that ended: `to_dict` is the document of `qcompile train --json`.
+    """The result of a training; `to_dict` is the document of `qcompile train --json`.
 
-    `policy` is what can be played: circuits or a network, None for the entangling circuit of mvqc.
-    `save_policy` writes it to a file, `save` writes the document. `model` is the trained torch
-    module. `interrupted` says that Ctrl-C, or `failure`, ended it, `stopped` that a callback did.
-    `trainings` are all that were done for it: itself, or those of several seeds.
+    `policy` can be played: it has circuits or a network, and is None for the entangling circuit of
+    mvqc. `save_policy` writes it to a file; `save` writes the document. `model` is the trained
+    torch module. `interrupted` is true if Ctrl-C or an error (`failure`) ended the training,
+    `stopped` if a callback did. `trainings` has this training, or those of all seeds.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class Training(Result):
 
     @property
     def episodes(self) -> list[dict[str, Any]]:
-        """Number, reward and, of all environments, the steps and decisions by its end."""
+        """Number and reward of each episode, with the total steps and decisions at its end."""
         return [vars(episode) for episode in self._history]
 
     @property
@@ -93,7 +93,7 @@ class Training(Result):
         return list(in_order_of_start(ended, self._environments))
 
     def plot(self, style: AnyStyle = None) -> Figure:
-        """The learning curve: average rewards of the last 20 episodes, and their scatter.
+        """The learning curve: mean and standard deviation of the last 20 rewards.
 
         Raises:
             FigureError: the style cannot be read.
@@ -105,7 +105,7 @@ class Training(Result):
         return draw_curves([CurvePanel(title, [curve])], style)
 
     def curve(self, label: str) -> Curve:
-        """What `plot` draws, under this label and in a colour of its own.
+        """The curve that `plot` draws, with this label and its own colour.
 
         Raises:
             QcompileError: no episode was finished.
@@ -133,14 +133,14 @@ class Training(Result):
 
     @property
     def ended(self) -> str:
-        """How it ended, in a word."""
+        """How the training ended, in one word."""
         if self.failure is not None:
             return "failed"
         return "interrupted" if self.interrupted else "stopped" if self.stopped else "complete"
 
     @property
     def words(self) -> str:
-        """What was trained, how it did, and where it is."""
+        """A summary: what was trained, its rewards, and where it was written."""
         values = self.to_dict()
         words = [f"{values['episodes']} episodes, {values['steps']} steps"]
         if not values["episodes"]:
@@ -158,24 +158,24 @@ class Training(Result):
         if self.policy is None:
             line += (
                 f"\n{values['out']} is a checkpoint: `qcompile train --resume` reads it. Its "
-                "model is an entangling circuit, which this version does not play yet."
+                "model is an entangling circuit, which cannot be played yet."
             )
         return line
 
     def check_complete(self) -> None:
-        """Nothing, if the training came to its end.
+        """Check that the training was finished.
 
         Raises:
             QcompileError: an environment failed, or Ctrl-C ended it; the message says what is kept.
         """
         values = self.to_dict()
-        out, what = values["out"], "model" if self.policy is None else "policy"
+        out, noun = values["out"], "model" if self.policy is None else "policy"
         if self.failure is not None:
-            kept = f"The {what} as it was after the last whole update is in {out}."
-            raise self.failure if out is None else self.failure.with_hints(kept)
+            hint = f"The {noun} after the last complete update is in {out}."
+            raise self.failure if out is None else self.failure.with_hints(hint)
         if not self.interrupted:
             return
-        hints = [] if out is None else [f"The {what} as it was by then is in {out}."]
+        hints = [] if out is None else [f"The {noun} trained so far is in {out}."]
         state = values["checkpoint"] or (out if self.policy is None else None)
         if state is not None:
             words = ["qcompile", "train", values["environment"]]

@@ -1,4 +1,4 @@
-"""What trainings with several seeds give: all of them, and the best."""
+"""The results of trainings with several seeds: all of them, and the best."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from qcompile.report.curves import CurvePanel, draw_curves
 from qcompile.report.figure import Figure
 from qcompile.report.style import AnyStyle
 from qcompile.report.table import Table
+from qcompile.report.tables import plural
 from qcompile.verbs.results import Result
 from qcompile.verbs.training import Training
 
@@ -30,7 +31,7 @@ _SHARED = (
 
 @dataclass(frozen=True, eq=False)
 class Scored:
-    """A training and what its final model scores: the rewards that it is chosen by, and others."""
+    """A training, the rewards by which the best is chosen, and the rewards of other episodes."""
 
     training: Training
     rewards: FloatArray
@@ -42,12 +43,11 @@ class Scored:
 
 
 class Trainings(Training):
-    """Trainings that differ in their seed: `to_dict` is the document of `qcompile train --seeds`.
+    """Trainings that differ in their seed; `to_dict` is the document of `qcompile train --seeds`.
 
-    It is the best of them, by the mean reward of fresh episodes: its policy, episodes and rewards.
-    The best of several means is above what its policy goes on to score; `best` in the document has
-    its mean on other episodes, which it was not chosen by. `trainings` are all that came to their
-    end, by their seeds.
+    Policy, episodes and rewards are those of the best, by the mean reward of the episodes that its
+    trained model played. The best of several means is too high an estimate: `best` in the document
+    has the mean reward of other episodes. `trainings` are all finished trainings, by seed.
     """
 
     def __init__(
@@ -119,43 +119,47 @@ class Trainings(Training):
 
     @property
     def remark(self) -> str:
-        """The mean over the seeds, and what the best scores on episodes it was not chosen by."""
+        """The mean over the seeds, and the best's score on episodes that did not choose it."""
         values = self.to_dict()
         best, count = values["best"], len(values["seeds"])
-        scores = f"{_words(best)} on {values['evaluation']} others"
+        score = f"{_words(best)} on {plural(values['evaluation'], 'other episode')}"
         if count == 1:
-            return f"seed {best['seed']} scores {scores}"
-        chosen = f"the best by these episodes is seed {best['seed']}, which scores {scores}"
-        return f"mean of {count} seeds: {_words(values)}; {chosen}"
+            return f"seed {best['seed']} scores {score}"
+        return (
+            f"mean of {count} seeds: {_words(values)}; the best, seed {best['seed']}, "
+            f"scores {score}"
+        )
 
     @property
     def words(self) -> str:
-        """The remark, and where the policy is."""
+        """The remark, and where the policy was written."""
         values = self.to_dict()
         written = "" if values["out"] is None else f" in {values['out']}"
         return f"{self.remark}; {values['parameters']} parameters{written}"
 
     def check_complete(self) -> None:
-        """Nothing, if all trainings came to their end.
+        """Check that all trainings were finished.
 
         Raises:
             QcompileError: some failed, or Ctrl-C came before; the message says what is kept.
         """
         values = self.to_dict()
         out, count = values["out"], len(values["seeds"])
-        finished = f"{count} of {self._asked} trainings were finished."
-        words = [f"Seed {one['seed']}: {one['words']}" for one in values["failures"]]
-        kept = [] if out is None else [f"The policy of the best of them is in {out}."]
+        finished = f"{count} of {self._asked} trainings finished."
+        hints = [f"Seed {one['seed']}: {one['words']}" for one in values["failures"]]
+        has_failed = bool(hints)
+        if out is not None:
+            hints.append(f"The best policy of these is in {out}.")
         if self.failure is not None:
-            raise self.failure.with_hints(finished, *words, *kept)
+            raise self.failure.with_hints(finished, *hints)
         if self.interrupted:
-            raise QcompileError(f"Interrupted: {finished}", *words, *kept)
-        if words:
-            raise QcompileError(finished, *words, *kept)
+            raise QcompileError(f"Interrupted: {finished}", *hints)
+        if has_failed:
+            raise QcompileError(finished, *hints)
 
 
 def best_of(scored: Sequence[Scored]) -> Scored:
-    """That with the highest mean reward; of equal ones the lowest seed."""
+    """The training with the highest mean reward; among equals the one with the lowest seed."""
     return max(scored, key=lambda one: (one.rewards.mean(), -one.seed))
 
 
@@ -164,5 +168,5 @@ def _moments(rewards: FloatArray) -> dict[str, float]:
 
 
 def _words(moments: Mapping[str, Any]) -> str:
-    """Mean ± standard deviation, which one alone does not have."""
+    """Mean ± standard deviation; a single value has no deviation."""
     return reward_text(moments["mean_reward"], moments["std_reward"])

@@ -1,4 +1,4 @@
-"""Test whether a calibration's twin shows what its machine does: `qcompile validate`."""
+"""Test a calibration against fresh counts: what `qcompile validate` does."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ from qcompile.verbs.live import Live, check_live, spend
 from qcompile.verbs.results import Result
 
 _ADVICE = (
-    "Calibrate anew: `qcompile calibrate`. If a new one fails too, the qubits depend on their "
-    "neighbours: use other qubits, with an unused one between them."
+    "Calibrate again with `qcompile calibrate`. If the new calibration fails too, the qubits "
+    "disturb each other: use other qubits, with an unused one between neighbours."
 )
 
 
 class Validation(Result):
-    """Whether a twin passed, qubit by qubit: `failed` are those that contradict their curves."""
+    """Whether the counts agree with a twin: `failed` are the qubits that contradict their curve."""
 
     @property
     def passed(self) -> bool:
@@ -58,7 +58,7 @@ class Validation(Result):
         return Table.of_words(names, rows, left=["twin"])
 
     def check_passed(self) -> None:
-        """Nothing, if the twin passed.
+        """Check that the twin passed.
 
         Raises:
             CalibrationError: a qubit contradicts its curve.
@@ -66,7 +66,7 @@ class Validation(Result):
         values = self.to_dict()
         if not self.passed:
             raise CalibrationError(
-                f"The twin of {values['file']} is not its machine any more: qubit "
+                f"The twin of {values['file']} no longer matches the machine on qubit "
                 f"{', '.join(map(str, self.failed))}.",
                 *(misfit_warnings(values["calibration_misfits"]) or [_ADVICE]),
             )
@@ -90,23 +90,26 @@ def validate(
 ) -> Validation:
     """Run a policy's circuits and compare their counts with the twin of a calibration.
 
-    A qubit fails where its chi-square is what chance gives once in a thousand times. `observations`
-    of episodes on the twin (their number) and `shots` of each circuit are by default the fewest
-    executions that find a p01 of any one qubit raised by `effect` with `power` (0.9). The circuits
-    run on `backend`, by default the noise model of the calibration's device, or with `live` on the
-    machine that was calibrated, for a few seconds; that costs money. `imports` are modules that
-    register environments, `env` arguments of the policy's.
+    A qubit fails if its chi-square is so large that chance gives it once in a thousand times.
+    `observations` is the number of observations, taken from episodes on the twin, and `shots` is
+    that of each circuit. By default they are the fewest that detect an increase of any one qubit's
+    p01 by `effect` with the probability `power` (0.9). The circuits run on `backend`, by default
+    the noise model of the calibration's device; with `live` they run on the machine that was
+    calibrated, for a few seconds, which costs money. `imports` are modules that register
+    environments, `env` are arguments of the policy's environment.
 
     Raises:
         OptionError: options contradict each other.
-        QcompileError: a file or a combination that cannot be compared.
+        QcompileError: a file or a combination cannot be compared.
     """
     check_live(live)
     is_free = observations is None or shots is None
     if power is not None and not is_free:
-        raise OptionError("power chooses observations and shots: leave one of the three out.")
+        raise OptionError("power chooses observations or shots: give at most two of the three.")
     if live is not None and backend is not None:
-        raise OptionError("backend and live exclude each other: the calibration names the machine.")
+        raise OptionError(
+            "backend cannot be combined with live: the calibration names the machine."
+        )
     if isinstance(calibration, Calibration):
         known, file = calibration, f"the calibration of {calibration.backend}"
     else:
@@ -128,12 +131,12 @@ def validate(
     )
     if is_free and reached < least_power:
         on_note(
-            f"A p01 raised by {effect:g} is found {100 * reached:.0f} % of the time at least: "
-            f"{file} has too few shots for more. Calibrate with more of them."
+            f"An increase of p01 by {effect:g} is detected with a probability of only "
+            f"{100 * reached:.0f} %: {file} has too few shots. Calibrate with more."
         )
     if live is not None:
         return Validation(_live(known, file, loaded, rows, shots, effect, live, on_note))
-    # A stream of its own: `calibrate` with a seed draws from that of the number itself.
+    # A separate stream: `calibrate` with the same seed draws from the seed itself.
     (fresh,) = np.random.SeedSequence(seed).spawn(1)
     executor = open_executor(known.device if backend is None else backend, fresh)
     check = check_twin(known, loaded, rows, executor, shots, effect)
@@ -150,14 +153,14 @@ def _live(
     live: Live,
     on_note: Words,
 ) -> dict[str, Any]:
-    """What the machine's own counts say."""
+    """Compare with counts of the machine itself."""
     connection = live.connection(calibration.backend)
     machine = connection.device()
     if len(machine.qubits) != len(calibration.device.qubits):
         raise CalibrationError(
             f"{file} has {len(calibration.device.qubits)} qubits, {machine.name} has "
             f"{len(machine.qubits)}.",
-            "Calibrate the machine anew.",
+            "Calibrate the machine again.",
         )
     task = ValidateTask.model_validate(
         {

@@ -1,4 +1,4 @@
-"""What a plan within a number of seconds tells: its document, its table and its words."""
+"""The document, table and advice of a plan within a number of QPU seconds."""
 
 from __future__ import annotations
 
@@ -14,28 +14,28 @@ from qcompile.report.tables import plural
 Command = Callable[[Point], str | None]
 
 
-def within_values(found: SearchResult, command: Command) -> dict[str, Any]:
-    """What `plan --json` adds with a limit of seconds; `command` says how a point is played."""
-    goal, chosen = found.goal, found.recommended
-    baseline = found.points[0].baseline
+def within_values(result: SearchResult, command: Command) -> dict[str, Any]:
+    """The part of `plan --json` for a limit of seconds; `command` gives the command of a point."""
+    goal, chosen = result.goal, result.recommended
+    baseline = result.points[0].baseline
     return {
         "within": goal.within,
         "keep": goal.keep,
         "judged_episodes": goal.trial_episodes,
         "random_reward": float(baseline.random.mean()),
         "ideal_reward": float(baseline.ideal.mean()),
-        "frontier": [point.values for point in found.frontier],
+        "frontier": [point.values for point in result.frontier],
         "recommended": None if chosen is None else chosen.values | {"command": command(chosen)},
-        "nearest": None if chosen is not None else found.nearest(),
+        "nearest": None if chosen is not None else result.nearest(),
     }
 
 
 def frontier_table(values: Mapping[str, Any]) -> Table:
-    """The points that are not dominated, the recommended one with a star."""
+    """The best settings, with a star at the recommended ones."""
     points, chosen = values["frontier"], values["recommended"] or {}
     several = len({(point["policy"], point["hold"]) for point in points}) > 1
     is_cut = any(point["max_steps"] for point in points)
-    names = ["shots", "copies", "ahead"] + ["cut at"] * is_cut + ["jobs", "QPU seconds"]
+    names = ["shots", "copies", "ahead"] + ["max steps"] * is_cut + ["jobs", "QPU seconds"]
     ends = ("80 % interval, low", "80 % interval, high")
     columns = [
         *[Column("policy", right=False)] * several,
@@ -72,21 +72,21 @@ def _cell(point: Mapping[str, Any], key: str, form: str) -> Cell:
 
 
 def advice(values: Mapping[str, Any]) -> str:
-    """What to type, or that nothing fits and what would."""
+    """The recommended command, or a message that nothing fits, and what would."""
     chosen, within, keep = values["recommended"], values["within"], values["keep"]
     if chosen is not None:
         low, high = chosen["qpu_seconds_80"]
         words = (
-            f"* {chosen['qpu_seconds']:.1f} QPU seconds on average, {low:.0f} to {high:.0f} "
-            "in four of five runs"
+            f"* recommended: {chosen['qpu_seconds']:.1f} QPU seconds on average, {low:.0f} to "
+            f"{high:.0f} in four of five runs"
         )
         return "\n".join(filter(None, [words, chosen["command"]]))
     nearest = values["nearest"]
     fits = [
         plural(nearest["episodes"], "episode") if nearest["episodes"] else "",
-        f"{nearest['within']:,.0f} seconds" if nearest["within"] else "",
+        f"{nearest['within']:,.0f} QPU seconds" if nearest["within"] else "",
         f"keep {nearest['keep']:g}" if (nearest["keep"] or 0) > 0 else "",
     ]
-    limit = f"Nothing keeps {100 * keep:g} % within {within:,g} QPU seconds."
-    would = " or ".join(filter(None, fits))
-    return f"{limit} What would fit: {would}." if would else limit
+    limit = f"No settings keep {100 * keep:g} % of the reward within {within:,g} QPU seconds."
+    changes = " or ".join(filter(None, fits))
+    return f"{limit} It would fit with {changes}." if changes else limit

@@ -113,7 +113,7 @@ def test_a_bad_fit_is_told_in_words(qcompile: Call, monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(measure, "_ones", drifting)
     answer = qcompile(*LIMA)
     assert (answer.code, answer.err) == (0, "")
-    assert "The response of qubit 3 is not a curve of its own angle alone, or" in answer.out
+    assert "The response of qubit 3 does not depend on its own angle alone, or" in answer.out
     assert answer.out.count("p-value") == 1
 
 
@@ -193,7 +193,7 @@ def test_what_has_no_counts_is_not_fitted(qcompile: Call) -> None:
     Path("a.json").write_text(load_device("fake_lima").to_json())
     answer = qcompile("calibrate", "--from", "a.json")
     assert (answer.code, answer.out) == (1, "")
-    assert answer.err.startswith("Error: a.json holds no counts to fit.\n")
+    assert answer.err.startswith("Error: a.json has no counts to fit.\n")
     answer = qcompile("calibrate")
     assert (answer.code, answer.out) == (2, "")
     assert "--backend names what to measure" in answer.err

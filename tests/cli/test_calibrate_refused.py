@@ -100,7 +100,7 @@ def test_too_few_shots_are_refused_and_kept(qcompile: Call, left: Call) -> None:
         "run", "cartpole", "--backend", "fake_lima", "--calibration", "fake_lima-calibration.json"
     )
     assert answer.code == 1
-    assert answer.err.startswith("Error: The calibration holds no assignment matrices.\n  Too few")
+    assert answer.err.startswith("Error: The calibration has no assignment matrices.\n  Too few")
     assert "mitigation response" not in answer.err, "it has no response either"
     answer = qcompile("calibrate", "--backend", "fake_lima", "--check", left()[0])
     assert (answer.code, answer.out) == (1, "")

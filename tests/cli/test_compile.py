@@ -67,7 +67,7 @@ def test_notes_stay_off_standard_output(qcompile: Call) -> None:
     Path("in.qasm").write_text(PROGRAM.replace("c = measure q;", "c[0] = measure q[0];"))
     answer = qcompile("compile", "in.qasm", "--json")
     assert answer.code == 0
-    assert answer.err == "note: 1 qubit(s) are not measured: their gates are gone.\n"
+    assert answer.err == "note: 1 qubit(s) are not measured: their gates are dropped.\n"
     assert answer.json()["level"] == 2
 
 
@@ -76,8 +76,8 @@ BAD_PROGRAMS = {
         PROGRAM.replace("x q[1];", "x q[1];\ncx q[0], q[1];"),
         """\
 Error: in.qasm:7: cx q[0], q[1] entangles two qubits.
-  qcompile compiles circuits without entangling gates; this one has 1.
-  Compile it with Qiskit's transpile, or remove the gate.
+  qcompile compiles circuits without entangling gates; this program has 1.
+  Remove the gate, or compile the program with Qiskit's transpile.
 """,
     ),
     "measures nothing": (
@@ -182,7 +182,7 @@ def test_a_physical_qubit_that_is_left_out_is_kept_and_noted(qcompile: Call) -> 
     Path("mine.json").write_text(json.dumps(values))
     answer = qcompile("compile", "in.qasm", "--backend", "mine.json")
     assert answer.code == 0
-    assert answer.err == "note: mine leaves out qubit 3; the program names it.\n"
+    assert answer.err == "note: mine excludes qubit 3, which the program names.\n"
     assert "c[0] = measure $3;" in answer.out
 
 

@@ -96,7 +96,7 @@ def test_a_sampler_has_shots_alone(qcompile: Call, policy: Call) -> None:
     few = ("--backend", "qiskit:fake_lima", "--mitigation", "none", *FEW)
     answer = qcompile("evaluate", name, *few, "--shots", "exact", "--json")
     assert answer.code == 0
-    why = "shots exact on qiskit:FakeLimaV2: it runs through a sampler, which only has shots.\n"
+    why = "shots exact on qiskit:FakeLimaV2: it runs through a sampler, which needs shots.\n"
     assert answer.err == f"left out: {why}"
     (_, cell) = answer.json()["results"]
     assert (cell["backend"], cell["device"]) == ("qiskit:FakeLimaV2", "fake_lima")
@@ -139,7 +139,7 @@ REFUSED = {
     "a part": (
         ("--mitigation", "readout,response", "--calibration", "part.json"),
         "part.json cannot mitigate tiny on fake_lima (response):\n"
-        "  The calibration holds no response curves.\n",
+        "  The calibration has no response curves.\n",
     ),
     "a qubit": (
         ("--calibration", "two.json"),
@@ -151,7 +151,7 @@ REFUSED = {
     "no file": (("--calibration", "nosuch.json"), "There is no calibration file nosuch.json.\n"),
     "a twin without curves": (
         ("--backend", "part.json"),
-        "The calibration of fake_lima holds no response curves.\n",
+        "The calibration of fake_lima has no response curves.\n",
     ),
     "no such fake backend": (
         ("--backend", "qiskit:FakeLimaV3"),

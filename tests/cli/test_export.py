@@ -51,7 +51,7 @@ def folder_in_use() -> None:
 REFUSED: dict[str, tuple[tuple[str, ...], str]] = {
     "folder in use": (
         (),
-        "Error: The output folder job is in use.\n  Remove it, or choose another with --out.\n",
+        "Error: job already exists.\n  Remove it, or choose another with --out.\n",
     ),
     "under a file": (
         ("--out", "tiny.json/job"),
@@ -60,7 +60,7 @@ REFUSED: dict[str, tuple[tuple[str, ...], str]] = {
     ),
     "OpenQASM 2 without observations": (
         ("--out", "new", "--format", "qasm2"),
-        "Error: OpenQASM 2 has no inputs, so a parametric job cannot be written in it.\n"
+        "Error: OpenQASM 2 has no inputs, so it cannot hold a parametric job.\n"
         "  Give --observations FILE to bind the angles, or use --format qasm3.\n",
     ),
     "too few features": (
@@ -69,7 +69,7 @@ REFUSED: dict[str, tuple[tuple[str, ...], str]] = {
     ),
     "not a number": (
         ("--out", "new", "--observations", "nan.csv"),
-        "Error: nan.csv holds no observation, or a number that is not finite.\n",
+        "Error: nan.csv contains no observation, or a number that is not finite.\n",
     ),
 }
 
@@ -146,7 +146,7 @@ def test_a_job_that_is_there_already_is_kept(qcompile: Call, policy: Call) -> No
     answer = qcompile("export", name, "--shots", 7)
     assert answer.code == 1
     assert answer.err == (
-        "Error: The output folder tiny-job is in use.\n  Remove it, or choose another with --out.\n"
+        "Error: tiny-job already exists.\n  Remove it, or choose another with --out.\n"
     )
     assert Path("tiny-job/job.json").read_bytes() == before
 

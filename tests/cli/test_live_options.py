@@ -105,7 +105,7 @@ def test_a_patience_that_is_no_number_of_seconds_is_explained(
     assert (answer.code, answer.out) == (1, "")
     assert answer.err == (
         f"Error: QCOMPILE_PATIENCE_SECONDS is {said!r}.\n"
-        "  It needs a number of seconds, such as 300, and a day's at most.\n"
+        "  It must be a number of seconds, such as 300, and at most a day.\n"
     )
     assert not Path("runs").exists()
 

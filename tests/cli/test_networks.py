@@ -81,8 +81,8 @@ def test_options_of_circuits_are_refused(
     answer = qcompile("run", net, *words)
     assert (answer.code, answer.out) == (2, "")
     assert answer.err.splitlines() == [
-        f"Error: net is a network, not circuits: it takes no {what}.",
-        "  A network plays on `ideal`, exactly: nothing is compiled or measured.",
+        f"Error: net is a network, not circuits: it does not accept {what}.",
+        "  A network plays exactly, on `ideal`: nothing is compiled or measured.",
     ]
 
 
@@ -103,7 +103,7 @@ def test_where_circuits_are_needed_it_is_refused(
     answer = qcompile(*words)
     assert (answer.code, answer.out) == (1, "")
     first, second = answer.err.splitlines()
-    assert first.endswith(" is a network, not circuits: there is nothing to compile or to measure.")
+    assert first.endswith(" is a network, not circuits: there is nothing to compile or measure.")
     assert second == "  `qcompile run` and `qcompile evaluate` play it, on `ideal`."
     assert left() == [net]
 

@@ -10,6 +10,11 @@ from typing import Any
 import imageio_ffmpeg
 import pytest
 
+from qcompile.deploy.filming import Frame
+from qcompile.report.lettering import Picture
+from qcompile.report.scene import Scene
+from qcompile.verbs.run import run
+
 Call = Callable[..., Any]
 
 
@@ -46,13 +51,42 @@ def test_without_a_frame_there_is_no_film(
     assert left() == ["tiny.json"]
 
 
+def interrupt(monkeypatch: pytest.MonkeyPatch, number: int) -> None:
+    """Ctrl-C comes while the film's frame of this number is drawn."""
+    left = [number]
+
+    def draw(self: Scene, frame: Frame) -> Picture:
+        left[0] -= 1
+        if not left[0]:
+            raise KeyboardInterrupt
+        return drawn(self, frame)
+
+    drawn = Scene.draw
+    monkeypatch.setattr(Scene, "draw", draw)
+
+
+@pytest.mark.parametrize("name", ["a.mp4", "a.webm", "a.gif"])
+def test_ctrl_c_in_the_middle_keeps_what_was_filmed(
+    qcompile: Call, policy: Call, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    interrupt(monkeypatch, 6)
+    answer = qcompile("run", policy(), "--video", name)
+    assert answer.code == 1
+    assert answer.err.splitlines()[:2] == [
+        f"film of the first episode in {name}",
+        "Error: Interrupted: 0 of 20 episodes were finished.",
+    ]
+    frames, seconds = imageio_ffmpeg.count_frames_and_secs(name)
+    if name.endswith(".gif"):  # of 50 in a second every other, and the last
+        assert frames == 3
+    else:
+        assert (frames, round(frames / seconds)) == (5, 50)
+
+
 def test_ctrl_c_within_the_first_frame_leaves_no_film(
     qcompile: Call, policy: Call, left: Call, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def shrink(*_: object) -> None:
-        raise KeyboardInterrupt  # the writer is open by then, and has written nothing
-
-    monkeypatch.setattr("qcompile.report.film._shrunk", shrink)
+    interrupt(monkeypatch, 1)
     answer = qcompile("run", policy(), "--video", "a.gif")
     assert answer.code == 1
     assert answer.err.splitlines()[:2] == [
@@ -62,7 +96,16 @@ def test_ctrl_c_within_the_first_frame_leaves_no_film(
     assert left() == ["tiny.json"]
 
 
+def test_the_python_result_has_the_film(policy: Call) -> None:
+    played = run(policy(), "fake_lima", shots=64, episodes=2, max_steps=7, video="a.webm")
+    assert played.film is not None
+    assert played.film.data == Path("a.webm").read_bytes()
+    assert (played.film.width, played.film.frames, played.film.rate) == (640, 7, 50.0)
+    assert run(policy(), episodes=1, max_steps=2).film is None
+
+
 BAD_FILMS = {
+    "a.avi": "Error: a.avi must end with .mp4, .gif or .webm.\n",
     "tiny.json/a.gif": """\
 Error: Cannot write tiny.json/a.gif.
   tiny.json is not a folder.
@@ -85,13 +128,14 @@ def test_a_film_that_cannot_be_written_is_refused_at_once(
     qcompile: Call, policy: Call, left: Call, name: str
 ) -> None:
     answer = qcompile("run", policy(), "--video", name)
-    assert (answer.code, answer.out, answer.err) == (1, "", BAD_FILMS[name])
+    code = 2 if name == "a.avi" else 1
+    assert (answer.code, answer.out, answer.err) == (code, "", BAD_FILMS[name])
     assert left() == ["tiny.json"]
 
 
 @pytest.mark.usefixtures("nothing_is_played")
 @pytest.mark.parametrize("film", ["a.gif", "a.mp4"])
-@pytest.mark.parametrize("package", ["imageio", "imageio_ffmpeg"])
+@pytest.mark.parametrize("package", ["imageio_ffmpeg", "PIL"])
 def test_a_missing_extra_is_named_at_once(
     qcompile: Call, policy: Call, monkeypatch: pytest.MonkeyPatch, package: str, film: str
 ) -> None:

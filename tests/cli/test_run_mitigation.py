@@ -103,7 +103,7 @@ def test_misfits_of_the_qubits_in_use_are_told(
     assert [(misfit["qubit"], misfit["part"]) for misfit in found] == [(used[1], "response")]
     assert 0 < found[0]["p_value"] < 1e-90
     told = " ".join(qcompile(*words).out.split())
-    assert f"The response of qubit {used[1]} is not a curve of its own angle alone" in told
+    assert f"The response of qubit {used[1]} does not depend on its own angle alone" in told
     assert "Use other qubits" in told
 
 
@@ -138,7 +138,7 @@ def test_a_device_whose_bits_are_swapped_is_undone(
     [
         (
             ("--backend", "ibm_lima", "--calibration", "lima.json"),
-            "The calibration is of fake_lima, the backend is ibm_lima.\n  Measure one with",
+            "The calibration belongs to fake_lima; the backend is ibm_lima.\n  Measure one with",
         ),
         (
             ("--mitigation", "response", "--level", "1", "--calibration", "lima.json"),
@@ -159,8 +159,8 @@ def test_a_device_whose_bits_are_swapped_is_undone(
             ("--calibration", "two.json", "--mitigation", "response"),
             "Qubit 2 has no calibration.\n",
         ),
-        (("--backend", "two.json"), "The calibration of fake_lima holds no response curves.\n"),
-        (("--backend", "lima.json", "--level", "1"), "A measured response knows sx rz sx, found "),
+        (("--backend", "two.json"), "The calibration of fake_lima has no response curves.\n"),
+        (("--backend", "lima.json", "--level", "1"), "A twin runs sx rz sx, found "),
     ],
 )
 def test_calibrations_that_do_not_fit_are_explained(
@@ -177,7 +177,7 @@ def test_calibrations_that_do_not_fit_are_explained(
 def test_a_sampler_has_shots_alone(qcompile: Call, policy: Call) -> None:
     answer = qcompile("run", policy(), "--backend", "qiskit:FakeLimaV2", "--shots", "exact")
     assert (answer.code, answer.out) == (1, "")
-    assert answer.err.startswith("Error: fake_lima runs through a sampler, which only has shots.\n")
+    assert answer.err.startswith("Error: fake_lima runs through a sampler, which needs shots.\n")
 
 
 def test_a_device_that_cannot_be_calibrated_is_named(qcompile: Call, policy: Call) -> None:
@@ -191,7 +191,7 @@ def test_a_device_that_cannot_be_calibrated_is_named(qcompile: Call, policy: Cal
     assert answer.err.startswith(
         "Error: The readout of dead cannot be calibrated.\n  The readout of qubit "
     )
-    assert ") shows less than 0.02 of <Z>: its errors cannot be undone." in answer.err
+    assert ") preserves less than 0.02 of <Z>, so its errors cannot be undone." in answer.err
 
 
 def test_a_row_is_split_over_places(qcompile: Call) -> None:
@@ -213,8 +213,8 @@ def test_a_row_is_split_over_places(qcompile: Call) -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("--split", "--copies", 1), "over several copies, found one"),
-        (("--copies", 3), "--split spreads the shots of an episode over them."),
+        (("--split", "--copies", 1), "over several copies; copies is 1"),
+        (("--copies", 3), "--split spreads the shots of an episode over copies."),
     ],
 )
 def test_a_split_that_makes_no_sense(qcompile: Call, words: tuple[Any, ...], said: str) -> None:

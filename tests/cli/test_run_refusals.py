@@ -48,7 +48,7 @@ Error: bad.pt cannot be read as a .pt file: it is a bare pickle, and was not loa
         truncated,
         """\
 Error: bad.pt cannot be read as a .pt file.
-  It is not a whole file of torch.save.
+  It is not a complete file of torch.save.
   Copy or train it again.
 """,
     ),
@@ -146,7 +146,7 @@ def test_an_environment_that_names_a_module_is_refused(
     assert (
         answer.err
         == """\
-Error: Environment 'trojan:CartPole-v1' names a module to import.
+Error: Environment 'trojan:CartPole-v1' would import a module.
   A file may not load code; register the environment and give its plain name.
 """
     )

@@ -106,8 +106,8 @@ def test_jobs_in_doubt_are_told_with_when_they_can_be_settled(
     assert (
         "2.2 QPU seconds charged, 17.2 at most (2 jobs not charged yet, 2 jobs in doubt); 9 "
         "allowed\n"
-        "IBM may have accepted 2 jobs that are not known, of 6 s at most; "
-        f"`qcompile resume {made.id}` after {due:%H:%M} UTC settles it.\n"
+        "IBM may have accepted 2 more jobs, at most 6 s; "
+        f"`qcompile resume {made.id}` after {due:%H:%M} UTC finds out.\n"
     ) in qcompile("runs", "show", "last").out
     table = qcompile("runs").out
     assert "17.2 of 9" in table
@@ -132,7 +132,7 @@ def test_where_an_unfinished_run_stands(qcompile: Call) -> None:
     assert answer.code == 0
     assert answer.out == (
         f"{made.id}, run on somewhere: unfinished\n"
-        "Jobs done: 1, steps played: 2; all of it is kept.\n"
+        "Jobs done: 1, steps played: 2; everything is kept.\n"
         "2.2 QPU seconds charged, 11.2 at most (2 jobs not charged yet); 9 allowed\n"
         f"`qcompile resume {made.id}` resumes it.\n"
     )
@@ -281,7 +281,7 @@ def test_a_run_of_a_newer_version_is_explained(qcompile: Call) -> None:
     answer = qcompile("resume", "last")
     assert answer.code == 1
     assert (
-        f"Error: runs/{made.id}/journal.sqlite cannot be read by this version of qcompile.\n"
+        f"Error: This version of qcompile cannot read runs/{made.id}/journal.sqlite.\n"
         in answer.err
     )
     assert "Traceback" not in answer.err

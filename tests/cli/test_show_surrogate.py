@@ -94,4 +94,4 @@ def test_a_policy_with_too_many_terms_is_explained(qcompile: Call, policy: Call)
     written = policy(encoder=encoder, circuits=[gates], weights=[[1.0], [0.0]])
     answer = qcompile("show", written, "--surrogate", "--json")
     assert (answer.code, answer.out) == (1, "")
-    assert "Circuit 0 has more terms than its surrogate can be written out with." in answer.err
+    assert "Circuit 0 has too many terms for a surrogate." in answer.err

@@ -151,10 +151,11 @@ BAD_ENVIRONMENTS = {
     "": "Error: Unknown environment ''.\n",
     "CartPole-v99": "Error: Unknown environment 'CartPole-v99'.\n",
     "Pendulum-v1": "Error: Pendulum-v1 acts in Box(-2.0, 2.0, (1,), float32).\n"
-    "  Continuous actions are not built yet: a policy chooses among numbered actions (Discrete).\n",
-    "CarRacing-v3": "Error: CarRacing-v3 observes 27,648 numbers, once they are in one vector.\n",
-    "mine:Corridor-v0": "Error: Environment 'mine:Corridor-v0' names a module to import.\n"
-    "  Say it apart: --import mine, and the plain id Corridor-v0.\n",
+    "  Continuous actions are not supported yet: a policy chooses among numbered actions "
+    "(Discrete).\n",
+    "CarRacing-v3": "Error: CarRacing-v3 observes 27,648 numbers in total.\n",
+    "mine:Corridor-v0": "Error: Environment 'mine:Corridor-v0' would import a module.\n"
+    "  Use --import mine, and the plain id Corridor-v0.\n",
 }
 
 

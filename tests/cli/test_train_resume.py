@@ -103,8 +103,8 @@ def test_such_a_file_is_no_policy(qcompile: Call, command: str) -> None:
     answer = qcompile(command, "net.pt")
     assert (answer.code, answer.out) == (1, "")
     first, second = answer.err.splitlines()
-    assert first.startswith("Error: net.pt is the checkpoint of a training, found where a")
-    assert second.startswith("  Its model 'mvqc' is an entangling circuit, which this version")
+    assert first.startswith("Error: net.pt is the checkpoint of a training, not a policy")
+    assert second.startswith("  Its model 'mvqc' is an entangling circuit, which cannot be")
 
 
 @pytest.mark.parametrize("what", ["svqc", "fcn"])
@@ -113,7 +113,7 @@ def test_the_advice_about_a_checkpoint_makes_its_policy(qcompile: Call, what: st
     words = ("train", "CartPole-v1", *PAPER, "--model", what)
     assert qcompile(*words, "--out", "p.json", "--checkpoint", "state.pt").code == 0
     advice = qcompile("run", "state.pt").err.splitlines()[1]
-    command = advice.removeprefix("  It becomes a policy with: ")
+    command = advice.removeprefix("  This makes a policy of it: ")
     assert command == "qcompile train CartPole-v1 --resume state.pt --out POLICY.pt"
     assert qcompile(*command.split()[1:]).code == 0
     runs = [qcompile("run", file, "--episodes", 2, "--json") for file in ("p.json", "POLICY.pt")]

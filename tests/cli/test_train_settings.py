@@ -88,7 +88,7 @@ def test_wrong_usage_is_refused(
         (("--model", "mvqc", "--backend", "ibm_lima"), ("Model 'mvqc' has no 'backend'",)),
         (("--model", "surrogate", "--shots", "9"), ("Model 'surrogate' has no 'shots'",)),
         (("--backend", "ibm_lim"), ("Unknown backend 'ibm_lim'", "Did you mean ibm_lima")),
-        (("--set", "environments=2"), ("2 environments without a horizon.", "set horizon")),
+        (("--set", "environments=2"), ("2 environments need a horizon.", "set horizon")),
     ],
 )
 def test_settings_that_do_not_fit_are_refused(

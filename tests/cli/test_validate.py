@@ -98,7 +98,7 @@ def test_a_misfit_of_the_calibration_is_told(qcompile: Call) -> None:
     answer = qcompile(*WORDS)
     assert answer.code == 1
     for text in (answer.out, answer.err):
-        assert "is not a curve of its own angle alone" in " ".join(text.split())
+        assert "does not depend on its own angle alone" in " ".join(text.split())
 
 
 def test_a_twin_that_does_not_hold_is_printed_and_ends_with_1(qcompile: Call) -> None:
@@ -122,7 +122,7 @@ def test_a_twin_that_does_not_hold_is_printed_and_ends_with_1(qcompile: Call) ->
 def test_another_device_and_a_missing_file_are_explained(qcompile: Call) -> None:
     answer = qcompile(*WORDS, "--backend", "fake_belem")
     assert (answer.code, answer.out) == (1, "")
-    assert "The calibration is of fake_lima, the backend is fake_belem." in answer.err
+    assert "The calibration belongs to fake_lima; the backend is fake_belem." in answer.err
     answer = qcompile("validate", "nowhere.json")
     assert (answer.code, answer.out) == (1, "")
     assert "nowhere.json" in answer.err

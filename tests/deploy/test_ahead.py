@@ -51,7 +51,7 @@ class Path(gymnasium.Env[Any, Any]):
 
 @dataclass
 class Script:
-    """Predicted and measured actions of each episode, and what they were asked for.
+    """Predicted and measured actions of each episode, and a record of the requests.
 
     A decision that is measured again gives the next of its measured actions, if there are several.
     """
@@ -144,7 +144,7 @@ def test_a_chain_whose_last_action_differs_keeps_its_scout() -> None:
 
 
 def test_counts_serve_once() -> None:
-    """Row 2 of job 1 is thrown away; measured again, on the same observation, it says otherwise."""
+    """Row 2 of job 1 is discarded; measured again on the same observation, it differs."""
 
     class Blind(Path):
         def observed(self) -> Any:
@@ -158,7 +158,7 @@ def test_counts_serve_once() -> None:
 
 
 def test_the_first_decisions_of_all_come_first_and_each_ends_its_own_chain() -> None:
-    """Episode 0 is predicted to end by 1 1, and does; 1 is predicted so, and goes on; 2 is long."""
+    """Episode 0 ends after 1 1 as predicted; 1 was predicted to, but continues; 2 is long."""
     ends = [0b111]
     script = Script(["11xx", "1100", "0000"], ["11xx", "1001", "0000"])
     paths, scouts = ([Path(4, ends) for _ in range(3)] for _ in range(2))
@@ -201,7 +201,7 @@ def test_frames_are_those_of_the_episode_that_counts() -> None:
 
 
 def test_a_scout_that_fails_ends_its_chain_alone() -> None:
-    """Only the first scout fails, at 1 0 1; the other episode is measured ahead as ever."""
+    """Only the first scout fails, at 1 0 1; the other episode is still measured ahead."""
     script = Script(["01000", "00000"], ["01000", "00000"])
     script.play([Path(5), Path(5)], [Path(5, fails=[0b101]), Path(5)])
     # It cannot be rebuilt either: a job measures one decision of that episode from then on.
@@ -215,7 +215,7 @@ def test_a_scout_that_fails_ends_its_chain_alone() -> None:
 
 
 def test_a_failure_counts_where_the_episode_itself_fails() -> None:
-    """0 1 fails for whoever takes it. Predicted, but measured 0 0: nothing happens."""
+    """0 1 fails in any environment. It is predicted, but 0 0 is measured: nothing happens."""
     script = Script(["0100"], ["0000"])
     script.play([Path(4, fails=[0b101])], [Path(4, fails=[0b101])])
     assert script.episodes == [Episode(40, 10.0, 4)]
@@ -225,7 +225,7 @@ def test_a_failure_counts_where_the_episode_itself_fails() -> None:
 
 
 class Drifting(Path):
-    """A path whose `what` is not the same from its `since`-th step on, over all its resets."""
+    """A path whose `what` differs from its `since`-th step on, counted over all resets."""
 
     def __init__(self, what: str, since: int):
         super().__init__()
@@ -248,7 +248,7 @@ class Drifting(Path):
 def test_where_an_environment_does_not_repeat_itself_nothing_is_measured_ahead(
     what: str, since: int
 ) -> None:
-    """In its last bit. What it has played is what the ordinary closed loop plays."""
+    """It differs in its last bit. The actions taken are those of the ordinary closed loop."""
     script = Script(["010010"] * 2, ["000010", "010010"])
     script.play([Path(), Path()], [Path(), Drifting(what, since)])
     assert len(script.said) == 1
@@ -294,4 +294,4 @@ def test_running_statistics_are_refused_in_words(wrap: Callable[[Any], Any]) -> 
     check_repeatable(TimeLimit(Path(), 5))
     with pytest.raises(OptionError, match=r"keeps running statistics \(Normalize") as refused:
         check_repeatable(wrap(Path()))
-    assert "Take speculate 1." in str(refused.value)
+    assert "Use speculate 1." in str(refused.value)

@@ -1,4 +1,4 @@
-"""Environments that cannot be run ahead, or only just: the law stays, and it is said."""
+"""Environments that cannot be run ahead, or barely: the law holds, and a message says so."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ LENGTH = 25
 
 
 class Walk(gymnasium.Env[Any, Any]):
-    """A walk of 25 steps: an action and a number of its own generator move it; it pays its place.
+    """A walk of 25 steps, moved by the action and a random number; it pays its position.
 
-    Every environment that was made is in `made`: episodes and scouts.
+    `made` holds every environment created, of episodes and scouts.
     """
 
     made: ClassVar[list[Any]] = []
@@ -57,7 +57,7 @@ class Walk(gymnasium.Env[Any, Any]):
 
 
 class Unseeded(Walk):
-    """Its episodes begin as their seeds say, and go on by chance."""
+    """Its episodes start as seeded and continue at random."""
 
     def step(self, action: Any) -> Any:
         self.place += 0.01 * np.random.default_rng().normal()
@@ -65,7 +65,7 @@ class Unseeded(Walk):
 
 
 class Late(Walk):
-    """By chance in its twentieth step alone."""
+    """Random only in its twentieth step."""
 
     def step(self, action: Any) -> Any:
         if self.count == 19:
@@ -74,7 +74,7 @@ class Late(Walk):
 
 
 class RewardByChance(Walk):
-    """Only what it pays is by chance: not what it observes."""
+    """Only its rewards are random, not its observations."""
 
     def step(self, action: Any) -> Any:
         seen, _, *ends = super().step(action)
@@ -82,7 +82,7 @@ class RewardByChance(Walk):
 
 
 class Edge(Walk):
-    """A scout fails where it comes to a place that no episode has come to."""
+    """A scout fails at a position that no episode has reached."""
 
     reached: ClassVar[set[bytes]] = set()
 
@@ -105,7 +105,7 @@ class FailsAhead(Walk):
 
 
 class NotANumberAhead(Walk):
-    """A scout observes in its fifth step what is not a number."""
+    """A scout observes NaN in its fifth step."""
 
     def seen(self) -> Any:
         if self.is_scout and self.count == 5:
@@ -114,7 +114,7 @@ class NotANumberAhead(Walk):
 
 
 class Aliased(Walk):
-    """Gives one array again and again, and writes into it."""
+    """Returns the same array every time, and writes to it."""
 
     def seen(self) -> Any:
         if not hasattr(self, "array"):
@@ -124,7 +124,7 @@ class Aliased(Walk):
 
 
 class Statistics(Walk):
-    """Normalises by the mean of all that it has ever seen: by arithmetic of its own."""
+    """Normalises by the mean of everything it has seen, with its own arithmetic."""
 
     sums: float = 0.0
     seen_count: int = 0
@@ -143,7 +143,7 @@ class Short(Walk):
 
 
 class Fails(Walk):
-    """Fails in its twelfth step, whoever takes it."""
+    """Fails in its twelfth step, in any environment."""
 
     def step(self, action: Any) -> Any:
         if self.count == 11:
@@ -152,7 +152,7 @@ class Fails(Walk):
 
 
 class Stops(Walk):
-    """Somebody presses Ctrl-C when a scout has taken twelve steps."""
+    """Ctrl-C is pressed when a scout has taken twelve steps."""
 
     def step(self, action: Any) -> Any:
         if self.is_scout and self.taken == 12:
@@ -184,7 +184,7 @@ def walker(kind: type[Walk], **changes: Any) -> Policy:
 
 
 def played(policy: Policy, depth: Any, **settings: Any) -> tuple[Any, Any, list[str]]:
-    """A run, its actions, and what was said. The environments of the last run are forgotten."""
+    """A run, its actions and its messages; the environments of the last run are forgotten."""
     Walk.made.clear()
     said: list[str] = []
     given = {"shots": 24, "mitigation": "none", "seed": 4, **settings}
@@ -200,7 +200,7 @@ def words(kind: type[Walk]) -> str:
 @pytest.mark.parametrize("hold", [1, 3])
 @pytest.mark.parametrize("kind", [Walk, Edge, Aliased, Short])
 def test_these_are_exact_all_the_same(kind: type[Walk], hold: int) -> None:
-    """Scouts that fail end their own chains alone."""
+    """Scouts that fail end only their own chains."""
     policy = walker(kind, hold=hold)
     plain, taken, _ = played(policy, 1)
     for depth in (4, 16, "auto"):
@@ -215,14 +215,14 @@ def test_these_are_exact_all_the_same(kind: type[Walk], hold: int) -> None:
 
 @pytest.mark.parametrize("kind", [FailsAhead, NotANumberAhead])
 def test_a_scout_that_fails_where_its_episode_does_not(kind: type[Walk]) -> None:
-    """It is lost alone: its episode goes on decision by decision."""
+    """Only it is lost: its episode continues decision by decision."""
     plain, taken, _ = played(walker(kind), 1)
     run, actions, said = played(walker(kind), 8)
     assert (run.episodes, actions, said) == (plain.episodes, taken, [])
 
 
 def test_statistics_of_its_own_end_the_looking_ahead_and_change_nothing() -> None:
-    """A scout that is rebuilt has seen more than the episode: it is found, the rest is exact."""
+    """A rebuilt scout has seen more than the episode: this is detected, and the rest is exact."""
     policy = walker(Statistics)
     plain, taken, _ = played(policy, 1)
     run, actions, said = played(policy, 8)
@@ -233,7 +233,7 @@ def test_statistics_of_its_own_end_the_looking_ahead_and_change_nothing() -> Non
 
 @pytest.mark.parametrize("kind", [Unseeded, Late, RewardByChance])
 def test_what_does_not_repeat_itself_is_found_at_once(kind: type[Walk]) -> None:
-    """Then a job measures a decision of each, and every action answers to its own observation."""
+    """Then a job measures one decision of each, and every action follows from its observation."""
     run, actions, said = played(walker(kind), 16)
     assert said == [words(kind)]
     assert [episode.length for episode in run.episodes] == [LENGTH] * 3
@@ -245,7 +245,7 @@ def test_what_does_not_repeat_itself_is_found_at_once(kind: type[Walk]) -> None:
 
 @pytest.mark.parametrize("kind", [Unseeded, Late, RewardByChance, Statistics])
 def test_each_action_was_measured_on_what_its_episode_observed(kind: type[Walk]) -> None:
-    """The observations that were measured for rows that counted, against those of the episode."""
+    """Compares the measured observations of rows that counted with those of the episode."""
     seen: dict[int, list[bytes]] = {}
     measured: dict[tuple[int, int], list[bytes]] = {}
     policy = walker(kind)
@@ -316,7 +316,7 @@ def test_a_cut_falls_where_it_falls() -> None:
 
 
 def test_no_action_of_a_scout_is_an_action_of_the_episode() -> None:
-    """What counts has taken as many steps as it has decisions, however often scouts are rebuilt."""
+    """An episode takes one step per decision, however often scouts are rebuilt."""
     played(walker(Walk), 16)
     assert [environment.taken for environment in Walk.made[:3]] == [LENGTH] * 3
     assert max(environment.taken for environment in Walk.made[3:]) > LENGTH

@@ -1,7 +1,7 @@
 """On a machine whose counts are fresh: the law of an episode, against a closed form.
 
-What measures ahead must keep it; loops that are broken on purpose must be caught by the same tests.
-`make speculation` does the same with a thousand landers.
+Measuring ahead must keep it, and the same tests must catch deliberately broken loops. `make
+speculation` does the same with a thousand landers.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ def test_a_row_that_is_measured_again_where_it_surprises_is_caught(
 
 
 def test_episodes_that_finish_first_are_others() -> None:
-    """All have 24 steps: what ends first is what was measured as predicted. No mean is told."""
+    """All have 24 steps: those measured as predicted end first. No mean is reported."""
     finished: list[float] = []
 
     def note(episode: Any) -> None:

@@ -1,4 +1,4 @@
-"""Cut episodes that are completed: on a noise model exactly what they had been uncut."""
+"""Completed cut episodes: on a noise model exactly as if they had not been cut."""
 
 from __future__ import annotations
 
@@ -158,7 +158,7 @@ def test_without_a_cut_nothing_is_completed(cartpole: Make, deploy: Make) -> Non
 
 
 def test_it_costs_nothing(cartpole: Make, deploy: Make) -> None:
-    """Jobs, executions and steps are those of the part that was played."""
+    """Jobs, executions and steps count only the part before the cut."""
     found = [
         play(deploy(cartpole(), shots=16, max_steps=5), 3, complete=complete).summary()
         for complete in (False, True)
@@ -169,7 +169,7 @@ def test_it_costs_nothing(cartpole: Make, deploy: Make) -> None:
 
 
 class Endless(gymnasium.Env[Any, Any]):
-    """Never ends; after `fails` steps it fails, after `stops` somebody presses Ctrl-C."""
+    """Never ends; it fails after `fails` steps, and Ctrl-C is pressed after `stops`."""
 
     def __init__(self, fails: int = 0, stops: int = 0):
         self.observation_space, self.action_space = Box(0, 1, (1,), np.float32), Discrete(2)
@@ -204,7 +204,7 @@ def test_what_cannot_be_completed_leaves_the_run_as_it_is(
     arguments: dict[str, int],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """No end within MOST_STEPS, a failure, Ctrl-C: what was played, and paid, is kept."""
+    """No end within MOST_STEPS, a failure, Ctrl-C: the played and paid episodes are kept."""
     monkeypatch.setattr(completion, "MOST_STEPS", 50)
     policy = replace(stubborn(endless, 1, 2), environment_kwargs=arguments)
     run = play(deploy(policy, max_steps=3), 2, complete=True)

@@ -1,4 +1,4 @@
-"""How deep to speculate: by hand-computed costs, and from earlier jobs alone."""
+"""The speculation depth: from hand-computed costs, and from earlier jobs only."""
 
 from __future__ import annotations
 

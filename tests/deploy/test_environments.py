@@ -1,4 +1,4 @@
-"""Environments that cannot be made or filmed: refused in words before anything is played."""
+"""Environments that cannot be made or filmed are refused before anything is played."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from qcompile.errors import EnvironmentMismatchError
 
 
 class Blind(gymnasium.Env[Any, Any]):
-    """Renders `frame`, `rate` times a second; raises it where it is an error."""
+    """Renders `frame` at `rate` per second, or raises it if it is an exception."""
 
     metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"]}
 

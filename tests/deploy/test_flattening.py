@@ -1,4 +1,4 @@
-"""Observations of any numbers become vectors, as gymnasium's own `flatten` makes them."""
+"""Numeric observations become vectors, as by gymnasium's own `flatten`."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def made(space: Any, *values: Any, bits: bool = False) -> gymnasium.Env[Any, Any
 
 
 def observed(space: Any, *values: Any, bits: bool = False) -> list[list[float]]:
-    """What a policy sees of these values, the last of which ends the episode."""
+    """The policy's observations of these values; the last one ends the episode."""
     found: list[list[float]] = []
     episodes: list[Episode] = []
 
@@ -120,7 +120,7 @@ def test_whole_numbers_of_another_type_are_those_of_the_space() -> None:
             "Seen-v0 observes a Text in its part a.1.",
         ),
         (spaces.Graph(BOX, None), "Seen-v0 observes a Graph."),
-        (spaces.Discrete(10**12), "Seen-v0 observes 1,000,000,000,000 numbers, once they are in"),
+        (spaces.Discrete(10**12), "Seen-v0 observes 1,000,000,000,000 numbers in total"),
         (spaces.Box(0, 1, (MAX_FEATURES + 1, 1)), f"observes {MAX_FEATURES + 1:,} numbers"),
         (spaces.Box(0, 1, (3, 0)), "Seen-v0 observes 0 numbers"),
         (None, "Seen-v0 has no observation_space."),
@@ -131,12 +131,12 @@ def test_what_is_not_made_of_few_numbers_is_refused(space: Any, words: str) -> N
     with pytest.raises(EnvironmentMismatchError) as error:
         made(space, None)
     assert words in str(error.value)
-    assert space is None or "a module of yours" in str(error.value)
+    assert space is None or "a module of your own" in str(error.value)
 
 
 def test_a_vector_of_nothing_is_refused() -> None:
     environment = Seen(spaces.Box(0, 1, (0,)), None)
-    with pytest.raises(EnvironmentMismatchError, match="A policy needs a feature at least"):
+    with pytest.raises(EnvironmentMismatchError, match="A policy needs at least one feature"):
         features_and_actions(environment)
 
 
@@ -148,8 +148,8 @@ def test_a_vector_of_nothing_is_refused() -> None:
         (spaces.MultiDiscrete([2, 3]), np.array([2, 0]), "the observation is [2 0], which is not"),
         (BOX, np.zeros((4, 1), np.float32), "has shape (4, 1), its space declares (2, 2)"),
         (IMAGE, np.full((2, 1, 3), 0.5), "numbers of type float64, its space declares uint8"),
-        (IMAGE, np.full((2, 1, 3), 300), "a number that its space's type uint8 does not hold"),
-        (IMAGE, np.full((2, 1, 3), -1), "a number that its space's type uint8 does not hold"),
+        (IMAGE, np.full((2, 1, 3), 300), "a number that its space's type uint8 cannot hold"),
+        (IMAGE, np.full((2, 1, 3), -1), "a number that its space's type uint8 cannot hold"),
         (BOX, np.full((2, 2), 1j), "numbers of type complex128, its space declares float32"),
         (BOX, np.full((2, 2), "1"), "numbers of type <U1, its space declares float32"),
         (spaces.Dict({"a": BOX}), {"b": 1}, "the observation has no part a"),

@@ -23,9 +23,9 @@ Make = Callable[..., Any]
 
 
 class Ladder(gymnasium.Env[Any, Any]):
-    """Step k, from 0, pays 10^k: a sum of rewards says of which steps. Ends after so many.
+    """Step k, from 0, pays 10^k, so that a sum shows its steps. Ends after `ends` steps.
 
-    With `seeded` it ends after as many as the seed says. It observes the steps taken.
+    With `seeded` the seed is the number of steps. It observes the steps taken.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 25}  # noqa: RUF012
@@ -116,7 +116,7 @@ def test_a_step_of_a_hold_is_seen_by_itself() -> None:
 
 
 class Kept(Recorder):
-    """What a recorder is told of."""
+    """Records the calls of a recorder."""
 
     def __init__(self) -> None:
         self.rows: list[tuple[list[int], list[int]]] = []
@@ -154,7 +154,7 @@ def test_decisions_and_environment_steps_by_hand(stubborn: Make, deploy: Make) -
 def test_cut_episodes_are_those_that_the_environment_had_not_ended(
     stubborn: Make, deploy: Make, most: int
 ) -> None:
-    """Episodes of 1, 2, 3 and 4 steps: that of just `max_steps` ends by itself."""
+    """Episodes of 1, 2, 3 and 4 steps: the one of exactly `max_steps` ends on its own."""
     policy = replace(stubborn("Ladder-v0", 1, 2), hold=3)
     result = play(deploy(policy, seed=1, max_steps=most), 4)
     assert result.cut_episodes == 4 - most

@@ -1,4 +1,4 @@
-"""Intervals of a mean: against scipy's, by simulation, and where a sample says little."""
+"""Intervals of a mean: against scipy's, by simulation, and for uninformative samples."""
 
 from __future__ import annotations
 

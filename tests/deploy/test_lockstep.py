@@ -1,4 +1,4 @@
-"""Episodes side by side, and what a device shows of a program."""
+"""Episodes in lockstep, and the measurement of a program."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from qcompile.policy.layouts import parallel
 
 
 def alone(seed: int) -> tuple[list[np.ndarray], float]:
-    """CartPole pushed left and right in turns: what is seen before each step, and the reward."""
+    """CartPole pushed left and right in turn: the observations before each step, and the reward."""
     environment = gymnasium.make("CartPole-v1")
     seen, total, done, observations = environment.reset(seed=seed)[0], 0.0, False, []
     while not done:
@@ -86,7 +86,7 @@ TRUE = -np.sin(X) * np.cos(THETA) - np.cos(X) ** 2 * np.sin(THETA)
 
 
 def measurement(executor: Executor, **changes: Any) -> Measurement:
-    """Exact and unmitigated but for these settings."""
+    """Exact and unmitigated, except for these settings."""
     settings = RunSettings(**{"shots": None, "mitigation": "none", **changes})
     return Measurement(PROGRAM, executor, settings.resolved(executor.device))
 
@@ -173,7 +173,7 @@ def test_a_calibration_that_is_given_is_used() -> None:
 
 
 def test_a_wrong_measurement_is_refused() -> None:
-    with pytest.raises(OptionError, match="exclude each other"):
+    with pytest.raises(OptionError, match="cannot be combined"):
         measured(predistort=True, mitigation="response")
     with pytest.raises(CountsError):
         measured(shots=0)

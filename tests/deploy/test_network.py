@@ -1,4 +1,4 @@
-"""Networks that play: the episodes of gymnasium and torch, and the settings they do not have."""
+"""Networks that play: episodes as by gymnasium and torch, and settings they do not accept."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def test_the_summary_has_the_keys_of_circuits_and_none_of_their_figures() -> Non
 
 
 def test_what_is_said_of_a_network_may_be_so() -> None:
-    """Exact, unmitigated and alone is how it plays."""
+    """It plays exactly, unmitigated and one at a time."""
     changes = {"shots": None, "mitigation": "none", "copies": 1, "level": 2, "predistort": False}
     playing = player(network(), IDEAL, **changes)
     assert repr(playing) == "NetworkPlayer(net)"
@@ -130,7 +130,7 @@ def test_what_is_said_of_a_network_may_be_so() -> None:
 )
 def test_settings_of_circuits_are_refused(changes: dict[str, Any], words: str) -> None:
     with pytest.raises(
-        OptionError, match=f"^net is a network, not circuits: it takes no {words}\\.\n  A"
+        OptionError, match=f"^net is a network, not circuits: it does not accept {words}\\.\n  A"
     ):
         NetworkPlayer(network(), **changes)
 

@@ -1,4 +1,4 @@
-"""Playing: episodes against stepping by hand, repeatability, and what is refused."""
+"""Playing: episodes against stepping by hand, repeatability, and refusals."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def by_hand(observation: np.ndarray) -> int:
 
 
 def test_episodes_are_those_stepped_by_hand(cartpole: Make, deploy: Make) -> None:
-    """Episode i resets with seed + i; the actions come from a formula of their own."""
+    """Episode i resets with seed + i; the expected actions come from a formula."""
     result = play(deploy(cartpole(), greedy=True, seed=40), 5)
     expected = []
     for seed in range(40, 45):
@@ -174,7 +174,7 @@ def test_a_policy_may_read_fewer_features_than_there_are(stubborn: Make, deploy:
 
 @pytest.mark.parametrize("episodes", [0, -1, MAX_EPISODES + 1])
 def test_the_number_of_episodes_has_limits(episodes: int, cartpole: Make, deploy: Make) -> None:
-    with pytest.raises(CountsError, match=f"{episodes} episodes cannot be played"):
+    with pytest.raises(CountsError, match=f"number of episodes cannot be {episodes}"):
         play(deploy(cartpole()), episodes)
 
 
@@ -219,7 +219,7 @@ def test_an_environment_that_names_a_module_imports_nothing(
 ) -> None:
     (tmp_path / "trojan_horse.py").write_text("raise SystemExit('imported')")
     monkeypatch.syspath_prepend(tmp_path)
-    with pytest.raises(EnvironmentMismatchError, match="names a module to import"):
+    with pytest.raises(EnvironmentMismatchError, match="would import a module"):
         play(deploy(stubborn("trojan_horse:CartPole-v1", 4, 2)), 1)
     assert "trojan_horse" not in sys.modules
     with pytest.raises(SystemExit, match="imported"):

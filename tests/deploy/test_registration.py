@@ -1,4 +1,4 @@
-"""Modules, classes and functions that make environments; nothing of them is asked by a file."""
+"""Modules, classes and functions that make environments; no file can trigger them."""
 
 from __future__ import annotations
 
@@ -91,20 +91,20 @@ def test_a_file_imports_its_neighbours() -> None:
 @pytest.mark.parametrize(
     ("module", "text", "words"),
     [
-        ("nosuch_f", None, "There is no module 'nosuch_f'.\n  It is looked for among"),
+        ("nosuch_f", None, "There is no module 'nosuch_f'.\n  Searched the installed packages"),
         ("torch.nosuch", None, "There is no module 'torch.nosuch'."),
         ("nosuch_f.py", None, "There is no file nosuch_f.py to import."),
         ("", None, "'' is not the name of a module."),
         ("a b", None, "'a b' is not the name of a module."),
         (".a", None, "'.a' is not the name of a module."),
         ("my-worlds.py", "", "'my-worlds.py' is not the name of a module."),
-        ("json.py", "", "json.py cannot be imported: there is another module 'json'."),
-        ("__main__.py", "", "__main__.py cannot be imported: Python's own program has this name."),
+        ("json.py", "", "json.py cannot be imported: another module is called 'json'."),
+        ("__main__.py", "", "__main__.py cannot be imported: Python reserves this name."),
         ("bad_f.py", "\n1 / 0\n", "ZeroDivisionError: division by zero (line 2 of "),
         ("bad_g.py", "import nosuch_f\n", "ModuleNotFoundError: No module named 'nosuch_f' (line"),
         ("bad_h.py", "x = 1\nx x\n", "SyntaxError: invalid syntax (line 2 of "),
-        ("bad_i.py", "exit(3)\n", "fails when it is imported.\n  SystemExit (line 1 of "),
-        ("bad_j.py", "raise ValueError\n", "fails when it is imported.\n  ValueError (line 1 of "),
+        ("bad_i.py", "exit(3)\n", "failed.\n  SystemExit (line 1 of "),
+        ("bad_j.py", "raise ValueError\n", "failed.\n  ValueError (line 1 of "),
     ],
 )
 def test_a_module_that_cannot_be_imported_is_told_in_words(
@@ -168,19 +168,19 @@ def test_a_definition_replaces_our_own_registration_and_no_other() -> None:
     assert environment_id(first) == environment_id(first) == environment_id(second) == "first-v0"
     assert make_environments("first-v0", 1)[0].observation_space.shape == (6,)
     gymnasium.registry["first-v0"] = gymnasium.envs.registration.EnvSpec("first-v0", first)
-    with pytest.raises(OptionError, match="Another environment is registered as 'first-v0'"):
+    with pytest.raises(OptionError, match="'first-v0' is already registered"):
         environment_id(second)
 
 
 def test_arguments_that_cannot_be_compared_are_other_arguments() -> None:
     one, two = (EnvSpec("Door-v0", cart_pole, kwargs={"walls": np.zeros(2)}) for _ in range(2))
     assert environment_id(one) == environment_id(one) == "Door-v0"
-    with pytest.raises(OptionError, match="Another environment is registered as 'Door-v0'"):
+    with pytest.raises(OptionError, match="'Door-v0' is already registered"):
         environment_id(two)
 
 
 class Undeclared(gymnasium.Env[Any, Any]):
-    """Says neither what it observes nor how it acts."""
+    """Declares neither observations nor actions."""
 
 
 def test_an_environment_without_spaces_is_refused() -> None:
@@ -192,7 +192,7 @@ def test_an_environment_without_spaces_is_refused() -> None:
 @pytest.mark.parametrize(
     ("environment", "words"),
     [
-        ("module:Door-v0", r"names a module to import\.\n  Say it apart: --import module, and"),
+        ("module:Door-v0", r"would import a module\.\n  Use --import module, and"),
         (lambda: 1 / 0, "does not make an environment.\n  ZeroDivisionError: division by zero"),
         (lambda: None, "does not make an environment.\n  It makes an object of type NoneType"),
         (3, r"a class, a function\), found int\."),
@@ -205,7 +205,7 @@ def test_what_makes_none_is_refused(environment: Any, words: str) -> None:
 
 
 def in_another_process(task: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
-    """What the task does in a process that knows nothing yet: it is pickled on the way."""
+    """Run the task in a fresh process, to which it is pickled."""
     sent = cloudpickle.dumps(task)
     gymnasium.registry.pop("Door-v0", None)
     gymnasium.registry.pop("Local-v0", None)

@@ -1,4 +1,4 @@
-"""Every episode draws from streams of its own: it repeats alone, beside others and side by side."""
+"""Every episode draws from its own streams: it repeats alone, beside others and in copies."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Kept:
         return actions
 
     def rewards(self, rewards: list[float]) -> None:
-        """They do not matter here."""
+        """Ignored here."""
 
 
 def actions(episodes: int | list[int], backend: str = "ibm_toronto", **settings: Any) -> Actions:
@@ -88,21 +88,21 @@ def test_places_by_hand() -> None:
 
 
 def test_places_by_order_are_filled_up() -> None:
-    """As live runs of earlier versions had it."""
+    """As in live runs of earlier versions."""
     rows = Rows(np.array([1, 4, 7]), np.zeros(3, dtype=int), np.arange(3))
     np.testing.assert_array_equal(packed(rows, 2), [[0, 1], [2, -1]])
     assert executions(rows, 2) == 2
 
 
 class ByPlace(Kept):
-    """Measures each row in the copy of its place, as live runs of earlier versions do."""
+    """Measures each row in the copy of its position, like live runs of earlier versions."""
 
     def act(self, act: Act, observations: np.ndarray, rows: Rows) -> np.ndarray:
         return super().act(act, observations, rows._replace(order=np.arange(len(observations))))
 
 
 def test_executions_are_counted_as_rows_were_measured() -> None:
-    """With copies filled up in order, half of the living episodes make a step's executions."""
+    """With copies filled in order, a step's executions are half the running episodes."""
     settings = {"shots": 10, "mitigation": "none", "copies": 2}
     deployment = Deployment(load_policy("cartpole_1q"), "fake_lima", **settings, seed=4)
     deployment.policy = replace(deployment.policy, weights=0.1 * deployment.policy.weights)
@@ -116,5 +116,5 @@ def test_executions_are_counted_as_rows_were_measured() -> None:
 
 @pytest.mark.parametrize("episodes", [[], [-1, 2]])
 def test_episodes_by_number_are_numbers_from_0(episodes: list[int]) -> None:
-    with pytest.raises(CountsError, match="episodes cannot be played"):
+    with pytest.raises(CountsError, match="number of episodes cannot be"):
         actions(episodes)

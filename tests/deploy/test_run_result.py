@@ -1,4 +1,4 @@
-"""What a run counts and says of itself: jobs, executions, scores and their intervals."""
+"""The result of a run: jobs, executions, scores and their intervals."""
 
 from __future__ import annotations
 

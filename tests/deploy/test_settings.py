@@ -1,4 +1,4 @@
-"""The record of settings: its defaults, what it fills in, and what it refuses."""
+"""The record of settings: defaults, resolved values and refusals."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def calibrated(*parts: Any) -> Calibration:
 def test_the_default_mitigation(
     device: Any, parts: Any, changes: dict[str, Any], mitigation: str
 ) -> None:
-    """Readout on a noisy backend, none on ideal; what a known calibration has."""
+    """Readout on a noisy backend, none on ideal, or the mitigation of a known calibration."""
     known = None if parts is None else calibrated(*parts)
     settings = RunSettings.of(**changes).resolved(device, known)
     assert (settings.mitigation, settings.copies, settings.shots) == (mitigation, 1, 8192)
@@ -45,7 +45,7 @@ def test_the_default_mitigation(
     ("changes", "error", "words"),
     [
         ({"mitigation": "magic"}, CalibrationError, "Unknown mitigation 'magic'"),
-        ({"predistort": True, "mitigation": "readout"}, OptionError, "exclude each other"),
+        ({"predistort": True, "mitigation": "readout"}, OptionError, "cannot be combined"),
         ({"mitigation": "response", "level": 1}, CalibrationError, "level"),
         ({"copies": 0}, CircuitError, "0 copies"),
         ({"shots": 0}, CountsError, "0 shots"),
@@ -68,7 +68,7 @@ def test_wrong_names_and_values_are_told(changes: dict[str, Any]) -> None:
 
 def test_a_calibration_that_nothing_reads_is_refused() -> None:
     settings = RunSettings.of(calibration=calibrated("readout"), mitigation="none")
-    with pytest.raises(OptionError, match="Nothing else reads it"):
+    with pytest.raises(OptionError, match="Nothing else uses it"):
         settings.resolved(LIMA)
 
 

@@ -1,4 +1,4 @@
-"""Runs that measure ahead: the same episodes as decision by decision, and what they tell."""
+"""Runs that measure ahead: the same episodes as decision by decision, and their results."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def test_without_shot_noise_there_is_nothing_to_predict(cartpole: Make, deploy: 
 
 
 def test_a_stopped_run_gives_no_mean(cartpole: Make, deploy: Make) -> None:
-    """The episodes that ended first are those whose measurements were as predicted."""
+    """The episodes that end first are those measured as predicted."""
 
     def stop(episode: Any) -> None:
         raise KeyboardInterrupt

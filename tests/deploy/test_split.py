@@ -1,4 +1,4 @@
-"""The shots of a row over several places: counts, mitigation, costs, and what is refused."""
+"""The shots of a row over several copies: counts, mitigation, costs and refusals."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def measurement(program: Program, on: Device, **changes: Any) -> Measurement:
 
 
 class _Counted(Prepared):
-    """Counts that are known, and what it was asked for."""
+    """Known counts, and a record of the requests."""
 
     def __init__(self, ones: list[list[int]]):
         self.counts = np.array(ones)
@@ -164,11 +164,11 @@ def test_a_row_takes_all_places_that_have_a_shot(shots: int, copies: int) -> Non
 @pytest.mark.parametrize(
     ("changes", "error", "words"),
     [
-        ({"copies": 1}, OptionError, "over several copies, found one"),
+        ({"copies": 1}, OptionError, "over several copies; copies is 1"),
         ({"copies": 9, "shots": 8}, OptionError, "8 shots cannot be split over 9 copies"),
         ({"shots": 1}, OptionError, "fit on the device once, and a row has 1 shot"),
         ({"shots": 0}, CountsError, "0 shots cannot be run"),
-        ({}, OptionError, "nothing to split: the circuits fit on the device once"),
+        ({}, OptionError, "nothing to split over: the circuits fit on the device once"),
         ({"split": False, "calibration_shots": 0}, CountsError, "0 shots cannot be run"),
     ],
 )

@@ -1,4 +1,4 @@
-"""The gate to environments: what a step may give, what is refused, and in which words."""
+"""Stepping environments: valid answers, refusals and their messages."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ GOOD = np.zeros(2, np.float32)
 
 
 class Scripted(gymnasium.Env[Any, Any]):
-    """Answers its resets and steps with what it is told to; remembers the actions."""
+    """Returns given answers to resets and steps, and records the actions."""
 
     def __init__(
         self,
@@ -54,7 +54,7 @@ class Scripted(gymnasium.Env[Any, Any]):
 
 @pytest.fixture
 def registered() -> Iterator[Callable[..., str]]:
-    """The name of an environment that answers so, with gymnasium's usual wrappers."""
+    """The name of an environment with these answers, with gymnasium's usual wrappers."""
 
     def register(answer: Callable[[int], Any], **settings: Any) -> str:
         gymnasium.register(
@@ -77,7 +77,7 @@ def first(observations: np.ndarray, rows: Rows | None = None) -> np.ndarray:
 
 
 def refused(name: str) -> str:
-    """What both a run and a training say of three episodes in step; it has to be the same."""
+    """The message of both a run and a training of three episodes, which must be the same."""
     said = []
     for use in (
         lambda: lockstep(first, make_environments(name, 3), 7),
@@ -236,7 +236,7 @@ def test_a_reset_that_gives_the_observation_alone(registered: Callable[..., str]
     """Its first feature would be taken for the observation."""
     assert refused(registered(usual, reset=GOOD)) == (
         "its reset: reset gave an array of shape (2,) and type float32.\n"
-        "  It must give (observation, info)."
+        "  It must return (observation, info)."
     )
 
 
@@ -317,7 +317,7 @@ def test_an_encoding_in_training_has_the_precision_of_the_policy(
 
 
 def test_a_training_keeps_what_it_had_learned(registered: Callable[..., str]) -> None:
-    """The environment breaks in the third rollout: the policy is that of two updates."""
+    """The environment breaks in the third rollout: the policy has two updates."""
     settings = Settings(episodes=9, actor_lr=0.05)
     count = 0
 
@@ -368,7 +368,7 @@ def test_a_run_names_the_episode(
 
 def test_a_step_that_gives_nothing_is_told(registered: Callable[..., str]) -> None:
     said = refused(registered(lambda step: None))
-    assert said.startswith("step 1: step gave another number of values.\n")
+    assert said.startswith("step 1: step returned a wrong number of values.\n")
 
 
 @pytest.mark.parametrize("reward", [1e308, -2e150])

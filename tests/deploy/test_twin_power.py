@@ -1,4 +1,4 @@
-"""How often a check of a twin finds a readout that moved, and what it takes."""
+"""The power of a twin check to detect a changed readout."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def test_what_is_given_stays(twin: Calibration, wide: np.ndarray) -> None:
 
 
 def test_a_coarse_calibration_is_not_made_up_for_by_executions(wide: np.ndarray) -> None:
-    """Of 150 shots, its own errors hide the effect."""
+    """With 150 shots its own errors hide the effect."""
     observations, shots, power = choose_check(live(0, shots=150), POLICY, wide)
     assert len(observations) * shots <= 16 * 4 * 150
     assert power < POWER

@@ -1,4 +1,4 @@
-"""What executors are opened from: named, compared and sent to other processes without one."""
+"""Backends: names, comparison, and pickling to other processes."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def test_one_backend_has_one_name(words: str, name: str) -> None:
 
 
 @pytest.mark.usefixtures("folder")
-def test_contents_tell_apart_what_plays_apart() -> None:
+def test_contents_differ_when_results_do() -> None:
     measured(64).save(Path("other.json"))
     names = ("fake_lima", "lima.json", "other.json", "qiskit:FakeLimaV2")
     backends = [load_backend(name) for name in names]
@@ -90,7 +90,7 @@ def test_contents_tell_apart_what_plays_apart() -> None:
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("shots", [None, 8])
 @pytest.mark.parametrize("level", [0, 1, 2])
-def test_what_a_backend_says_it_cannot_play_its_executor_refuses(
+def test_an_executor_refuses_the_same_as_its_backend(
     name: str, shots: int | None, level: int
 ) -> None:
     backend = load_backend(name)
@@ -118,5 +118,5 @@ def test_executors_are_opened_from_names_devices_and_backends() -> None:
 @pytest.mark.usefixtures("folder")
 def test_a_calibration_without_curves_is_refused_before_it_is_opened() -> None:
     measured(part="readout").save(Path("readout.json"))
-    with pytest.raises(CalibrationError, match="holds no response curves"):
+    with pytest.raises(CalibrationError, match="has no response curves"):
         load_backend("readout.json")

@@ -1,4 +1,4 @@
-"""An episode through independent parts: qiskit-ibm-runtime's sampler in the place of our noise."""
+"""An episode through independent code: qiskit-ibm-runtime's sampler in place of our noise."""
 
 from __future__ import annotations
 

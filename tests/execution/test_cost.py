@@ -1,4 +1,4 @@
-"""What a run costs: IBM's estimate by hand, and batches cut at IBM's limit of a job."""
+"""The cost of a run: IBM's estimate by hand, and batches split at IBM's limit per job."""
 
 from __future__ import annotations
 

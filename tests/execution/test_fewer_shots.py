@@ -1,4 +1,4 @@
-"""Circuits that want fewer shots than a sampler runs: the last ones are left out."""
+"""Circuits with fewer shots than a sampler runs: the last shots are ignored."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Backends in every form that a user has them: names, files, records, executors, Qiskit objects."""
+"""Opening backends from names, files, records, executors and Qiskit objects."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def test_a_sampler_plays() -> None:
     """A perfect sampler on a noisy backend: x gives ones alone."""
     backend = load_backend(LIMA, sampler=StatevectorSampler(seed=3))
     assert backend.cannot_play(None, 2) == (
-        "shots exact on fake_lima: it runs through a sampler, which only has shots"
+        "shots exact on fake_lima: it runs through a sampler, which needs shots"
     )
     assert backend.cannot_play(8, 0) is None
     executor = backend.open()
@@ -109,11 +109,11 @@ def test_a_sampler_plays() -> None:
 @pytest.mark.parametrize(
     ("way", "words"),
     [
-        (3.0, "load_backend found an object of type float"),
-        (AerSimulator(), "has no qubit with all its values"),
+        (3.0, "load_backend cannot take an object of type float"),
+        (AerSimulator(), "has all its values"),
     ],
 )
-def test_what_is_no_backend(way: Any, words: str) -> None:
+def test_other_objects_are_refused(way: Any, words: str) -> None:
     with pytest.raises(DeviceError, match=words):
         load_backend(way)
 

@@ -1,4 +1,4 @@
-"""Executables made ready: prepared once, exact where that is known, one line in print."""
+"""Prepared executables: prepared once, exact if possible, with a one-line repr."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Counting(OfflineExecutor):
         return super().prepare(executable)
 
 
-def test_what_is_run_again_is_prepared_once() -> None:
+def test_an_executable_is_prepared_once() -> None:
     executor = Counting(DEVICE, 0)
     first, second = compile(PROGRAM, DEVICE), compile(PROGRAM, DEVICE, 1)
     for executable in (first, first, second, second):
@@ -46,7 +46,7 @@ def test_what_is_run_again_is_prepared_once() -> None:
 
 
 @pytest.mark.parametrize("twin", [False, True])
-def test_a_prepared_executable_gives_what_its_executor_gives(twin: bool) -> None:
+def test_a_prepared_executable_agrees_with_its_executor(twin: bool) -> None:
     calibration = calibrate(OfflineExecutor(DEVICE), np.arange(5), None)
 
     def opened() -> Executor:
@@ -64,7 +64,7 @@ def test_a_prepared_executable_gives_what_its_executor_gives(twin: bool) -> None
     )
 
 
-def test_what_only_has_shots_says_so() -> None:
+def test_an_executor_that_needs_shots_says_so() -> None:
     class Coin(Prepared):
         shots_only = ("A coin only has shots.", "Throw it.")
 

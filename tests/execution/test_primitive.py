@@ -279,7 +279,7 @@ def samplers() -> dict[str, tuple[Any, str]]:
 
 
 @pytest.mark.parametrize("name", samplers())
-def test_a_result_is_called_what_its_sampler_runs_on(name: str) -> None:
+def test_the_kind_is_that_of_the_sampler(name: str) -> None:
     """All are opened for a fake backend: what the sampler says of itself counts first."""
     sampler, kind = samplers()[name]
     assert PrimitiveExecutor(find_backend("FakeLimaV2"), sampler=sampler).kind == kind
@@ -323,7 +323,7 @@ class Generous:
         return AerSampler(seed=1).run(pubs, shots=shots + 1)
 
 
-def test_what_a_sampler_does_wrong_is_explained() -> None:
+def test_errors_of_a_sampler_are_explained() -> None:
     backend, (x, theta) = find_backend("FakeLimaV2"), inputs(2, 3)
     refused = PrimitiveExecutor(backend, sampler=Refusing())
     with pytest.raises(DeviceError) as found:

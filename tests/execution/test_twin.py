@@ -1,4 +1,4 @@
-"""The twin of a device plays the curves that were measured on it."""
+"""The twin of a device reproduces its measured response curves."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def test_sx_alone_lies_where_a_quarter_turn_of_the_bound_circuit_does() -> None:
 def test_other_levels_are_refused(level: int) -> None:
     twin = TwinExecutor(exact())
     executable = compile(PROGRAM, twin.device, level)
-    with pytest.raises(CalibrationError, match=r"knows sx rz sx, found[^\n]*\n  Use level 2"):
+    with pytest.raises(CalibrationError, match=r"runs sx rz sx, found[^\n]*\n  Use level 2"):
         twin.run(executable, X, NOTHING, 100)
 
 
@@ -140,8 +140,8 @@ def test_a_file_is_opened_as_a_twin(tmp_path: Path) -> None:
     assert isinstance(open_executor("fake_lima", 0), OfflineExecutor)
 
 
-def test_what_a_twin_does_not_know_is_refused() -> None:
-    with pytest.raises(CalibrationError, match="of fake_lima holds no response curves"):
+def test_a_twin_refuses_missing_curves() -> None:
+    with pytest.raises(CalibrationError, match="of fake_lima has no response curves"):
         TwinExecutor(exact(parts=["readout"]))
     twin = TwinExecutor(exact())
     with pytest.raises(DeviceError, match="compiled for fake_lagos, this executor runs fake_lima"):

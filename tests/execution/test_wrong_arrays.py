@@ -1,4 +1,4 @@
-"""What is no array of real numbers, no number of shots or no program is refused in words."""
+"""Invalid arrays, shots and programs are refused with a message."""
 
 from __future__ import annotations
 

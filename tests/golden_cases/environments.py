@@ -118,7 +118,7 @@ RUN = "run odd.json --episodes 1 --shots exact --greedy"
 
 CASES = (
     *(Command(RUN, what, registered(Odd, **options)) for what, options in ENVIRONMENTS.items()),
-    Command(RUN, "reset takes no seed", registered(Seedless)),
+    Command(RUN, "reset does not accept a seed", registered(Seedless)),
     Command(RUN, "its own code fails", registered(broken)),
     Command(RUN, "it needs a package", registered(unfinished)),
     *(

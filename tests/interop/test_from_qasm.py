@@ -1,4 +1,4 @@
-"""OpenQASM as programs: text or file, circuits in the order of their bits, inputs by name."""
+"""OpenQASM as programs: from text or file, circuits in the order of bits, inputs by name."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def circuits(program: Program) -> list[str]:
     return list(map(str, program.circuits))
 
 
-def test_text_and_files_are_told_apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_text_and_files_are_distinguished(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("mine.qasm").write_text(TEXT)
     program = Program.from_qasm(TEXT)
@@ -54,7 +54,7 @@ def test_inputs_are_chosen() -> None:
     assert (program.inputs, program.parameters) == (("x", "theta"), ())
 
 
-def test_what_qiskit_writes_is_what_qiskit_means() -> None:
+def test_files_of_qiskit_equal_its_circuits() -> None:
     """Both doors give the same expectations, inputs and order."""
     x, theta = ParameterVector("x", 11), ParameterVector("theta", 11)
     circuit = QuantumCircuit(11, 11)

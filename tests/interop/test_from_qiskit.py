@@ -1,4 +1,4 @@
-"""Qiskit circuits as programs: `<Z>` of every qubit is that of Qiskit's own state vector."""
+"""Qiskit circuits as programs: `<Z>` of every qubit agrees with Qiskit's state vector."""
 
 from __future__ import annotations
 
@@ -213,7 +213,9 @@ def branch(circuit: QuantumCircuit) -> None:
         (lambda c: c.ry(1j * X, 0), "is not real"),
     ],
 )
-def test_what_is_refused(build: Callable[[QuantumCircuit], Any], words: str) -> None:
+def test_unsupported_circuits_are_refused(
+    build: Callable[[QuantumCircuit], Any], words: str
+) -> None:
     circuit = QuantumCircuit(2, 2)
     build(circuit)
     with pytest.raises(CircuitError, match=words):
@@ -249,6 +251,6 @@ def test_qiskit_is_needed(monkeypatch: pytest.MonkeyPatch) -> None:
         Program.from_qiskit(QuantumCircuit(1))
 
 
-def test_what_is_no_circuit() -> None:
+def test_other_objects_are_refused() -> None:
     with pytest.raises(CircuitError, match="takes a QuantumCircuit, found an object of type Oper"):
         Program.from_qiskit(Operator([[1, 0], [0, 1]]))

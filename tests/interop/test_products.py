@@ -1,4 +1,4 @@
-"""Trained factors of inputs: `<Z>` is that of Qiskit and PennyLane, who multiply themselves."""
+r"""Trained factors of inputs: \`<Z>\` agrees with Qiskit and PennyLane."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def qiskit_z(circuit: QuantumCircuit, values: dict[str, float]) -> list[float]:
 @pytest.mark.parametrize(
     "read", [Ansatz.from_qiskit, lambda c: Ansatz.from_qasm(qasm3.dumps(c))], ids=["object", "qasm"]
 )
-def test_products_mean_what_they_mean_in_qiskit(read: Callable[[Any], Ansatz]) -> None:
+def test_products_agree_with_qiskit(read: Callable[[Any], Ansatz]) -> None:
     circuit = uploading()
     ansatz = read(circuit)
     assert (len(ansatz.inputs), len(ansatz.parameters)) == (2, 8)
@@ -76,7 +76,7 @@ def test_inputs_that_only_products_read_are_not_bound_alone() -> None:
     assert str(ansatz.program.circuits[0]) == "ry(x0)"
 
 
-def test_products_mean_what_they_mean_in_pennylane() -> None:
+def test_products_agree_with_pennylane() -> None:
     qml = pytest.importorskip("pennylane")
 
     @qml.qnode(qml.device("default.qubit"))
@@ -102,9 +102,7 @@ X, A, B = Parameter("x"), Parameter("a"), Parameter("b")
 def test_other_products_are_refused(angle: Any) -> None:
     circuit = QuantumCircuit(1)
     circuit.ry(angle + 0 * (X + A + B), 0)
-    with pytest.raises(
-        CircuitError, match=r"not an affine angle(.|\n)*one parameter too: theta1\*x0"
-    ):
+    with pytest.raises(CircuitError, match=r"not an affine angle(.|\n)*one parameter: theta1\*x0"):
         Ansatz.from_qiskit(circuit)
 
 
@@ -122,7 +120,7 @@ def test_products_in_pennylane_are_refused_alike() -> None:
         Ansatz.from_pennylane(lambda x: qml.RX(x[0] * x[0], 0), inputs=1)
 
 
-def test_other_packages_circuits_are_told_their_way() -> None:
+def test_the_error_for_other_packages_suggests_a_call() -> None:
     qml = pytest.importorskip("pennylane")
     node = qml.QNode(lambda x: qml.expval(qml.Z(0)), qml.device("default.qubit"))
     with pytest.raises(CircuitError, match=r"Ansatz\.from_pennylane\(qnode, inputs=2"):

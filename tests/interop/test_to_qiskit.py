@@ -44,7 +44,7 @@ def qiskit_z(executable: Executable, circuits: list[QuantumCircuit]) -> np.ndarr
 
 @pytest.mark.parametrize("gates", [("rz", "sx", "x"), ("rz", "rx")])
 @pytest.mark.parametrize("level", [0, 1, 2])
-def test_bound_circuits_mean_what_the_executor_measures(level: int, gates: tuple[str, ...]) -> None:
+def test_bound_circuits_agree_with_the_executor(level: int, gates: tuple[str, ...]) -> None:
     executable = compile(PROGRAM, perfect(2, gates), level)
     ideal = compile(PROGRAM, IDEAL)
     wanted = OfflineExecutor(IDEAL).expectation(ideal, X[None], THETA)[0]
@@ -54,7 +54,7 @@ def test_bound_circuits_mean_what_the_executor_measures(level: int, gates: tuple
     assert {i.operation.name for c in circuits for i in c.data} <= {*gates, "measure", "id"}
 
 
-def test_open_angles_are_what_bind_gives() -> None:
+def test_open_angles_have_the_values_of_bind() -> None:
     executable = compile(PROGRAM, perfect(4))
     circuits = executable.to_qiskit()
     names = {p.name for c in circuits for p in c.parameters}

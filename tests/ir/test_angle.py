@@ -82,7 +82,7 @@ def test_the_text_form(angle: Angle, text: str) -> None:
         "(x:=1)", "\x00", "-" * 5000 + "1", "(" * 500 + "1" + ")" * 500,
     ],
 )  # fmt: skip
-def test_what_is_not_affine_is_refused(text: str) -> None:
+def test_a_nonaffine_text_is_refused(text: str) -> None:
     with pytest.raises(CircuitError):
         Angle.of(text)
 
@@ -97,19 +97,19 @@ def test_the_refusal_names_the_text_and_an_example() -> None:
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, "1e999", "1e999*x0"])
-def test_what_is_not_finite_is_refused(value: float | str) -> None:
-    with pytest.raises(CircuitError, match=r"not finite.\n  Found (nan|-?inf) in it\.$"):
+def test_an_infinite_angle_is_refused(value: float | str) -> None:
+    with pytest.raises(CircuitError, match=r"not finite.\n  It contains (nan|-?inf)\.$"):
         Angle.of(value)
 
 
 @pytest.mark.parametrize("value", [None, True, [], 1j, b"x0"])
-def test_what_is_neither_number_nor_text_is_refused(value: object) -> None:
+def test_other_types_are_refused(value: object) -> None:
     with pytest.raises(CircuitError, match="is not an angle"):
         Angle.of(value)
 
 
 @pytest.mark.parametrize("name", ["", "0x", "x 0", "x-0", "pi", "x0\n"])
-def test_what_is_no_symbol_is_refused(name: str) -> None:
+def test_an_invalid_symbol_is_refused(name: str) -> None:
     with pytest.raises(CircuitError, match="is not a symbol"):
         Angle.symbol(name)
 
@@ -162,7 +162,7 @@ def test_an_angle_with_symbols_equals_no_number() -> None:
     assert not Angle.symbol("x0").equals(0.0)
 
 
-def test_substitution_binds_what_is_named() -> None:
+def test_substitution_binds_only_the_given_symbols() -> None:
     angle = Angle.of("2*x0+theta0+1")
     assert angle.substitute({"x0": 0.5, "other": 3.0}) == Angle.of("theta0+2")
     assert angle.substitute({"x0": 0.5, "theta0": -2.0}) == Angle()

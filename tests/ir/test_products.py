@@ -1,4 +1,4 @@
-"""Products of symbols: expanded by hand, and told apart by names of their own."""
+"""Products of symbols: expanded by hand, and renamed to distinct symbols."""
 
 from __future__ import annotations
 

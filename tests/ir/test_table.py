@@ -1,4 +1,4 @@
-"""Angle tables: what they hold of many angles, and how much memory that takes."""
+"""Angle tables: their values for many angles, and their memory."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Jobs: what job.json promises, and programs that Qiskit reads back as the policy's circuits."""
+"""Jobs: the contents of job.json, and programs that Qiskit reads back as the policy's circuits."""
 
 from __future__ import annotations
 
@@ -274,7 +274,7 @@ def test_observations_of_a_pipe_are_refused(tmp_path: Path, suffix: str) -> None
 
 def test_observations_that_are_not_there(tmp_path: Path) -> None:
     with pytest.raises(
-        PolicyError, match=r"holds no observations\.\n  No such file or directory\n"
+        PolicyError, match=r"does not contain observations\.\n  No such file or directory\n"
     ):
         read_observations(tmp_path / "a.csv", make())
 

@@ -1,4 +1,4 @@
-"""Program files compiled: which qubits take places, and what is said beside the gates."""
+"""Compiled program files: the placement of qubits, and statements other than gates."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_one_qubit_in_use_of_five_needs_one(level: int) -> None:
 def test_openqasm_2_says_where_the_qubits_in_use_go() -> None:
     made = compiled(IDLE, "fake_lagos", version="2")
     (qubit,) = made.executable.qubits.tolist()
-    note = f"OpenQASM 2 names no physical qubits: put q[3] on {qubit}."
+    note = f"OpenQASM 2 cannot name physical qubits: place q[3] on {qubit}."
     assert made.notes == (note,)
 
 
@@ -62,7 +62,7 @@ def test_a_qubit_that_is_measured_needs_a_place_without_gates() -> None:
 def test_only_gates_that_are_dropped_are_told_of() -> None:
     text = HEAD + "qubit[4] q;\nbit[4] c;\nh q[0];\nx q[2];\nc[0] = measure q[0];\n"
     made = compiled(text)
-    assert made.notes == ("1 qubit(s) are not measured: their gates are gone.",)
+    assert made.notes == ("1 qubit(s) are not measured: their gates are dropped.",)
     assert made.circuits == (0,)
     for level in (0, 1):
         made = compiled(text, level=level)
@@ -126,7 +126,7 @@ def test_durations_have_names_and_barriers_in_gates_are_told_of() -> None:
 
 
 def segments(circuit: QuantumCircuit) -> list[list[object]]:
-    """For each qubit: unitaries, and between them the names of what is no gate."""
+    """For each qubit: unitaries, separated by the names of other instructions."""
     found: list[list[object]] = [[np.eye(2)] for _ in circuit.qubits]
     for item in circuit.data:
         for qubit in item.qubits:

@@ -1,4 +1,4 @@
-"""A stand-in of IBM's service, and what runs against it."""
+"""A stand-in for IBM's service, and the runs against it."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def service(monkeypatch: pytest.MonkeyPatch) -> Iterator[StandIn]:
-    """A stand-in that the client of this process uses; a busy service says to come back at once."""
+    """A stand-in that this process's client uses; when busy, it asks to be called again at once."""
     with StandIn() as standin:
         for name, value in standin.environment().items():
             monkeypatch.setenv(name, value)
@@ -56,7 +56,7 @@ def runs(qcompile: Callable[..., Any], service: StandIn) -> Runs:
 
 @pytest.fixture(scope="session")
 def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]:
-    """What the small run finds when nothing goes wrong."""
+    """The result of the small run when nothing goes wrong."""
     with pytest.MonkeyPatch.context() as patch, StandIn() as standin:
         for name, value in standin.environment().items():
             patch.setenv(name, value)
@@ -79,7 +79,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, 
 
 @pytest.fixture
 def executor_on(service: StandIn) -> Callable[..., PrimitiveExecutor]:
-    """An executor of a backend, with a journal of its own."""
+    """An executor of a backend, with its own journal."""
 
     def make(backend: str, limit_s: float = 600.0, **settings: Any) -> PrimitiveExecutor:
         connection = Connection(backend)

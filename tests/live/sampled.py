@@ -1,4 +1,4 @@
-"""PUBs of somebody's for the tests of the sampler, and what IBM's own sampler gives for them."""
+"""A user's PUBs for the tests of the sampler, and the results of IBM's own sampler."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def bits(result: Any) -> list[dict[str, list[Any]]]:
 
 
 def by_ibm(backend: str, pubs: list[Any], shots: int) -> Any:
-    """What the sampler of qiskit-ibm-runtime gives, which nobody guards."""
+    """The result of qiskit-ibm-runtime's own sampler, without the guard."""
     from qiskit_ibm_runtime import QiskitRuntimeService
     from qiskit_ibm_runtime.executor_sampler import Sampler
 

@@ -34,7 +34,7 @@ WORDS = (
 
 @pytest.fixture(scope="module")
 def unkilled(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]:
-    """What the run finds when nothing goes wrong."""
+    """The result of the run when nothing goes wrong."""
     with pytest.MonkeyPatch.context() as patch, StandIn() as standin:
         for name, value in standin.environment().items():
             patch.setenv(name, value)
@@ -59,7 +59,7 @@ def steps() -> list[Step]:
 
 
 def change(what: str, *values: object) -> None:
-    """Change the journal of the only run, and have it played again."""
+    """Change the journal of the only run, and replay it."""
     [path] = Path("runs").glob("*/journal.sqlite")
     with sqlite3.connect(path) as db:
         db.execute(what, values)
@@ -91,7 +91,7 @@ def test_a_run_records_what_it_measures_and_plays_it_again(runs: Runs) -> None:
 def test_a_killed_run_goes_on(
     runs: Runs, unkilled: dict[str, Any], request_: str, times: int, pause_s: float
 ) -> None:
-    """Killed as soon as the service has seen so many of these requests."""
+    """Killed as soon as the service has seen this many of these requests."""
     runs.service.settings.run_seconds = 0.1
     killed(runs.service, WORDS, request_, times, pause_s)
     found = runs.until_finished(runs.call("resume", "last", "--json"))
@@ -103,7 +103,7 @@ def test_a_killed_run_goes_on(
 def test_a_job_that_was_sent_is_the_same_whatever_is_predicted_later(
     runs: Runs, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Its rows were written down before. A later version may predict, and go ahead, otherwise."""
+    """Its rows are already recorded; a later version may predict differently."""
     real = time.sleep
 
     def interrupt(seconds: float) -> None:

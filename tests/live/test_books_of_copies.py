@@ -1,4 +1,4 @@
-"""Copies of a run: an older one that is put back, and two that are resumed at the same time."""
+"""Copies of a run: an older one that is restored, and two that are resumed at the same time."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def put_back(run: str) -> None:
 
 
 def settled(runs: Runs, run: str, undisturbed: dict[str, Any], *words: object) -> dict[str, Any]:
-    """What the run finds, when its books agree to the cent with the service's."""
+    """The result of the run, once its books agree exactly with the service's."""
     found = runs.until_finished(runs.call("resume", run, "--json", "--yes", *words))
     assert played(found) == undisturbed
     assert settled_wrong(found, charged_s(jobs_of(runs.service, run))) == []
@@ -63,7 +63,7 @@ def test_of_a_run_restored_from_an_older_copy_no_job_is_paid_again(
 def test_jobs_sent_twice_before_the_copy_was_put_back_are_counted(
     runs: Runs, undisturbed: dict[str, Any], times: int
 ) -> None:
-    """Of some jobs since, the first attempt failed: their places have more than one tag."""
+    """Some later jobs failed at the first attempt: their positions have more than one tag."""
     run = stopped_after_its_first_job_was_sent(runs)
     shutil.copytree(Path("runs") / run, Path("copies") / run)
     runs.service.faults.once(Fault.JOB_FAILS, times=times)
@@ -77,7 +77,7 @@ def test_jobs_sent_twice_before_the_copy_was_put_back_are_counted(
 def test_a_run_restored_while_its_charges_are_pending_goes_on(
     runs: Runs, undisturbed: dict[str, Any]
 ) -> None:
-    """Nothing is known of what a job found by its tag costs, but for the cap it was sent with."""
+    """Nothing is known about the cost of a job found by its tag except the cap it was sent with."""
     run = stopped_after_its_first_job_was_sent(runs)
     shutil.copytree(Path("runs") / run, Path("copies") / run)
     runs.service.settings.usage_lag_seconds = 3600.0

@@ -1,4 +1,4 @@
-"""The guard, with sums made by hand: a job of 10,000 executions is estimated at 5.5 s."""
+"""The guard, with sums computed by hand: a job of 10,000 executions is estimated at 5.5 s."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def cap(journal: Journal, executions: int = 10_000) -> int:
 
 
 def told(journal: Journal) -> tuple[float, float]:
-    """What is told: the upper figure, and what is settled of it."""
+    """The reported figures: the upper bound, and the settled part."""
     return journal.charges.upper_s, journal.charges.settled_s
 
 
@@ -63,7 +63,7 @@ def test_nothing_is_spent_by_a_new_run(journal: Journal) -> None:
 
 
 def test_what_is_charged_counts_and_caps_else(journal: Journal) -> None:
-    """A job of which IBM has said nothing may cost what it was capped at, and not less."""
+    """A job without a reported charge counts with its cap, and not less."""
     journal.allow(40.0)
     done(journal, 4.0)
     assert (told(journal), cap(journal)) == ((4, 4), 32)  # four times 5.5 s and ten, at most
@@ -117,7 +117,7 @@ def test_a_job_that_failed_counts_with_its_charge(journal: Journal) -> None:
 
 
 def test_sums_are_those_of_whoever_opens_the_journal_next(journal: Journal) -> None:
-    """They are kept as they go, and made anew where another process may have written."""
+    """They are cached, and recomputed when another process may have written."""
     journal.allow(100.0)
     rng = np.random.default_rng(0)
     charged_s = rng.uniform(1, 12, 50)
@@ -139,7 +139,7 @@ def test_sums_are_those_of_whoever_opens_the_journal_next(journal: Journal) -> N
 def test_the_worst_ratio_of_charge_to_estimate_is_expected_of_the_next(
     journal: Journal, ended: str
 ) -> None:
-    """Of whatever has a charge: a job that was cut off took at least so long."""
+    """The worst ratio counts every charge: a job that was stopped took at least that long."""
     budget = Budget(journal)
     journal.allow(1000.0)
 
@@ -178,8 +178,8 @@ def test_the_refusal_says_what_is_spent_and_what_the_next_job_takes(journal: Jou
     with pytest.raises(BudgetError) as caught:
         cap(journal)
     assert str(caught.value) == (
-        "The limit of 20 QPU seconds would be passed: 15.0 s are spent or may yet be charged, the "
-        "next job takes about 11.0 s."
+        "The limit of 20 QPU seconds would be exceeded: 15.0 s are spent or may still be "
+        "charged, and the next job takes about 11.0 s."
     )
 
 
@@ -199,7 +199,7 @@ def test_a_job_may_take_what_all_others_leave_in_whole_seconds(
 def test_less_than_the_expected_is_refused_though_it_would_be_enough_in_parts(
     journal: Journal,
 ) -> None:
-    """5.9 s are left, of which IBM cuts off at 5; 5.5 are expected."""
+    """5.9 s are left, IBM would stop at 5, and 5.5 are expected."""
     journal.allow(11.4)
     done(journal, 5.5)
     with pytest.raises(BudgetError, match=r"the next job takes about 5\.5 s"):
@@ -211,7 +211,7 @@ def test_what_a_job_costs_the_guard_does_not_grow_with_the_run(journal: Journal)
     journal.allow(1e6)
 
     def instructions(number: int) -> int:
-        """Of all that is asked of the journal for one job of a run."""
+        """For everything the journal is asked for one job of a run."""
         steps = 0
 
         def count() -> None:
@@ -254,7 +254,7 @@ def test_what_a_job_costs_the_guard_does_not_grow_with_the_run(journal: Journal)
 def test_a_limit_that_cannot_be_kept_is_refused_and_changes_nothing(
     journal: Journal, limit_s: float
 ) -> None:
-    with pytest.raises(BudgetError, match=r"QPU seconds cannot be kept\.\n  Give a number above 0"):
+    with pytest.raises(BudgetError, match=r"QPU seconds\.\n  Give a number above 0"):
         journal.allow(limit_s)
     assert journal.max_qpu_seconds == 20
     with pytest.raises(BudgetError):
@@ -274,7 +274,7 @@ def test_a_limit_that_cannot_be_kept_is_refused_and_changes_nothing(
 def test_whatever_ibm_charges_below_the_caps_the_limit_holds(
     limit_s: float, jobs: list[tuple[int, float, bool]]
 ) -> None:
-    """IBM charges what a job takes, or its cap; of some it says so long after all are sent."""
+    """IBM charges a job's time or its cap, for some jobs only long after all are sent."""
     total, late = 0.0, {}
     with new() as journal:
         journal.allow(limit_s)

@@ -1,4 +1,4 @@
-"""A calibration of a machine: one job, its curves those of the noise, usable as twin and file."""
+"""A calibration of a machine: one job, curves that match the noise, usable as twin and file."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def test_chosen_qubits(runs: Runs) -> None:
 
 
 def test_counts_that_cannot_be_fitted_are_kept(runs: Runs, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A machine whose bits are all 0, whatever the angle: paid all the same."""
+    """A machine whose bits are all 0, whatever the angle: it is paid for all the same."""
     monkeypatch.setattr("standin.service.draw", silent)
     answer = calibrated(runs, shots=100)
     assert answer.code == 1
@@ -131,7 +131,7 @@ def test_a_file_that_is_there_is_refused_before_anything_is_sent(runs: Runs) -> 
 
 
 def test_force_overwrites_the_file_itself(runs: Runs) -> None:
-    """Not a file beside it: nor where another calibration came in between."""
+    """No second file is written, not even after another calibration."""
     Path("machine.json").write_text("old")
     answer = calibrated(runs, "--force", shots=100)
     assert answer.code == 0, answer.err
@@ -176,7 +176,7 @@ def test_misfits_are_told_before_anything_is_spent(runs: Runs) -> None:
 
 
 class Counted:
-    """A run whose executor is the noise model; `asked` is what it was asked for."""
+    """A run whose executor is the noise model; `asked` records its requests."""
 
     jobs = SimpleNamespace(journal=SimpleNamespace(latest=lambda number: None))
 
@@ -238,7 +238,7 @@ def unfit(*_: Any) -> None:
 
 
 def test_a_calibration_goes_on_where_it_stopped(runs: Runs) -> None:
-    """With the same counts as one that was never stopped, in the same file."""
+    """With the same counts as an uninterrupted one, in the same file."""
     assert calibrated(runs).code == 0
     whole = load_calibration(Path("machine.json"))
     Path("machine.json").unlink()
@@ -254,7 +254,7 @@ def test_a_calibration_goes_on_where_it_stopped(runs: Runs) -> None:
 
 
 def test_a_calibration_resumed_later_keeps_the_time_it_was_measured(runs: Runs) -> None:
-    """In the file, in what is printed and in what is shown: that its job was sent."""
+    """The file and both outputs have the time at which its job was sent."""
     runs.service.settings.queue_seconds = 0.2
     began = datetime.now(UTC).replace(microsecond=0)
     assert calibrated(runs, "--max-wait-seconds", 0.05, shots=100).code == 1

@@ -1,4 +1,4 @@
-"""A job that gave no counts and was charged is sent again by a person alone."""
+"""A charged job without counts is sent again only by a person."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def run_id() -> str:
 def test_a_charged_failure_is_sent_again_by_a_person_alone(
     runs: Runs, undisturbed: dict[str, Any], resent: bool
 ) -> None:
-    """With an answer, and not by `resume` alone: each sending costs."""
+    """Only after a confirmation, and not by `resume` alone: each attempt costs."""
     runs.service.faults.once(Fault.JOB_FAILS_CHARGED)
     answer = runs.run()
     assert answer.code == 1
@@ -54,7 +54,7 @@ def test_a_charged_failure_is_sent_again_by_a_person_alone(
 def test_a_failure_with_a_charge_that_is_no_charge_may_have_been_charged(
     runs: Runs, charge: str
 ) -> None:
-    """What is not known to be free is not sent again without a word."""
+    """A job that may be charged is not sent again without asking."""
     runs.service.faults.once(Fault.JOB_FAILS_CHARGED)
     runs.service.faults.reshape(CHARGES[f"charge: {charge}"])
     assert runs.run().code == 1

@@ -1,4 +1,4 @@
-"""Runs restored from older copies, and jobs of other runs: nothing is paid again, or taken."""
+"""Runs restored from older copies, and jobs of other runs: nothing is paid twice or taken over."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from qcompile.live.runs import find_journal
 
 
 def copy_before_the_first_job(runs: Runs) -> Path:
-    """A run as it was before its first job was sent; the run itself goes on to its end."""
+    """A copy of a run before its first job was sent; the run itself continues to its end."""
     runs.service.settings.usage_limit_seconds = 1e9
     [folder] = Path("runs").iterdir()
     copy = Path("copies") / folder.name
@@ -59,7 +59,7 @@ def test_a_copy_looks_on_after_a_job_that_ibm_does_not_have(
 def test_a_copy_whose_charges_are_pending_is_counted_with_caps(
     runs: Runs, undisturbed: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Its journal has no cap of a job that it finds: IBM's is taken, 19 s of each."""
+    """Its journal has no caps of the jobs it finds, so IBM's are used: 19 s each."""
     monkeypatch.setattr("qcompile.live.billing._CHARGE_PAUSES_S", (0.01,))
     runs.service.settings.usage_lag_seconds = 3600
     runs.run()
@@ -109,8 +109,8 @@ def test_where_ibm_ignores_tags_no_job_of_another_run_is_taken_or_cancelled(
     answer = runs.run()
     assert answer.code == 1
     assert (
-        "Error: IBM's service lists jobs that do not have the tag that was asked for.\n"
-        "  Whether a job is this run's cannot be told: none was taken, cancelled or sent.\n"
+        "Error: IBM's service lists jobs without the requested tag.\n"
+        "  It is unclear which jobs belong to this run: none was used, cancelled or sent.\n"
     ) in answer.err
     after = runs.service.ledger()
     assert after.jobs == before.jobs

@@ -1,4 +1,4 @@
-"""The digest of a job: the same for the same measurement, and for no other."""
+"""The digest of a job: equal for equal measurements, and for no others."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def test_another_job_has_another_one() -> None:
 
 
 def test_what_another_processor_rounds_otherwise_is_the_same() -> None:
-    """And 0 is -0."""
+    """0 and -0 are equal."""
     assert digest(circuit(), X + 1e-13) == digest(circuit())
     assert digest(circuit(), X * 0.0) == digest(circuit(), X * -0.0)
 

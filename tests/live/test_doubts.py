@@ -1,4 +1,4 @@
-"""Jobs that IBM may have accepted: what is told is never less than its ledger charges."""
+"""Jobs that IBM may have accepted: no less is reported than its ledger charges."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ CAP_S = 19
 
 
 def told(runs: Runs) -> dict[str, Any]:
-    """What `qcompile runs` tells of the only run."""
+    """The report of `qcompile runs` on the only run."""
     [row] = runs.call("runs", "--json").json()
     return dict(row)
 
 
 def answer(monkeypatch: pytest.MonkeyPatch, status: int, *calls: int, accepted: bool) -> None:
-    """Let the service answer with an error to these of the jobs it is sent, counted from 0."""
+    """Let the service answer with an error to the submissions with these numbers, from 0."""
     real, count = Service.submit, itertools.count()
 
     def submit(self: Service, body: Any) -> Any:
@@ -56,8 +56,8 @@ def test_a_job_that_is_listed_after_the_end_is_told_at_its_cap_and_then_at_its_c
     assert result["qpu_seconds"] == pytest.approx(3 * STEP_S + CAP_S)
     assert result["qpu_seconds_settled"] == pytest.approx(3 * STEP_S)
     assert (result["jobs_in_doubt"], result["jobs_uncharged"]) == (1, 0)
-    assert "IBM may have accepted 1 job that is not known, of 19 s at most; `qcompile" in found.err
-    assert " UTC settles it.\n" in found.err
+    assert "IBM may have accepted 1 more job, at most 19 s; `qcompile" in found.err
+    assert " UTC finds out.\n" in found.err
 
     again = runs.call("resume", "last", "--json").json()  # IBM does not list it yet
     assert (again["qpu_seconds"], again["jobs_in_doubt"]) == (result["qpu_seconds"], 1)
@@ -89,7 +89,7 @@ def test_a_job_that_was_never_accepted_is_dropped_when_ibm_must_list_it(
 
 
 def test_a_doubt_without_a_connection_is_none(runs: Runs, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What never left this machine cannot have been accepted."""
+    """A request that never left this machine cannot have been accepted."""
     from requests.adapters import HTTPAdapter
 
     real, count = HTTPAdapter.send, itertools.count()
@@ -158,7 +158,7 @@ def test_an_error_to_a_job_that_is_listed_late_is_told(
 def test_a_refusal_of_a_busy_service_does_not_take_of_the_limit_for_long(
     runs: Runs, undisturbed: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The limit holds the run alone: a job of 429 that counted for an hour would stop it."""
+    """The limit just covers the run: a refused job that counted for an hour would stop it."""
     monkeypatch.setattr("qcompile.live.finder.REFUSED_S", 0.4)
     runs.service.faults.once(Fault.RATE_LIMITED, on=SUBMIT)
     found = runs.run(max_qpu_seconds=8)
@@ -171,12 +171,12 @@ def test_a_refusal_of_a_busy_service_does_not_take_of_the_limit_for_long(
 def test_a_submission_that_stays_unanswered_stops_a_run_at_its_limit(
     runs: Runs, undisturbed: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """By the ledger nothing is charged; but it might be, and the limit leaves no room for both."""
+    """The ledger charges nothing, but it might, and the limit has no room for both."""
     runs.service.faults.once(Fault.SERVER_ERROR, on=SUBMIT)
     stopped = runs.run(max_qpu_seconds=8)
     assert stopped.code == 1
-    assert "The limit of 8 QPU seconds would be passed: 8.0 s are spent or may" in stopped.err
-    assert "IBM may have accepted 1 job that is not known, of 8 s at most; " in stopped.err
+    assert "The limit of 8 QPU seconds would be exceeded: 8.0 s are spent or may" in stopped.err
+    assert "IBM may have accepted 1 more job, at most 8 s; " in stopped.err
     assert not runs.service.ledger().jobs
     monkeypatch.setenv("QCOMPILE_DOUBT_SECONDS", "0")
     found = runs.until_finished(runs.call("resume", "last", "--json"))
@@ -186,7 +186,7 @@ def test_a_submission_that_stays_unanswered_stops_a_run_at_its_limit(
 
 
 def test_a_killed_process_leaves_a_doubt(runs: Runs) -> None:
-    """Its journal says that a job is being sent: so it counts, and is told."""
+    """Its journal says that a job is being sent, so it counts and is reported."""
     runs.run()
     with find_journal(Path("runs"), "last") as journal:
         journal.note_sending(journal.intend(9, "d", 512), 7)

@@ -1,4 +1,4 @@
-"""What a run was told is on the disk before it goes on; its files are where they were wanted."""
+"""Everything recorded is on the disk before a run continues; its files are where requested."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_every_write_of_a_run_waits_for_the_disk(
 
 @pytest.mark.parametrize("force", [False, True])
 def test_a_calibration_overwrites_a_file_with_force_alone(runs: Runs, force: bool) -> None:
-    """A file that came while the run was going on is somebody's, unless --force was said."""
+    """A file that appeared during the run is not overwritten without --force."""
     words = ("calibrate", "--backend", "fake_lima", "--shots", 100, "--out", "machine.json")
     live = ("--live", "--max-qpu-seconds", 100, "--yes", "--max-wait-seconds", 0.05)
     runs.service.settings.queue_seconds = 0.3

@@ -42,7 +42,7 @@ X = np.array([[0, 0], [np.pi, 0], [1.1, 0.4], [-2.0, 1.0], [0.5, 2.5]])
 def test_counts_follow_the_noise_of_every_qubit(
     executor_on: Make, service: StandIn, batch: int, level: int
 ) -> None:
-    """And not that of the same device with its qubits in another order."""
+    """It differs from the same device with its qubits in another order."""
     executor = executor_on("fake_lima")
     executable, theta = turns(5, executor, level)
     assert sorted(executable.qubits) == list(range(5))
@@ -72,7 +72,7 @@ def test_every_qubit_of_the_largest_machine(executor_on: Make, service: StandIn)
 def test_circuits_that_do_not_fit_take_rounds_of_one_job(
     executor_on: Make, service: StandIn, batch: int
 ) -> None:
-    """Each circuit has a <Z> of its own: none may land in another's column."""
+    """Each circuit has its own <Z>: none may land in another's column."""
     executor, shots = executor_on("fake_lima"), 20_000
     texts = [f"ry({0.2 + 0.24 * i:.2f}) rz(x0)" for i in range(12)]
     texts[::2] = [f"{text} ry(x0)" for text in texts[::2]]
@@ -131,7 +131,7 @@ def test_what_cannot_be_run_is_refused_before_it_is_sent(
         executor.run(executable, X[:, :1], theta, 10)
     with pytest.raises(DeviceError):
         executor.run(compile(executable.source, load_device("fake_toronto")), X, theta, 10)
-    with pytest.raises(CountsError, match="fake_lima runs through a sampler, which only has shots"):
+    with pytest.raises(CountsError, match="fake_lima runs through a sampler, which needs shots"):
         executor.expectation(executable, X, theta)
     assert not service.ledger().jobs
     assert executor.kind == "hardware"

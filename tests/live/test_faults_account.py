@@ -1,4 +1,4 @@
-"""Accounts and backends that go: tokens that expire, keys that are refused, retired machines."""
+"""Accounts and backends that fail: expired tokens, refused keys, retired machines."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from live_runs import Runs, check_paid_once, played
 from standin import API_KEY, Fault
 from standin.identity import CRN
 
-WORDS = "IBM refuses the account's token: it has expired, or is not of this instance."
+WORDS = "IBM refuses the account's token: it has expired, or belongs to another instance."
 
 
 class Meanwhile(threading.Thread):
@@ -50,7 +50,7 @@ def test_tokens_that_expire_are_renewed(
 
 
 def test_short_lived_tokens(runs: Runs, undisturbed: dict[str, Any]) -> None:
-    """Each lives for half a second, a run for more: the client does not know that they end."""
+    """Each token lasts half a second, a run longer: the client does not know that they expire."""
     runs.service.settings.token_seconds = 0.5
     runs.service.settings.queue_seconds = 0.3
     found = runs.until_finished(runs.run())
@@ -78,7 +78,7 @@ def test_a_key_that_is_refused_midway_is_explained_and_nothing_is_lost(
     meanwhile.join()
     assert answer.code == 1
     assert f"Error: {WORDS}\n" in answer.err
-    assert "all of it is kept.\n  `qcompile resume " in answer.err
+    assert "everything is kept.\n  `qcompile resume " in answer.err
     assert answer.err.endswith("` resumes it.\n")
     assert API_KEY not in answer.err + answer.out
     runs.service.faults.refuse_key(False)
@@ -102,7 +102,7 @@ def test_an_unknown_backend_is_answered_with_the_known_ones(runs: Runs) -> None:
     assert answer.err == (
         "Error: The account has no backend 'ibm_nowhere'.\n"
         "  It has: fake_fez, fake_lima, fake_sherbrooke, fake_toronto.\n"
-        "  A backend that was there may be retired; what it measured is kept.\n"
+        "  The backend may have been retired; everything it measured is kept.\n"
     )
 
 
@@ -117,7 +117,7 @@ def test_an_outage_is_not_taken_for_a_missing_backend_or_key(
     runs.service.faults.chance(kind, 1.0, on=on)
     answer = runs.run()
     assert answer.code == 1
-    assert answer.err.startswith("Error: IBM's service does not answer.\n  Last it said: ")
+    assert answer.err.startswith("Error: IBM's service does not answer.\n  The last answer was: ")
     assert answer.err.endswith("\n  Nothing is lost: resume later.\n")
 
 
@@ -131,7 +131,7 @@ def test_a_short_outage_of_the_identity_service(runs: Runs) -> None:
 def test_a_backend_retired_midway_still_gives_what_it_measured(
     runs: Runs, undisturbed: dict[str, Any]
 ) -> None:
-    """The job that was paid is fetched, the next one cannot be sent: the run waits for it."""
+    """The paid job is fetched, and the next one cannot be sent: the run can be resumed later."""
     runs.service.settings.queue_seconds = 0.5
     assert runs.run("--max-wait-seconds", 0.1).code == 1
     runs.service.faults.retire("fake_lima")
@@ -139,7 +139,7 @@ def test_a_backend_retired_midway_still_gives_what_it_measured(
     answer = runs.call("resume", "last")
     assert answer.code == 1
     assert "Error: The account has no backend 'fake_lima'.\n" in answer.err
-    assert "  Jobs done: 1, steps played: 1; all of it is kept.\n" in answer.err
+    assert "  Jobs done: 1, steps played: 1; everything is kept.\n" in answer.err
     [job] = runs.service.ledger().jobs
     assert job.results_fetched == 1
     runs.service.settings.queue_seconds = 0.0
@@ -157,7 +157,7 @@ def test_a_service_that_does_not_answer_is_asked_for_a_while_and_explained(
     runs.service.faults.chance(kind, 1.0, on="GET /jobs/{id}")
     answer = runs.run()
     assert answer.code == 1
-    assert "Error: IBM's service does not answer.\n  Last it said: " in answer.err
+    assert "Error: IBM's service does not answer.\n  The last answer was: " in answer.err
     assert "\n  Nothing is lost: resume later.\n  Jobs done: 0, steps played: 0; " in answer.err
     runs.service.faults.clear()
     runs.until_finished(runs.call("resume", "last", "--json"))
@@ -167,7 +167,7 @@ def test_a_service_that_does_not_answer_is_asked_for_a_while_and_explained(
 def test_a_run_keeps_to_the_instance_it_began_with(
     runs: Runs, undisturbed: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Whatever the account names later: another instance may be one that costs."""
+    """Whatever the account names later: another instance may cost money."""
     runs.service.settings.queue_seconds = 0.2
     assert runs.run("--max-wait-seconds", 0.05).code == 1
     assert runs.call("runs", "export", "last").json()["settings"]["instance"] == CRN

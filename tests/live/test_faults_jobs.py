@@ -67,7 +67,7 @@ def test_a_job_that_waits_for_long_is_left_and_fetched_later(
     assert answer.code == 1
     [job] = runs.service.ledger().jobs
     assert f"Error: Job {job.id} is queued for 0 s now.\n" in answer.err
-    assert "  It stays there, and is fetched once it is done.\n" in answer.err
+    assert "  It stays in the queue; resume to fetch it once it is done.\n" in answer.err
     assert answer.err.endswith(f"  `qcompile resume {run_id()}` resumes it.\n")
     found = runs.until_finished(runs.call("resume", "last", "--json"))
     assert played(found) == undisturbed
@@ -101,7 +101,7 @@ def test_results_that_stay_unreadable_are_explained_and_never_paid_twice(
     [job] = runs.service.ledger().jobs
     assert (job.status, job.id in answer.err) == ("Completed", True)
     assert f"The result of job {job.id} cannot be read, 4 times." in answer.err
-    assert "  It is paid and is not sent again: resuming fetches it once more.\n" in answer.err
+    assert "  It is paid for and is not sent again: resuming fetches it once more.\n" in answer.err
     runs.service.faults.clear()
     assert played(runs.until_finished(runs.call("resume", "last", "--json"))) == undisturbed
     check_paid_once(runs.service, 3)
@@ -111,7 +111,7 @@ def test_results_that_stay_unreadable_are_explained_and_never_paid_twice(
 def test_a_charge_that_comes_late_is_not_guessed_and_learnt_later(
     runs: Runs, undisturbed: dict[str, Any]
 ) -> None:
-    """A result tells the caps of jobs of which IBM has not said the charge: 19 s each."""
+    """A result counts jobs without a reported charge with their caps: 19 s each."""
     runs.service.settings.usage_lag_seconds = 3600
     found = runs.run().json()
     assert played(found) == undisturbed
@@ -156,7 +156,7 @@ def test_charges_are_learnt_in_between_before_there_are_too_many(
 def test_a_deleted_job_is_explained_and_sent_once_more(
     runs: Runs, undisturbed: dict[str, Any]
 ) -> None:
-    """What it was charged stays unknown, and counts with its cap."""
+    """Its charge stays unknown and counts with its cap."""
     from qiskit_ibm_runtime import QiskitRuntimeService
 
     runs.service.settings.queue_seconds = 0.2
@@ -168,18 +168,18 @@ def test_a_deleted_job_is_explained_and_sent_once_more(
     answer = runs.call("resume", "last")
     assert answer.code == 1
     assert answer.err.split("Error: ")[1] == (
-        f"IBM has no job {job.id} any more: somebody deleted it.\n"
-        "  Resuming sends it once more, and pays for it again.\n"
-        "  Jobs done: 0, steps played: 0; all of it is kept.\n"
+        f"IBM no longer has job {job.id}: it was deleted.\n"
+        "  Resuming sends it once more and pays for it again.\n"
+        "  Jobs done: 0, steps played: 0; everything is kept.\n"
         f"  `qcompile resume {run_id()}` resumes it.\n"
     )
     assert len(runs.service.ledger().jobs) == 1  # nothing is sent before somebody says so
     again = runs.call("resume", "last")
     assert again.code == 1
     assert (
-        f"Error: Job {job.id} gave no counts. IBM says: it has the job no more.\n"
-        "  It may be charged yet. It is sent and paid again only if you say so.\n"
-        "  Jobs done: 0, steps played: 0; all of it is kept.\n"
+        f"Error: Job {job.id} returned no counts. IBM says: it no longer has the job.\n"
+        "  It may still be charged. It is sent and paid for again only if you allow it.\n"
+        "  Jobs done: 0, steps played: 0; everything is kept.\n"
         f"  `qcompile resume {run_id()} --yes` sends it again.\n"
     ) in again.err
     assert len(runs.service.ledger().jobs) == 1
@@ -228,6 +228,6 @@ def test_two_that_go_on_at_once_do_not_pay_twice(runs: Runs, undisturbed: dict[s
 
 
 def run_id() -> str:
-    """Of the only run."""
+    """The submissions of the only run."""
     [folder] = Path("runs").iterdir()
     return folder.name

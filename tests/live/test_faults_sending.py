@@ -1,4 +1,4 @@
-"""Exactly once, whatever happens to a request: same result, one paid job for each step."""
+"""Each job is sent exactly once, whatever happens: same result, one paid job per step."""
 
 from __future__ import annotations
 
@@ -49,17 +49,17 @@ def test_submissions_that_go_wrong(
 def test_a_service_that_takes_nothing_is_explained_and_resumed(
     runs: Runs, undisturbed: dict[str, Any], kind: Fault, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A submission is given up after three times. Each of them may have been accepted."""
+    """A submission is given up after three attempts. Each may have been accepted."""
     runs.service.faults.once(kind, on=SUBMIT, times=3)
     answer = runs.run()
     assert answer.code == 1
     assert "Error: IBM's service does not answer.\n" in answer.err
-    assert "  Jobs done: 0, steps played: 0; all of it is kept.\n" in answer.err
+    assert "  Jobs done: 0, steps played: 0; everything is kept.\n" in answer.err
     [row] = runs.call("runs", "--json").json()
     assert (row["jobs_in_doubt"], row["qpu_seconds"], row["qpu_seconds_settled"]) == (3, 57, 0)
     stopped = runs.call("resume", "last")  # the first job fits what is left, the second does not
     assert stopped.code == 1
-    assert "  IBM may have accepted 3 jobs that are not known, of 57 s at most; " in stopped.err
+    assert "  IBM may have accepted 3 more jobs, at most 57 s; " in stopped.err
     monkeypatch.setenv("QCOMPILE_DOUBT_SECONDS", "0")
     found = runs.until_finished(runs.call("resume", "last", "--json"))
     assert runs.errors == []
@@ -70,7 +70,7 @@ def test_a_service_that_takes_nothing_is_explained_and_resumed(
 
 
 def test_a_restored_copy_finds_what_was_sent_since(runs: Runs, undisturbed: dict[str, Any]) -> None:
-    """A folder was restored from a copy, and both went on: the second finds the job by its tag."""
+    """A folder was restored from a copy and both continue: the second finds the job by its tag."""
     runs.service.settings.queue_seconds = 1.0
     assert runs.run("--max-wait-seconds", 0.1).code == 1
     [folder] = Path("runs").iterdir()
@@ -140,7 +140,7 @@ def test_all_faults_at_random(
 
 
 def refuse(monkeypatch: pytest.MonkeyPatch, *calls: int) -> None:
-    """Let the service refuse these of the jobs it is sent, counted from 0."""
+    """Let the service refuse the submissions with these numbers, from 0."""
     real, count = Service.submit, itertools.count()
 
     def submit(self: Service, body: Any) -> Any:
@@ -163,7 +163,7 @@ def test_a_job_that_is_refused_is_explained_and_costs_nothing(
     refuse(monkeypatch, 0)
     answer = runs.run()
     assert answer.code == 1
-    assert "Error: IBM's service or client refuses.\n  It says: " in answer.err
+    assert "Error: IBM's service or client refused the request.\n  It says: " in answer.err
     assert "I do not take it." in answer.err
     assert states() == [("sending", 0)]
     found = runs.until_finished(runs.call("resume", "last", "--json"))
@@ -176,7 +176,7 @@ def test_a_job_that_is_refused_is_explained_and_costs_nothing(
 def test_a_refusal_after_no_answer_says_nothing_about_the_job_before(
     runs: Runs, undisturbed: dict[str, Any], kind: Fault, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The first was accepted, is listed late, and is found when the run goes on."""
+    """The first was accepted, is listed late, and is found when the run resumes."""
     refuse(monkeypatch, 1)
     runs.service.faults.listing_lag_seconds = 3600
     runs.service.faults.once(kind, on=SUBMIT)
@@ -196,7 +196,7 @@ def test_a_refusal_after_no_answer_says_nothing_about_the_job_before(
 def test_an_account_without_a_job_is_looked_at_before_one_is_sent_again(
     runs: Runs, undisturbed: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """As long as it settles: a run that was stopped while it sent looks first, and then sends."""
+    """A run that was stopped while sending looks for its job first, and then sends."""
     asked: list[float] = []
     monkeypatch.setenv("QCOMPILE_SETTLE_SECONDS", "0")
     runs.service.faults.once(Fault.DROPPED, on=SUBMIT, times=3)
@@ -230,6 +230,6 @@ def test_a_settling_time_that_is_no_number_of_seconds_is_explained(
     assert answer.code == 1
     assert answer.err.endswith(
         f"Error: QCOMPILE_SETTLE_SECONDS is {said!r}.\n"
-        "  It needs a number of seconds, such as 0.05, and a day's at most.\n"
+        "  It must be a number of seconds, such as 0.05, and at most a day.\n"
     )
     assert not runs.service.ledger().jobs

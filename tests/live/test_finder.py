@@ -1,4 +1,4 @@
-"""What is found of a run at IBM, and what of it is taken, counted and cancelled."""
+"""Which jobs of a run are found at IBM, used, counted and cancelled."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def test_a_job_that_does_not_say_its_cap_may_be_the_one_of_the_longest(
 
 
 def job_of(journal: Journal, service: Service, finder: Finder, *states: str) -> Any:
-    """The job that is taken of some, older ones first, and those that are cancelled."""
+    """The job that is used of several, given oldest first, and those that are cancelled."""
     made = journal.intend(0, "d", 10)
     for number, status in enumerate(states):
         journal.note_sending(made, 9)

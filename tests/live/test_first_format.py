@@ -1,4 +1,4 @@
-"""Journals of version 0.1.0: read as they are, and resumed in the format of today."""
+"""Journals of version 0.1.0: read unchanged, and resumed in the current format."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ def ones_of(shape: str, width: int, packed: bytes) -> bytes:
 
 
 def with_ones(path: Path, *, version: int) -> None:
-    """Write today's journal of one-round jobs as that format had it: ones, and another digest."""
+    """Rewrite a current journal of one-round jobs in that format: ones, and another digest."""
     with sqlite3.connect(path) as db:
         for number, *register in db.execute("SELECT number, shape, width, packed FROM measured"):
             if register[2] is not None:
@@ -132,7 +132,7 @@ def with_ones(path: Path, *, version: int) -> None:
 
 
 def as_of_first_version(path: Path) -> None:
-    """Write today's journal as version 0.1.0 would have."""
+    """Rewrite a current journal as version 0.1.0 would have written it."""
     with_ones(path, version=1)
     with sqlite3.connect(path) as db:
         rows = db.execute(
@@ -154,7 +154,7 @@ def as_of_first_version(path: Path) -> None:
 def test_a_run_of_the_second_format_goes_on_where_it_stopped(
     runs: Runs, undisturbed: dict[str, Any], state: str
 ) -> None:
-    """Its counts are read, and kept, as they are; and its finished result is given again."""
+    """Its counts are read and kept unchanged, and its finished result is returned again."""
     if state == "unfinished":  # after two of three jobs
         runs.service.settings.usage_factor = 1.5
     runs.run(max_qpu_seconds=9)
@@ -188,7 +188,7 @@ def test_a_run_of_the_second_format_goes_on_where_it_stopped(
     ],
 )
 def test_ones_that_cannot_be_are_explained(runs: Runs, ones: np.ndarray[Any, Any]) -> None:
-    """Of two CartPole episodes at 256 shots: counts (2, 4) in [0, 256]."""
+    """Two CartPole episodes at 256 shots have counts (2, 4) in [0, 256]."""
     assert runs.run().code == 0
     [path] = Path("runs").glob("*/journal.sqlite")
     with_ones(path, version=2)
@@ -198,7 +198,7 @@ def test_ones_that_cannot_be_are_explained(runs: Runs, ones: np.ndarray[Any, Any
     db.close()
     answer = runs.call("resume", "last")
     assert answer.code == 1
-    words = "is damaged: the counts of a job are wrong.\n  Restore a copy.\n"
+    words = "is damaged: the counts of a job are not valid.\n  Restore a backup.\n"
     assert f"Error: {path} {words}" in answer.err
     assert len(runs.service.ledger().jobs) == 3
 

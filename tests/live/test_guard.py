@@ -1,4 +1,4 @@
-"""The guard: nothing is spent that was not allowed, and a run stops before its limit."""
+"""The guard: nothing is spent without permission, and a run stops before its limit."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def nothing_sent(runs: Runs) -> bool:
 
 @pytest.mark.parametrize("spare_s", [-0.1, 0.0, 0.99])
 def test_a_plan_above_the_limit_sends_nothing(runs: Runs, spare_s: float) -> None:
-    """IBM cuts jobs off at whole seconds: one second is to spare."""
+    """IBM stops jobs at whole seconds: one second is to spare."""
     limit_s = 3 * STEP_S + spare_s
     answer = runs.run(max_qpu_seconds=limit_s)
     assert answer.code == 1
@@ -32,7 +32,7 @@ def test_a_plan_above_the_limit_sends_nothing(runs: Runs, spare_s: float) -> Non
 
 
 def test_a_limit_one_second_above_the_plan_is_enough(runs: Runs) -> None:
-    """Whole seconds of IBM's own limit do not cut the last job off."""
+    """IBM's limit in whole seconds does not stop the last job."""
     found = runs.run(max_qpu_seconds=3 * STEP_S + 1.001).json()
     assert found["qpu_seconds"] == pytest.approx(3 * STEP_S)
     assert found["jobs_uncharged"] == 0
@@ -77,12 +77,12 @@ def test_a_machine_that_takes_longer_than_planned_is_stopped_by_what_it_charged(
     answer = runs.run(max_qpu_seconds=9)
     assert answer.code == 1
     assert (
-        "Error: The limit of 9 QPU seconds would be passed: 6.5 s are spent or may yet be "
-        "charged, the next job takes about 3.3 s.\n"
-        "  Jobs done: 2, steps played: 2; all of it is kept.\n"
+        "Error: The limit of 9 QPU seconds would be exceeded: 6.5 s are spent or may still be "
+        "charged, and the next job takes about 3.3 s.\n"
+        "  Jobs done: 2, steps played: 2; everything is kept.\n"
         "  `qcompile resume "
     ) in answer.err
-    assert "--max-qpu-seconds S` resumes it with more." in answer.err
+    assert "--max-qpu-seconds S` resumes it with a higher limit." in answer.err
     assert runs.service.ledger().charged_seconds == pytest.approx(2 * 1.5 * STEP_S)
     again = runs.call("resume", "last")
     assert again.code == 1
@@ -97,26 +97,26 @@ def test_a_machine_that_takes_longer_than_planned_is_stopped_by_what_it_charged(
 def test_a_job_that_ibm_cuts_off_at_the_limit_is_a_matter_of_the_budget(
     runs: Runs, undisturbed: dict[str, object]
 ) -> None:
-    """Four times 2.2 s pass 8 s at once: IBM stops the job there, and charges so much."""
+    """Four times 2.2 s exceed 8 s at once: IBM stops the job there, and charges 8 s."""
     runs.service.settings.usage_factor = 4.0
     answer = runs.run(max_qpu_seconds=8)
     assert answer.code == 1
     [job] = runs.service.ledger().jobs
     assert (job.status, job.charged_seconds) == ("Cancelled", 8.0)
     assert (
-        f"Error: IBM cut job {job.id} off at 8 s.\n"
+        f"Error: IBM stopped job {job.id} at 8 s.\n"
         "  It was expected to take 2.2 s.\n"
-        "  Jobs done: 0, steps played: 0; all of it is kept.\n"
+        "  Jobs done: 0, steps played: 0; everything is kept.\n"
         "  `qcompile resume "
     ) in answer.err
-    assert answer.err.endswith(" --max-qpu-seconds S` resumes it with more.\n")
+    assert answer.err.endswith(" --max-qpu-seconds S` resumes it with a higher limit.\n")
     runs.service.settings.usage_factor = 1.0
     again = runs.call("resume", "last")
     assert again.code == 1
     assert (
-        f"Error: Job {job.id} gave no counts. IBM says: Job ran longer than its maximum execution "
-        "time of 8 s. (code 1305)\n"
-        "  It was charged 8 s. It is sent and paid again only if you say so.\n"
+        f"Error: Job {job.id} returned no counts. IBM says: Job ran longer than its maximum "
+        "execution time of 8 s. (code 1305)\n"
+        "  It was charged 8 s. It is sent and paid for again only if you allow it.\n"
     ) in again.err
     assert len(runs.service.ledger().jobs) == 1
     found = runs.call("resume", "last", "--max-qpu-seconds", 30, "--yes", "--json").json()
@@ -136,7 +136,7 @@ def test_a_higher_limit_is_confirmed_and_a_lower_one_is_not(
     assert "Allow 20 QPU seconds instead of 9? [y/N]" in answer.err
     lower = runs.call("resume", "last", "--max-qpu-seconds", 8)
     assert lower.code == 1
-    assert "The limit of 8 QPU seconds would be passed" in lower.err
+    assert "The limit of 8 QPU seconds would be exceeded" in lower.err
     assert len(runs.service.ledger().jobs) == 2
 
 
@@ -146,7 +146,7 @@ def test_a_higher_limit_is_confirmed_and_a_lower_one_is_not(
 def test_the_limit_holds_whatever_is_charged_and_whenever_ibm_says_it(
     runs: Runs, monkeypatch: pytest.MonkeyPatch, lag_s: float, factor: float, limit_s: float
 ) -> None:
-    """By the ledger: jobs whose charge comes late, and takes longer than the plan."""
+    """Checked with the ledger: jobs whose charges come late and exceed the plan."""
     monkeypatch.setattr("qcompile.live.billing._CHARGE_PAUSES_S", (0.05, 0.15))
     runs.service.settings.usage_lag_seconds = lag_s
     runs.service.settings.usage_factor = factor
@@ -157,7 +157,10 @@ def test_the_limit_holds_whatever_is_charged_and_whenever_ibm_says_it(
     assert 0 < runs.service.ledger().charged_seconds <= limit_s
     if factor * 3 * STEP_S > limit_s:
         assert answer.code == 1
-        words = ("QPU seconds would be passed", "It is sent and paid again only if you say so.")
+        words = (
+            "QPU seconds would be exceeded",
+            "It is sent and paid for again only if you allow it.",
+        )
         assert any(part in answer.err for part in words)
     elif lag_s < 1:
         assert answer.code == 0
@@ -172,9 +175,9 @@ def test_charges_that_never_come_stop_a_run_and_are_learnt_later(
     answer = runs.run(max_qpu_seconds=9)
     assert answer.code == 1
     assert (
-        "Error: The limit of 9 QPU seconds would be passed: 9.0 s are spent or may yet be "
-        "charged, the next job takes about 2.2 s.\n"
-        "  Jobs done: 1, steps played: 1; all of it is kept.\n"
+        "Error: The limit of 9 QPU seconds would be exceeded: 9.0 s are spent or may still be "
+        "charged, and the next job takes about 2.2 s.\n"
+        "  Jobs done: 1, steps played: 1; everything is kept.\n"
     ) in answer.err
     assert len(runs.service.ledger().jobs) == 1
     runs.service.settings.usage_lag_seconds = 0

@@ -22,7 +22,7 @@ OPTIONS += ("--episodes", 2, "--max-steps", 7)
 
 
 def stepped(steps: list[dict[str, Any]], episode: int, hold: int) -> float:
-    """CartPole from reset to end: recorded actions, then those of the noise model; its reward."""
+    """The reward of CartPole from reset to end: recorded actions, then the noise model's."""
     policy = replace(load_policy("cartpole"), hold=hold)
     model = Deployment(policy, "fake_lima", shots=64, mitigation="none", seed=0)
     environment = gymnasium.make("CartPole-v1")

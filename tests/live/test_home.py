@@ -1,4 +1,4 @@
-"""Runs that are resumed elsewhere: copies, moved folders, journals of somebody else."""
+"""Runs that are resumed elsewhere: copies, moved folders, journals from other people."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from qcompile.live.perform import complete
 from qcompile.live.runs import find_journal
 
 RUNS = Path("runs")
-IN_FOLDER = "was last resumed in another folder: there may be another copy of it.\n"
-ON_MACHINE = "was last resumed on another machine: there may be another copy of it.\n"
+IN_FOLDER = "was last resumed in another folder: another copy of it may exist.\n"
+ON_MACHINE = "was last resumed on another machine: another copy of it may exist.\n"
 NOBODY = "Error: Nobody said yes. Nothing was sent.\n  In a script say --yes"
 
 
@@ -108,7 +108,7 @@ def test_on_another_machine_a_script_says_the_limit_itself(
 
 
 def test_a_journal_that_does_not_say_where_it_was_is_asked_about(stopped: Runs) -> None:
-    """As those of the first version."""
+    """Without a home, as in journals of the first version."""
     with find_journal(RUNS, "last") as journal:
         pass
     with sqlite3.connect(journal.path) as db:
@@ -117,7 +117,7 @@ def test_a_journal_that_does_not_say_where_it_was_is_asked_about(stopped: Runs) 
     before = sent(stopped)
     asked = stopped.call("resume", "last")
     assert asked.code == 1
-    assert f"Run {journal.id} does not say on which machine it was resumed last.\n" in asked.err
+    assert f"The journal of run {journal.id} does not say where it was last resumed.\n" in asked.err
     assert sent(stopped) == before
     assert stopped.call("resume", "last", "--yes", "--max-qpu-seconds", 60).code == 0
 
@@ -161,7 +161,7 @@ def test_a_journal_names_neither_the_machine_nor_the_folder(stopped: Runs) -> No
 
 
 def test_two_runs_of_a_folder_have_other_digests(stopped: Runs) -> None:
-    """Who has several journals cannot tell by them which came from one place."""
+    """Several journals do not reveal which of them came from one place."""
     first = journal_home("runs")
     stopped.service.faults.once(Fault.JOB_CANCELLED)
     assert stopped.run().code == 1

@@ -1,4 +1,4 @@
-"""The journal: what is written down is there for whoever opens it next."""
+"""The journal: everything recorded is there when it is opened again."""
 
 from __future__ import annotations
 
@@ -139,7 +139,7 @@ def several() -> Journal:
 
 
 def test_every_job_that_ibm_has_or_may_have_is_a_charge() -> None:
-    """But for those that were never sent; a second job costs as well."""
+    """Except jobs that were never sent; a duplicate job costs too."""
     charges = again(several()).charges
     assert [(c.number, c.executions, c.cap_s, c.job_id, c.charged_s) for c in charges.all()] == [
         (0, 10, 5, "job-a", 1.5),
@@ -153,7 +153,7 @@ def test_every_job_that_ibm_has_or_may_have_is_a_charge() -> None:
 
 
 def test_charges_that_are_not_known_yet_are_learnt_later() -> None:
-    """Of jobs that have ended, and of second ones; a job under way has none yet."""
+    """For jobs that have ended, and duplicates; a job under way has no charge yet."""
     journal = several()
     assert [c.job_id for c in again(journal).charges.uncharged()] == ["job-b", "job-x"]
     charge(journal, "job-b", 2.25)
@@ -181,7 +181,7 @@ def test_a_run_is_settled_once_it_was_looked_over_and_nothing_is_open() -> None:
 
 
 def test_what_is_written_is_on_the_disk_before_anything_else_happens() -> None:
-    """SQLite's FULL, 2: without it a power cut takes what was said to be written."""
+    """SQLite's FULL, 2: without it a power cut loses committed writes."""
     journal = new()
     for seen in (journal, again(journal)):
         assert seen._db.connection.execute("PRAGMA synchronous").fetchone() == (2,)

@@ -1,4 +1,4 @@
-"""Journals that are damaged, or made to do harm: every one is explained, with the file's name."""
+"""Damaged and malicious journals: each is explained, with the file's name."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def read_all(folder: Path) -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_bits_that_flip_are_read_or_explained(seed: int) -> None:
-    """A hundred journals a seed, each hit by one to eight bits where it holds something."""
+    """A hundred journals per seed, each with one to eight flipped bits in used bytes."""
     rng = random.Random(seed)
     journal = new()
     contents = journal.path.read_bytes()
@@ -153,7 +153,7 @@ def test_a_journal_that_would_do_something_by_itself_is_refused(statement: str) 
 
 
 def test_a_row_that_damage_hides_is_missed_before_anything_is_sent() -> None:
-    """Its index knows of it. Without it the job would be sent and paid again."""
+    """Its index has the row. Without it the job would be sent and paid for again."""
     journal = new()
     with sqlite3.connect(journal.path) as db:
         [[root]] = db.execute("SELECT rootpage FROM sqlite_master WHERE name = 'submission'")
@@ -174,13 +174,13 @@ def test_a_row_that_damage_hides_is_missed_before_anything_is_sent() -> None:
 @pytest.mark.parametrize("shape", ["(1099511627776,)", "(250000000,)", "(-1,)", "(2, 3)", "()"])
 @pytest.mark.parametrize("dtype", ["<f8", "|O", "<U8", "<c16"])
 def test_an_array_is_as_large_as_its_bytes(shape: str, dtype: str) -> None:
-    """Whatever its header says: two gigabytes are not even asked for."""
+    """Whatever its header says, two gigabytes are never allocated."""
     header = f"{{'descr': '{dtype}', 'fortran_order': False, 'shape': {shape}, }}"
     contents = b"\x93NUMPY\x01\x00v\x00" + header.encode().ljust(117) + b"\n" + b"x" * 12
     with pytest.raises(LiveError):
         to_array(b"")  # what is loaded for messages is there from now on
     tracemalloc.start()
-    with pytest.raises(LiveError, match="An array in the run's journal is damaged"):
+    with pytest.raises(LiveError, match="An array in the journal is damaged"):
         to_array(contents)
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
@@ -212,8 +212,8 @@ def test_a_result_of_another_shape_is_explained(kind: Any, result: dict[str, Any
         journal.finish(result)
         with pytest.raises(LiveError) as caught:
             finished(journal)
-    assert str(caught.value).startswith(f"{journal.path} is damaged: its result is wrong.\n")
-    assert f"`qcompile runs export {journal.id}` gives what was measured." in str(caught.value)
+    assert str(caught.value).startswith(f"{journal.path} is damaged: its result is not valid.\n")
+    assert f"`qcompile runs export {journal.id}` saves the measurements." in str(caught.value)
 
 
 # Made whole, and one at a time
@@ -232,7 +232,7 @@ def test_a_journal_whose_making_is_stopped_leaves_nothing(monkeypatch: pytest.Mo
 
 
 def test_the_name_of_a_new_run_is_on_the_disk(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Else a power cut may take the folder, with all that was said to be written in it."""
+    """Otherwise a power cut may lose the folder with everything committed in it."""
     real, synced = os.fsync, []
 
     def fsync(handle: int) -> None:

@@ -1,4 +1,4 @@
-"""Journals that cannot be used: held by another process, damaged, foreign, not to be written."""
+"""Unusable journals: locked by another process, damaged, foreign, or read-only."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def test_a_damaged_journal_is_explained() -> None:
 
 
 def test_a_journal_cut_in_half_is_explained() -> None:
-    """It is seen where it is opened, or where a page is needed that is not there."""
+    """It is noticed on opening, or when a missing page is needed."""
     with new() as journal:
         for number in range(50):
             journal.intend(number, "d" * 500, 1)
@@ -80,7 +80,7 @@ def test_a_journal_cut_in_half_is_explained() -> None:
 
 
 def test_a_file_that_cannot_be_written_is_explained() -> None:
-    """Whatever is written: nothing of it is taken for written."""
+    """No write is taken for committed."""
     journal = new()
     made = journal.intend(0, "d", 1)
     with sqlite3.connect(journal.folder / FILE) as other:
@@ -96,7 +96,7 @@ def test_a_file_that_cannot_be_written_is_explained() -> None:
             assert str(caught.value) == (
                 f"The run's journal in {journal.folder} cannot be read or written: database is "
                 "locked.\n"
-                "  What was sent has its tag in it and is found again, once this is mended."
+                "  Jobs that were sent are recorded in it and are found again once this is fixed."
             )
     assert journal.submissions() == [made]
     assert journal.result is None
@@ -124,7 +124,7 @@ def test_a_folder_that_cannot_be_made_is_explained_before_anything_is_sent() -> 
     Path("runs").write_text("a file stands where the folder should be")
     with pytest.raises(LiveError) as caught:
         new()
-    assert "The run's journal cannot be written to runs/" in str(caught.value)
+    assert "Cannot write the run's journal to runs/" in str(caught.value)
     assert "\n  Nothing was sent. Choose another folder with --runs." in str(caught.value)
 
 

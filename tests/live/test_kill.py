@@ -1,4 +1,4 @@
-"""Killed without a word at any moment, a run goes on as if nothing had happened."""
+"""A run that is killed at any moment resumes as if nothing had happened."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ WORDS = (
 def test_a_killed_run_goes_on(
     runs: Runs, undisturbed: dict[str, Any], request_: str, times: int, pause_s: float
 ) -> None:
-    """Killed as soon as the service has seen so many of these requests."""
+    """Killed as soon as the service has seen this many of these requests."""
     runs.service.settings.run_seconds = 0.1
     killed(runs.service, WORDS, request_, times, pause_s)
     found = runs.until_finished(runs.call("resume", "last", "--json"))
@@ -46,7 +46,7 @@ def test_ctrl_c_stops_a_run_in_words(
     runs.service.settings.run_seconds = 0.1
     assert answer.code == 1
     assert (
-        "Error: Interrupted.\n  Jobs done: 0, steps played: 0; all of it is kept.\n"
+        "Error: Interrupted.\n  Jobs done: 0, steps played: 0; everything is kept.\n"
         "  `qcompile resume "
     ) in answer.err
     found = runs.until_finished(runs.call("resume", "last", "--json"))

@@ -106,5 +106,5 @@ def test_the_limit_holds_where_two_jobs_of_a_step_may_be_charged(
     runs.service.faults.once(Fault.ACCEPTED_504, on=SUBMIT)
     answer = runs.run(max_qpu_seconds=8)
     assert answer.code == 1
-    assert "The limit of 8 QPU seconds would be passed" in answer.err
+    assert "The limit of 8 QPU seconds would be exceeded" in answer.err
     assert 0 < runs.service.ledger().charged_seconds <= 8

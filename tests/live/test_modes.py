@@ -1,4 +1,4 @@
-"""Batches of IBM's, and the sampler of before where today's is not served; never a session."""
+"""IBM batches, and the older sampler if the current one is not served; never a session."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A live run in an environment of a user's own module: its journal has the id alone."""
+"""A live run in an environment from a user's module: its journal has only the id."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ gymnasium.register("Hall-v0", Hall)
 
 
 def forget(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Know nothing of the module, as another process."""
+    """Forget the module, as in another process."""
     gymnasium.registry.pop("Hall-v0", None)
     sys.modules.pop("halls", None)
     monkeypatch.setattr(registration, "_imported", {})
@@ -82,5 +82,5 @@ def test_it_is_played_planned_and_resumed_with_the_module(
 def test_arguments_that_a_journal_could_not_keep_are_refused(runs: Runs) -> None:
     answer = runs.run("--env", "track=../a.xml")
     assert answer.code == 2
-    assert "env cannot be kept in a policy file: track has the text '../a.xml'" in answer.err
+    assert "env cannot be stored in a policy file: track has the string '../a.xml'" in answer.err
     assert not Path("runs").exists()

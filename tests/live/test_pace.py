@@ -1,4 +1,4 @@
-"""Jobs are sent no faster than the account may: by option, and as Retry-After says."""
+"""Jobs are sent no faster than allowed, by option and by Retry-After."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SUBMIT, JOB = "POST /jobs", "GET /jobs/{id}"
 
 @pytest.fixture
 def minute(service: StandIn, monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
-    """Have a minute last so long, on both sides."""
+    """Make a minute last this long, on both sides."""
     monkeypatch.setattr("qcompile.live.pace._LATE_S", 0.5)
 
     def last(seconds: float) -> None:
@@ -46,7 +46,7 @@ def test_jobs_are_paced_from_one_process_to_the_next_and_never_refused(
     runs.service.settings.jobs_per_minute = 2
     stopped = runs.run("--jobs-per-minute", 2, "--max-wait-seconds", 30)
     assert stopped.code == 1
-    assert "Error: The next job may be sent in 10 min.\n  Nothing is lost: resume then.\n" in (
+    assert "Error: The next job can be sent in 10 min.\n  Nothing is lost: resume then.\n" in (
         stopped.err
     )
     first, _ = sent_at(runs.service)
@@ -84,7 +84,7 @@ def test_a_job_is_not_sent_again_before_the_time(runs: Runs, undisturbed: dict[s
 
 
 def test_more_jobs_than_a_minute_takes_are_sent_in_the_next(runs: Runs) -> None:
-    """Nobody told the client of the service's limit."""
+    """The client does not know the service's limit."""
     runs.service.settings.jobs_per_minute, runs.service.settings.minute_seconds = 1, 1.0
     assert runs.run("--max-steps", 2).code == 0
     assert len(runs.service.ledger().jobs) == 2
@@ -95,7 +95,7 @@ def test_a_job_that_is_unavailable_for_long_is_explained_and_not_sent(runs: Runs
     runs.service.faults.once(Fault.UNAVAILABLE, on=SUBMIT)
     stopped = runs.run()
     assert stopped.code == 1
-    assert "Error: The next job may be sent in 2 h 0 min.\n" in stopped.err
+    assert "Error: The next job can be sent in 2 h 0 min.\n" in stopped.err
     assert runs.service.ledger().requests[SUBMIT] == 1
 
 
@@ -114,7 +114,7 @@ def test_a_service_that_is_busy_for_long_is_explained(on: str, runs: Runs) -> No
     began = time.monotonic()
     stopped = runs.run()
     assert time.monotonic() - began < 60
-    assert "Error: IBM's service is busy and asks to come back in 15 min.\n" in stopped.err
+    assert "Error: IBM's service is busy and asks to be called again in 15 min.\n" in stopped.err
     assert "  Nothing is lost: resume then.\n" in stopped.err
 
 
@@ -157,11 +157,11 @@ def test_the_time_to_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
     remaining = Remaining(60, before=10)
     assert remaining.words(10) == ""
     now += 30
-    assert remaining.words(20) == "about 2 min to the end"  # 40 more, of 3 s each
+    assert remaining.words(20) == "about 2 min left"  # 40 more, of 3 s each
     paced = Remaining(60, before=10, job_s=12.0)
-    assert paced.words(20) == "about 8 min to the end"
+    assert paced.words(20) == "about 8 min left"
     assert paced.words(60) == ""
-    assert paced.words(61) == "longer than planned"
+    assert paced.words(61) == "more jobs than planned"
     assert Remaining(1, before=1).words(1) == ""
 
 

@@ -1,4 +1,4 @@
-"""How many jobs, circuits and executions a run takes, by the ledger of the service."""
+"""The jobs, circuits and executions of a run, from the ledger of the service."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Jobs that were charged and gave no counts are sent again only when somebody says so."""
+"""Charged jobs without counts are sent again only with permission."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ STEP_S = 2.1792
 def fail_charged(
     runs: Runs, monkeypatch: pytest.MonkeyPatch, *calls: int, outcome: str = "Failed"
 ) -> None:
-    """Let these of the jobs, counted from 0, end without counts, and be charged all the same."""
+    """Let the jobs with these numbers, from 0, end without counts and be charged all the same."""
     real, count = Service.submit, itertools.count()
 
     def submit(self: Service, body: Any) -> Any:
@@ -37,7 +37,7 @@ def test_one_ends_the_run_and_is_sent_again_on_request(
     outcome: str,
     lag_s: float,
 ) -> None:
-    """Whether IBM has said already what it charges, or may say it yet."""
+    """Whether IBM has already reported the charge, or may still do so."""
     monkeypatch.setattr("qcompile.live.billing._CHARGE_PAUSES_S", (0.01,))
     runs.service.settings.usage_lag_seconds = lag_s
     fail_charged(runs, monkeypatch, 0, outcome=outcome)
@@ -45,16 +45,16 @@ def test_one_ends_the_run_and_is_sent_again_on_request(
     assert answer.code == 1
     [job] = runs.service.ledger().jobs
     assert job.charged_seconds == pytest.approx(STEP_S)
-    charge = "may be charged yet" if lag_s else "was charged 2.1792 s"
+    charge = "may still be charged" if lag_s else "was charged 2.1792 s"
     assert f"  It {charge}; this was attempt 1.\n" in answer.err
     [folder] = Path("runs").iterdir()
     for more in ((), ("--max-qpu-seconds", 60), ("--max-qpu-seconds", 59)):
         answer = runs.call("resume", "last", *more)
         assert answer.code == 1
         assert answer.err.endswith(
-            f"Error: Job {job.id} gave no counts. IBM says: A qubit was hot. (code 9701)\n"
-            f"  It {charge}. It is sent and paid again only if you say so.\n"
-            "  Jobs done: 0, steps played: 0; all of it is kept.\n"
+            f"Error: Job {job.id} returned no counts. IBM says: A qubit was hot. (code 9701)\n"
+            f"  It {charge}. It is sent and paid for again only if you allow it.\n"
+            "  Jobs done: 0, steps played: 0; everything is kept.\n"
             f"  `qcompile resume {folder.name} --yes` sends it again.\n"
         )
     assert len(runs.service.ledger().jobs) == 1
@@ -81,12 +81,12 @@ def test_a_yes_is_for_one_failure(runs: Runs, monkeypatch: pytest.MonkeyPatch) -
 def test_a_job_that_was_cut_off_does_not_take_the_rest_unasked(
     runs: Runs, undisturbed: dict[str, Any]
 ) -> None:
-    """19 of 100 s are gone; `resume` asks before it gives the same job some of the other 81."""
+    """19 of 100 s are spent; `resume` asks before it spends more of them on the same job."""
     runs.service.settings.usage_factor = 9.0
     answer = runs.run(max_qpu_seconds=100)
     assert answer.code == 1
     [job] = runs.service.ledger().jobs
-    assert f"Error: IBM cut job {job.id} off at 19 s.\n" in answer.err
+    assert f"Error: IBM stopped job {job.id} at 19 s.\n" in answer.err
     assert runs.call("resume", "last").code == 1
     assert len(runs.service.ledger().jobs) == 1
     runs.service.settings.usage_factor = 1.0
@@ -106,7 +106,7 @@ def test_somebody_at_a_terminal_is_asked(
     monkeypatch.setattr("sys.stdin", io.StringIO(said))
     monkeypatch.setattr("qcompile.cli.resume.is_interactive", lambda: True)
     answer = runs.call("resume", "last")
-    assert "It is sent and paid again only if you say so." in answer.err
+    assert "It is sent and paid for again only if you allow it." in answer.err
     assert "Send it again? [y/N]" in answer.err
     assert answer.code == (said == "n\n")
     assert len(runs.service.ledger().jobs) == (1 if answer.code else 4)

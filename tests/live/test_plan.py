@@ -1,4 +1,4 @@
-"""What `plan` says before is what the ledger of the service shows afterwards."""
+"""The forecast of `plan` equals what the service's ledger shows afterwards."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def test_split_rows_by_hand(runs: Runs) -> None:
 def test_the_command_of_a_live_plan_plays_on_the_machine(
     runs: Runs, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """As it is typed, within the seconds that were planned."""
+    """The command works as typed, within the planned seconds."""
     monkeypatch.setattr(search, "_LEAST", 4)
     monkeypatch.setattr(search, "_MOST", 4)
     words = ("cartpole_1q", "--backend", "fake_lima", "--episodes", 2, "--shots", 64)

@@ -1,4 +1,4 @@
-"""A live run that is told no shots takes the plan's settings, and what it is told stays."""
+"""A live run without shots uses the plan's settings, and keeps the given ones."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A run played again from its journal: it asks nobody, and believes nothing that does not fit."""
+"""A run replayed from its journal: it sends no requests, and rejects whatever does not fit."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from qcompile.passes import compile
 
 
 def change(what: str, *values: object) -> None:
-    """Change the journal of the only run, and have it played again."""
+    """Change the journal of the only run, and replay it."""
     [path] = Path("runs").glob("*/journal.sqlite")
     with sqlite3.connect(path) as db:
         db.execute(what, values)
@@ -81,9 +81,9 @@ def test_a_changed_input_is_explained_and_not_sent(runs: Runs, part: str) -> Non
     answer = runs.call("resume", "last")
     assert answer.code == 1
     assert answer.err.split("Error: ")[1] == (
-        f"Job 0 of run {journal.id} was another one when it was sent.\n"
+        f"Job 0 of run {journal.id} differs from the one that was sent.\n"
         "  The versions are the same.\n"
-        f"  `qcompile runs export {journal.id}` gives what was measured.\n"
+        f"  `qcompile runs export {journal.id}` saves the measurements.\n"
     )
     assert runs.service.ledger() == before
 
@@ -93,7 +93,7 @@ def flip(actions: Any) -> None:
 
 
 def test_recorded_actions_are_taken(runs: Runs) -> None:
-    """An episode that was pushed the other way is seen in the next observation."""
+    """An episode that was pushed the other way differs in the next observation."""
     runs.run()
     changed_array("actions", 0, flip)
     answer = runs.call("resume", "last")
@@ -121,7 +121,7 @@ def test_an_angle_that_another_processor_rounds_otherwise_is_the_same(
     if same:
         assert run(x + by).tolist() == ones.tolist()
     else:
-        with pytest.raises(ReplayError, match=r"Job 0 of run .* was another one when it was sent"):
+        with pytest.raises(ReplayError, match=r"Job 0 .* differs from the one that was sent"):
             run(x + by)
     assert len(service.ledger().jobs) == 1
 
@@ -144,13 +144,13 @@ def test_versions_that_differ_are_named(runs: Runs) -> None:
     answer = runs.call("resume", "last")
     assert answer.code == 1
     assert (
-        f"was another one when it was sent.\n  It began with machine abacus, now "
+        f"differs from the one that was sent.\n  It began with machine abacus, now "
         f"{was['machine']}; numpy 1.0.0, now {was['numpy']}.\n  `qcompile runs export "
     ) in answer.err
 
 
 def nudge(by: float) -> Callable[[Any], None]:
-    """Move the first value, by so much of it and so much besides."""
+    """Change the first value, by a relative and an absolute amount."""
 
     def change_it(values: Any) -> None:
         values.flat[0] += by * (1 + abs(values.flat[0]))
@@ -166,7 +166,8 @@ def test_what_the_environment_shows_is_checked(runs: Runs, column: str, by: floa
     answer = runs.call("resume", "last")
     assert answer.code == 1
     assert answer.err.split("Error: ")[1].startswith(
-        f"The {column} of step 1 are not those recorded: the environment does not repeat itself.\n"
+        f"The {column} of step 1 differ from the recorded ones: the environment does "
+        "not repeat itself.\n"
         "  The versions are the same.\n"
         "  `qcompile runs export "
     )
@@ -184,7 +185,7 @@ def test_what_another_processor_rounds_otherwise_is_the_same(
 def test_counts_of_the_journal_are_what_actions_come_from(
     runs: Runs, undisturbed: dict[str, Any]
 ) -> None:
-    """With the last step and its counts gone, the run is played on to the same end.
+    """With the last step and its counts removed, the run is played to the same end.
 
     Its job is found by its tag, and not paid again.
     """

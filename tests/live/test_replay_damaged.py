@@ -12,7 +12,7 @@ from live_runs import Runs
 from qcompile.live.records import to_bytes
 from qcompile.live.runs import find_journal
 
-COUNTS, ACTIONS = "the counts of a job are wrong", "the actions of step 1 are wrong"
+COUNTS, ACTIONS = "the counts of a job are not valid", "the actions of step 1 are not valid"
 
 
 @pytest.mark.parametrize(
@@ -46,5 +46,5 @@ def test_an_array_that_cannot_be(
     sent = len(runs.service.ledger().jobs)
     answer = runs.call("resume", "last")
     assert answer.code == 1
-    assert f"Error: {journal.path} is damaged: {words}.\n  Restore a copy.\n" in answer.err
+    assert f"Error: {journal.path} is damaged: {words}.\n  Restore a backup.\n" in answer.err
     assert len(runs.service.ledger().jobs) == sent

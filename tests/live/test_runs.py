@@ -1,4 +1,4 @@
-"""The runs of a folder: found by a part of their names, listed by age, damaged ones told."""
+"""The runs of a folder: found by part of their names, listed by age, damaged ones reported."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_an_unknown_run_is_answered_with_the_known_ones(said: str) -> None:
 
 @pytest.mark.parametrize("said", ["last", "aaaa"])
 def test_a_folder_without_runs_says_so(said: str) -> None:
-    with pytest.raises(LiveError, match=r"There is no run .* in runs\.\n  It holds none\."):
+    with pytest.raises(LiveError, match=r"There is no run .* in runs\.\n  It holds no runs\."):
         find_journal(RUNS, said)
 
 
@@ -93,7 +93,7 @@ def test_a_damaged_run_is_told_and_hides_no_other() -> None:
     assert [journal.folder.name for journal in journals(RUNS, told.append)] == ids[:2]
     [words] = told
     assert words.startswith(f"runs/{ids[2]}/journal.sqlite cannot be read: ")
-    with pytest.raises(LiveError, match="Which run is the last is not known"):
+    with pytest.raises(LiveError, match="The last run is not known"):
         find_journal(RUNS, "last")
     assert find_journal(RUNS, ids[0]).folder.name == ids[0]
     with pytest.raises(LiveError, match="cannot be read"):

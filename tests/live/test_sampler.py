@@ -1,4 +1,4 @@
-"""GuardedSampler: PUBs of anybody's, and the results that IBM's own sampler gives for them."""
+"""GuardedSampler: any PUBs, with the same results as from IBM's own sampler."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_a_result_is_that_of_ibms_own_sampler(service: StandIn) -> None:
 
 
 def test_shots_are_those_of_the_pub_then_of_the_call_then_ibms(service: StandIn) -> None:
-    """IBM's sampler takes one number of shots a job, so PUBs of several are several jobs."""
+    """IBM's sampler takes one number of shots per job, so different shots are different jobs."""
     pubs = [(flipped(0), None, 30), flipped(1), (flipped(2), None, 30), flipped(3)]
     with GuardedSampler("fake_lima") as sampler:
         found = sampler.run(pubs, shots=50).result()
@@ -116,7 +116,7 @@ def fake() -> Any:
 
 @pytest.mark.parametrize("make", [aer, fake, lambda: None, lambda: 3])
 def test_what_is_no_machine_of_ibms_is_refused(service: StandIn, make: Callable[[], Any]) -> None:
-    with pytest.raises(OptionError, match=r"It takes the name of a machine, or the IBMBackend"):
+    with pytest.raises(OptionError, match=r"It takes the name of a machine, or an IBMBackend"):
         GuardedSampler(make())
     assert not service.ledger().requests
 
@@ -128,13 +128,13 @@ def unmeasured() -> QuantumCircuit:
 @pytest.mark.parametrize(
     ("pubs", "kind", "words"),
     [
-        (flipped(), OptionError, "PUBs come in a list"),
-        (3, OptionError, "PUBs come in a list"),
+        (flipped(), OptionError, "PUBs must be in a list"),
+        (3, OptionError, "PUBs must be in a list"),
         ([], OptionError, "There is no PUB to run"),
-        ([flipped(), "x"], OptionError, "PUB 1 is not one"),
-        ([flipped(), two_registers()], OptionError, "PUB 1 is not one: The number of values"),
-        ([(two_registers(), VALUES[0] * np.nan)], OptionError, "values hold a number that is not"),
-        ([{"circuit": flipped()}], OptionError, "PUB 0 is not one"),
+        ([flipped(), "x"], OptionError, "PUB 1 is not valid"),
+        ([flipped(), two_registers()], OptionError, "PUB 1 is not valid: The number of values"),
+        ([(two_registers(), VALUES[0] * np.nan)], OptionError, "one of its values is not finite"),
+        ([{"circuit": flipped()}], OptionError, "PUB 0 is not valid"),
         ([(flipped(), None, 0)], OptionError, "shots must be positive"),
         ([(flipped(), None, 20_000_000)], CountsError, "20000000 shots cannot be run"),
         ([unmeasured()], OptionError, "PUB 0 measures nothing"),
@@ -171,13 +171,13 @@ def branching() -> QuantumCircuit:
     [
         (entangled(), r"Its swap on qubits \(0, 1\) is not an instruction"),
         (branching(), "Its h on qubit 1 is not an instruction"),
-        (QuantumCircuit(6, 1), "It has 6 qubits, the machine 5"),
+        (QuantumCircuit(6, 1), "It has 6 qubits; the machine has 5"),
     ],
 )
 def test_a_circuit_that_the_machine_cannot_run_is_not_sent(
     service: StandIn, circuit: QuantumCircuit, words: str
 ) -> None:
-    """Nothing is in doubt; and the place is free for the circuit once it is compiled."""
+    """Nothing is in doubt, and the position is free for the circuit once it is compiled."""
     with GuardedSampler("fake_lima") as sampler:
         with pytest.raises(LiveError, match=words):
             sampler.run([circuit], shots=10)
@@ -187,7 +187,7 @@ def test_a_circuit_that_the_machine_cannot_run_is_not_sent(
 
 
 def test_two_calls_are_sent_before_either_is_waited_for(service: StandIn) -> None:
-    """And the same PUBs twice are two samples."""
+    """The same PUBs twice are two samples."""
     service.settings.run_seconds = 0.2
     with GuardedSampler("fake_lima") as sampler:
         jobs = [sampler.run([flipped()], shots=500 + k) for k in (0, 0, 1)]
@@ -199,7 +199,7 @@ def test_two_calls_are_sent_before_either_is_waited_for(service: StandIn) -> Non
         assert [job.status() for job in jobs] == ["DONE"] * 3
         assert (jobs[0].done(), jobs[0].cancelled()) == (True, False)
         ids = [job_id for job in jobs for job_id in job.job_ids()]
-        with pytest.raises(LiveError, match=f"IBM's own tools cancel it: {ids[0]}"):
+        with pytest.raises(LiveError, match=f"IBM's own tools can cancel it: {ids[0]}"):
             jobs[0].cancel()
     assert ids == [job.id for job in service.ledger().jobs]
     assert len({job.job_id() for job in jobs}) == 3
@@ -222,6 +222,6 @@ def test_parameters_may_be_named_in_any_way(service: StandIn) -> None:
 def test_an_unknown_parameter_is_refused(service: StandIn) -> None:
     with (
         GuardedSampler("fake_lima") as sampler,
-        pytest.raises(OptionError, match="PUB 0 is not one: Could not find placement"),
+        pytest.raises(OptionError, match="PUB 0 is not valid: Could not find placement"),
     ):
         sampler.run([(two_registers(), {Parameter("z"): [1.0], Parameter("y"): [1.0]})])

@@ -1,4 +1,4 @@
-"""A program of somebody's that asks a GuardedSampler: stopped, run again, and at its limit."""
+"""A user's program on a GuardedSampler: stopped, run again, and at its limit."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def pubs(qubit: int) -> list[Any]:
 
 
 def program() -> subprocess.Popen[str]:
-    """Three calls of two PUBs, in a process of their own."""
+    """Three calls of two PUBs, in a separate process."""
     return subprocess.Popen(
         [sys.executable, "-c", PROGRAM, str(Path(__file__).parent.parent)],
         env=os.environ | {"QCOMPILE_SETTLE_SECONDS": "0.05"},
@@ -72,7 +72,7 @@ def check_paid_once(service: StandIn, jobs: int) -> None:
 def test_a_killed_program_is_run_again(
     service: StandIn, request_: str, times: int, pause_s: float
 ) -> None:
-    """Its results are those of IBM's own sampler, and each job is paid once."""
+    """Its results equal those of IBM's own sampler, and each job is paid once."""
     service.settings.run_seconds = 0.1
     killed = program()
     while service.ledger().requests.get(request_, 0) < times:
@@ -109,10 +109,11 @@ def test_other_pubs_in_a_place_are_refused_and_not_sent(service: StandIn) -> Non
             with pytest.raises(ReplayError) as caught:
                 sampler.run(other, shots=shots)
             assert str(caught.value) == (
-                f"Job 0 of run {sampler.journal.id} was another one when it was sent.\n"
+                f"Job 0 of run {sampler.journal.id} differs from the one that was sent.\n"
                 "  The versions are the same.\n"
-                "  A journal is of one program, which asks for the same PUBs in the same order.\n"
-                "  `qcompile runs export mine` gives what was measured."
+                "  A journal belongs to one program, which must request the same PUBs in the "
+                "same order.\n"
+                "  `qcompile runs export mine` saves the measurements."
             )
             sampler.run(pubs(0), shots=SHOTS).result()  # and the right ones are still there
     assert service.ledger().jobs == before.jobs
@@ -130,7 +131,7 @@ def test_other_pubs_after_a_refusal_are_told_what_the_place_waits_for(service: S
 
 
 def test_a_program_that_changed_takes_no_job_of_an_older_one(service: StandIn) -> None:
-    """The journal was restored from a copy, which does not know what was sent since."""
+    """The journal was restored from a copy that does not know what was sent since."""
     with GuardedSampler("fake_lima") as sampler:
         sampler.run(pubs(0), shots=SHOTS).result()
     shutil.copytree("runs/mine", "copy")
@@ -156,9 +157,9 @@ def test_the_limit_stops_a_program_before_it_sends(service: StandIn) -> None:
         for _ in range(2):
             with pytest.raises(BudgetError) as caught:
                 sampler.run([(two_registers(), VALUES), flipped(2)], shots=2 * SHOTS)
-        assert "The limit of 9 QPU seconds would be passed: 5.5 s are spent" in str(caught.value)
+        assert "The limit of 9 QPU seconds would be exceeded: 5.5 s are spent" in str(caught.value)
         assert str(caught.value).endswith(
-            "Jobs done: 2; all of it is kept.\n"
+            "Jobs done: 2; everything is kept.\n"
             "  Run the same program again with a higher max_qpu_seconds."
         )
         assert len(service.ledger().jobs) == 2
@@ -199,7 +200,7 @@ def test_a_job_that_is_not_waited_for_is_the_same_when_it_is_asked_for_again(
     service.settings.queue_seconds = 3600
     with GuardedSampler("fake_lima", max_wait_s=0.01) as sampler:
         for _ in range(3):
-            with pytest.raises(LiveError, match=r"Run the same program again: it gets what is"):
+            with pytest.raises(LiveError, match=r"Run the same program again: it reads the"):
                 sampler.run(pubs(0), shots=SHOTS).result()
         assert sampler.costs["jobs_uncharged"] == 0  # it has not ended
     with GuardedSampler("fake_lima", max_wait_s=0.01) as sampler, pytest.raises(LiveError):
@@ -233,7 +234,7 @@ def test_a_failure_that_was_paid_is_sent_again_if_the_program_says_so(
         sampler.run([flipped()], shots=SHOTS).result()
     with (
         GuardedSampler("fake_lima") as sampler,
-        pytest.raises(PaidFailureError, match="again with pay_again=True: it sends it again"),
+        pytest.raises(PaidFailureError, match="again with pay_again=True to send it again"),
     ):
         sampler.run([flipped()], shots=SHOTS)
     with GuardedSampler("fake_lima", pay_again=True) as sampler:
@@ -307,7 +308,7 @@ def test_nobody_else_asks(service: StandIn, elsewhere: Callable[..., None]) -> N
             sampler.close()
 
     elsewhere(ask)
-    assert said.read_text().startswith("A GuardedSampler is asked by the process and the thread")
+    assert said.read_text().startswith("A GuardedSampler can only be used by")
     with (
         pytest.raises(LiveError, match="is running in another process"),
         Journal(sampler.journal.folder).locked(),

@@ -1,4 +1,4 @@
-"""The books of a sampler: what `runs` and `resume` tell of it; no corner hides a charge."""
+"""The books of a sampler, as reported by `runs` and `resume`: no charge is hidden."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_runs_tell_what_a_sampler_has_and_what_it_costs(runs: Runs) -> None:
         shown = runs.call("runs", "show", name)
         assert shown.out == (
             f"{row['run']}, sampler on fake_lima: finished\n"
-            "Jobs done: 1; all of it is kept.\n"
+            "Jobs done: 1; everything is kept.\n"
             f"{charged_s:.1f} QPU seconds charged; 50 allowed\n"
             "Run its program again to continue. `qcompile resume mine` fetches what was sent.\n"
         )
@@ -69,7 +69,7 @@ def test_resume_fetches_what_a_program_sent_and_did_not_wait_for(runs: Runs) -> 
     assert (told(runs)["state"], told(runs)["jobs_open"]) == ("unfinished", 1)
     answer = runs.call("resume", "mine", "--max-wait-seconds", 0.01)
     assert answer.code == 1
-    assert "Run the same program again: it gets what is recorded, and goes on.\n" in answer.err
+    assert "Run the same program again: it reads the recorded jobs and resumes.\n" in answer.err
     found = runs.call("resume", "mine", "--json").json()
     assert (found["backend"], found["jobs_done"], found["jobs_open"]) == ("fake_lima", 1, 0)
     assert found["qpu_seconds"] == pytest.approx(runs.service.ledger().charged_seconds)
@@ -121,7 +121,7 @@ def test_a_sampler_has_no_file(runs: Runs) -> None:
     answer = runs.call("resume", "mine", "--out", "a.json")
     assert (answer.code, answer.err.split("Error: ")[1]) == (
         1,
-        "A sampler has no file of its own.\n  Remove --out.\n",
+        "A sampler writes no file.\n  Remove --out.\n",
     )
 
 
@@ -133,7 +133,7 @@ def test_a_journal_of_another_kind_or_machine_is_refused(runs: Runs) -> None:
     [folder] = Path("runs").iterdir()
     with pytest.raises(LiveError, match="is the journal of a run, not of a sampler"):
         GuardedSampler("fake_lima", journal=folder)
-    with pytest.raises(LiveError, match=r"runs holds other things and no journal\.\n.*'runs/mine'"):
+    with pytest.raises(LiveError, match=r"runs has other files but no journal\.\n.*'runs/mine'"):
         GuardedSampler("fake_lima", journal="runs")
     GuardedSampler("fake_lima", journal="runs/mine").close()
     for backend, account in (("fake_belem", None), ("fake_lima", "other")):
@@ -156,7 +156,7 @@ def test_an_unknown_machine_makes_no_journal(service: StandIn) -> None:
 
 
 def unreachable() -> LiveError:
-    """What a request says that found no connection: it never left this machine."""
+    """The error of a request without a connection: it never left this machine."""
     try:
         Connection("fake_lima", patience_s=0.0).device()
     except LiveError as error:
@@ -167,7 +167,7 @@ def unreachable() -> LiveError:
 def test_an_error_that_the_program_handles_says_nothing_of_what_it_sends(
     runs: Runs, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Python chains it to all that fails in the handler: no connection then, none lost now."""
+    """Python chains it to every error in the handler: the request did have a connection."""
     with monkeypatch.context() as patch:
         for name in ("QISKIT_IBM_URL", "IAM_URL"):
             patch.setenv(name, "http://127.0.0.1:9/experimental")
@@ -190,7 +190,7 @@ def test_an_error_that_the_program_handles_says_nothing_of_what_it_sends(
 
 @pytest.mark.parametrize("status", ["pending", "estimated", "", "PENDING"])
 def test_a_charge_counts_once_it_is_complete(status: str) -> None:
-    """What IBM calls otherwise may be zero, and a charge later."""
+    """A usage that IBM does not call complete may be zero, and a charge later."""
     usage = {"qpu_charge_time_seconds": 0, "status": status}
     assert read(Metrics, {"usage": usage}, "a job").charged_s(10) is None
     usage = {"qpu_charge_time_seconds": 3, "status": "complete"}

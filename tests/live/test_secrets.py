@@ -1,4 +1,4 @@
-"""The account's key and its tokens are written nowhere, whatever goes wrong."""
+"""The account's key and tokens are never written anywhere, whatever goes wrong."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def tokens(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 def check(words: list[str], tokens: list[str]) -> None:
-    """No secret in the words, or in any file below the working folder and its neighbours."""
+    """There is no secret in the output, or in any file below the working folder's parent."""
     assert tokens
     files = [path for path in Path("..").rglob("*") if path.is_file()]
     assert any(path.name.startswith("journal.sqlite") for path in files)
@@ -119,7 +119,7 @@ def test_no_secret_is_in_a_traceback(runs: Runs, tokens: list[str]) -> None:
 def test_a_key_that_the_service_repeats_is_cut_out(
     runs: Runs, tokens: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """An error that quotes what it was sent."""
+    """An error that quotes its request."""
     monkeypatch.setattr(Service, "submit", refuse)
     answer = runs.run()
     assert answer.code == 1
@@ -136,7 +136,7 @@ def refuse(self: Service, body: object) -> None:
 def test_a_traceback_holds_no_key_that_the_service_repeats(
     runs: Runs, tokens: list[str], monkeypatch: pytest.MonkeyPatch, capsys: Any
 ) -> None:
-    """Of all errors in the chain: on the terminal, and for whoever catches them in Python."""
+    """Secrets are removed from all errors in the chain, on the terminal and in Python."""
     monkeypatch.setattr(Service, "submit", refuse)
     monkeypatch.setattr(sys, "argv", ["qcompile", "--traceback", "run", "cartpole", *LIVE])
     with pytest.raises(LiveError) as caught:
@@ -153,7 +153,7 @@ def test_a_traceback_holds_no_key_that_the_service_repeats(
 def test_a_traceback_of_a_defect_holds_no_token_either(
     tokens: list[str], capsys: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Of an error that nobody expected, with a cause, and with what a terminal would obey."""
+    """An unexpected error, with a cause and with terminal control characters."""
     monkeypatch.setenv("QISKIT_IBM_TOKEN", API_KEY)
     monkeypatch.setattr(sys, "argv", ["qcompile", "--version"])
     with pytest.raises(SystemExit):
@@ -173,7 +173,7 @@ def test_a_traceback_of_a_defect_holds_no_token_either(
 def test_a_reason_that_repeats_the_key_is_kept_and_shown_without_it(
     runs: Runs, tokens: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """In the journal as well, which people send to others."""
+    """Also in the journal, which people share."""
 
     def fail(self: Job, **_: object) -> None:
         self.outcome, self.charged, self.reason_code = FAILED, 0.0, 9999

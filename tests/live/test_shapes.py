@@ -1,4 +1,4 @@
-"""Answers of another shape than IBM's interface has: explained in words, and nothing is lost."""
+"""Answers with the wrong shape are explained, and nothing is lost."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ CAP_S = 19
 def reshape(
     monkeypatch: pytest.MonkeyPatch, route: str, change: Callable[[Any], Any], times: int = 10**9
 ) -> None:
-    """Let the service's answers to a route be what `change` makes of them, so many times."""
+    """Change the service's next `times` answers to a route with `change`."""
     from standin import server
 
     real, left = Application._handle, [times]
@@ -69,7 +69,7 @@ def test_an_answer_of_another_shape_is_explained_or_harmless(
     route: str,
     wrong: int,
 ) -> None:
-    """And the same run goes on from there, once answers are right again."""
+    """The same run resumes from there once answers are right again."""
     monkeypatch.setattr("qcompile.live.client_errors.PATIENCE_S", 0.3)
     with monkeypatch.context() as patch:
         reshape(patch, route, WRONG[wrong])
@@ -99,8 +99,8 @@ def test_a_list_that_says_it_is_longer_than_it_is_ends_in_words(
         answer = runs.run()
     assert answer.code == 1
     assert (
-        f"Error: IBM's service says that it has {more} jobs of one tag, and lists 0.\n"
-        "  Whether one is missing cannot be told: nothing was sent or cancelled. Resume later.\n"
+        f"Error: IBM's service counts {more} jobs with one tag but lists 0.\n"
+        "  A job may be missing, so nothing was sent or cancelled. Resume later.\n"
     ) in answer.err
     assert not runs.service.ledger().jobs
     assert runs.service.ledger().requests["GET /jobs"] == 1
@@ -155,7 +155,7 @@ def test_a_charge_that_cannot_be_is_not_believed(
 
 
 def test_a_charge_above_the_cap_is_believed(runs: Runs, monkeypatch: pytest.MonkeyPatch) -> None:
-    """IBM may round: to believe less than it charges would be worse than to believe too much."""
+    """IBM may round: counting less than it charges would be worse than counting too much."""
     said = {"qpu_charge_time_seconds": 25, "status": "complete"}
     reshape(monkeypatch, "GET /jobs/{id}/metrics", lambda body: body | {"usage": said}, times=1)
     found = runs.run(max_qpu_seconds=200).json()

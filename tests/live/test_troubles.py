@@ -1,4 +1,4 @@
-"""Each known trouble of the service: same result, nothing lost, no less told than is charged."""
+"""Each known trouble of the service: same result, nothing lost, no charge unreported."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def short_waits(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @dataclass
 class Books:
-    """A small run, and what it tells after each command, held to the ledger of the service."""
+    """A small run, whose reports are checked against the service's ledger after each command."""
 
     runs: Runs
     limit_s: float
@@ -53,9 +53,9 @@ class Books:
         return next((path.parent.name for path in Path("runs").glob("*/journal.sqlite")), None)
 
     def result(self, trouble: Trouble) -> dict[str, Any] | None:
-        """What the run finds, resumed for as long as it takes: at first in trouble, then without.
+        """The result of the run, resumed as often as needed: first with trouble, then without.
 
-        A traceback that was asked for is no fault of the words.
+        A requested traceback does not count as a fault.
         """
         for attempt in range(_MOST):
             if attempt == _IN_TROUBLE:
@@ -81,7 +81,7 @@ class Books:
         return self.runs.call("resume", self.run, "--yes", "--json", *more)
 
     def compare(self) -> None:
-        """What the run tells, with the ledger as it was just before."""
+        """The run's report, with the ledger just before it."""
         if self.run is None:
             return
         charged = charged_s(jobs_of(self.service, self.run))
@@ -90,7 +90,7 @@ class Books:
         self.wrong += told_wrong(told, charged, 1e9 if self.doubted else self.limit_s)
 
     def settle(self) -> dict[str, Any]:
-        """The result once more, when all is listed and told: the books agree to the cent."""
+        """The result again, once everything is listed and reported: the books agree exactly."""
         assert self.run is not None
         self.service.recover()
         told = dict(self.runs.call("resume", self.run, "--yes", "--json").json())
@@ -138,7 +138,7 @@ def test_the_books(
 
 
 def _hasten(service: StandIn) -> None:
-    """Let what is late be late by a tenth."""
+    """Shorten all delays to a tenth."""
     service.faults.listing_lag_seconds /= 10
     service.faults.wait_seconds = 0.1
     service.settings.usage_lag_seconds /= 10
@@ -146,7 +146,7 @@ def _hasten(service: StandIn) -> None:
 
 
 def test_the_comparison_can_fail() -> None:
-    """What a run might tell where 4 s are charged and 3 s are allowed."""
+    """Possible reports of a run when 4 s are charged and 3 s are allowed."""
     told = {"qpu_seconds": 5.0, "qpu_seconds_settled": 4.0, "jobs_in_doubt": 1}
     told["jobs_uncharged"] = 0
     assert told_wrong(told, 4.0, 3.0) == []

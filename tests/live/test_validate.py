@@ -1,4 +1,4 @@
-"""A twin against its machine: the true one passes as often as it says, a moved one is named."""
+"""A twin against its machine: a true one passes as often as stated, a changed one is named."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def test_another_device_is_refused(runs: Runs, machine: str) -> None:
     before = len(runs.service.ledger().jobs)
     answer = runs.call("validate", machine, "--policy", "cartpole", "--backend", "fake_belem")
     assert answer.code == 1
-    assert "The calibration is of fake_lima, the backend is fake_belem." in answer.err
+    assert "The calibration belongs to fake_lima; the backend is fake_belem." in answer.err
     assert len(runs.service.ledger().jobs) == before
 
 
@@ -105,7 +105,7 @@ def test_false_alarms_are_as_rare_as_stated() -> None:
 def test_a_twin_without_curves_has_nothing_to_compare() -> None:
     device = load_device("fake_lima")
     calibration = calibrate(OfflineExecutor(device, 0), np.arange(5), 100, parts=["readout"])
-    with pytest.raises(CalibrationError, match="holds no response curves"):
+    with pytest.raises(CalibrationError, match="has no response curves"):
         check_twin(
             calibration, load_policy("cartpole"), np.zeros((1, 4)), OfflineExecutor(device), 9
         )

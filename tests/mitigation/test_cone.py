@@ -1,4 +1,4 @@
-"""Curves that stay in [-1, 1]: against scipy's optimiser, and what is said of how good they are."""
+"""Curves constrained to [-1, 1]: against scipy's optimiser, and the bound on their error."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def test_no_curve_in_the_cone_fits_better(
         assert ours == pytest.approx(theirs, abs=LEAST_GAP)
 
 
-def test_the_gap_is_no_less_than_what_is_missing() -> None:
+def test_the_gap_bounds_the_error() -> None:
     """Of curves of the surface that are not the best ones."""
     free, information = problem(3, 1024)
     best, _ = within_cone(free, information, LEAST_GAP)

@@ -1,4 +1,4 @@
-"""Fresh counts against a calibration: how often it is contradicted, and by what."""
+"""Fresh counts against a calibration: how often it is rejected, and what makes it fail."""
 
 from __future__ import annotations
 
@@ -72,10 +72,12 @@ def test_the_chi_square_by_hand() -> None:
     assert drift.chi_square[0] == pytest.approx(0.02**2 / (pooled * (1 - pooled) * 2 / 1000))
 
 
-def test_what_cannot_be_compared_is_refused() -> None:
+def test_incomparable_calibrations_are_refused() -> None:
     calibration = measured(1)
     lima = calibrate(OfflineExecutor(load_device("fake_lima"), 1), np.arange(5), 100)
-    with pytest.raises(CalibrationError, match="of fake_toronto, the fresh counts are of fake_lim"):
+    with pytest.raises(
+        CalibrationError, match="of fake_toronto, the fresh counts are from fake_lim"
+    ):
         measure_drift(calibration, lima)
     with pytest.raises(CalibrationError, match="without shots"):
         measure_drift(calibration, measured(1, shots=None))

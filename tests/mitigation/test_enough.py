@@ -1,4 +1,4 @@
-"""Shots of a calibration against a closed form, and what they leave of the error."""
+"""The shots of a calibration against a closed form, and the error that remains."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def test_a_response_needs_more_than_a_readout() -> None:
     assert readout < response <= 8192
 
 
-def test_so_many_shots_leave_that_share_of_the_error() -> None:
+def test_enough_shots_leave_the_stated_share_of_the_error() -> None:
     """300 calibrations of the shots found, at z = 0: the error of z is within SHARE of shot noise.
 
     Their variance, of 4 x 300 numbers, is known to 4 %.

@@ -1,4 +1,4 @@
-"""The fits of readout and response against closed forms, another solver, and their own scatter."""
+"""The fits of readout and response against closed forms, another solver, and their scatter."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_one_qubit_alone_has_no_prior() -> None:
     np.testing.assert_allclose([*found.p10, *found.p01], [0.05, 0.05], atol=1e-6)
 
 
-def test_patterns_are_averaged_and_judged() -> None:
+def test_patterns_are_averaged_and_tested() -> None:
     """Qubit 0 has 10, 30 ones of 1000 in |0>: 2 %; chi-square (0.01^2 + 0.01^2) / (p q / 1000)."""
     prepared = np.array([[0], [1], [0], [1]])
     found = fit_readout(prepared, np.array([[10.0], [900], [30], [900]]), 1000, np.array([0]))

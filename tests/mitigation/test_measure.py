@@ -1,4 +1,4 @@
-"""The circuits of a calibration, and that what is found is the device's own."""
+"""The circuits of a calibration, and fits that recover the device."""
 
 from __future__ import annotations
 
@@ -170,7 +170,7 @@ def test_angles_for_circuit_and_qubit_are_taken_as_they_stand() -> None:
     np.testing.assert_array_equal(found.response_counts.angles, alike)
 
 
-def test_kept_counts_are_fitted_anew() -> None:
+def test_stored_counts_are_fitted_again() -> None:
     """With the same fits, on all qubits or on some."""
     whole = calibrate(OfflineExecutor(load_device("fake_lima"), 3), np.arange(5), 1000)
     unfitted = whole.model_copy(update={"readout": None, "response": None, "unfitted": ("why",)})
@@ -185,7 +185,7 @@ def test_kept_counts_are_fitted_anew() -> None:
         fit_counts(unfitted, [7])
 
 
-def test_what_cannot_be_calibrated_is_refused_before_anything_is_run() -> None:
+def test_invalid_requests_are_refused_before_anything_runs() -> None:
     executor = OfflineExecutor(load_device("fake_lima"), 0)
     state = executor.rng.bit_generator.state
     with pytest.raises(CalibrationError, match=r"fake_lima has no qubit 5\.\n  Its qubits are 0 t"):

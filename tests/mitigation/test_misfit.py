@@ -1,4 +1,4 @@
-"""Fits that contradict their own counts: seldom of a clean device, and where neighbours show."""
+"""Fits that contradict their counts: rare without crosstalk, and found where there is crosstalk."""
 
 from __future__ import annotations
 
@@ -88,10 +88,10 @@ def test_the_level_is_divided_among_both_parts(made: Callable[..., Calibration])
     assert [(misfit.qubit, misfit.part) for misfit in found] == [(2, "readout"), (1, "response")]
 
 
-def test_the_words_name_the_qubits_and_what_helps(made: Callable[..., Calibration]) -> None:
+def test_a_warning_names_the_qubits_and_a_remedy(made: Callable[..., Calibration]) -> None:
     found = misfits(doubtful(made, [1.0, 100.0, 100.0]))
     (words,) = misfit_warnings(found)
-    assert words.startswith("The response of qubit 1, 2 is not a curve of its own angle alone")
+    assert words.startswith("The response of qubit 1, 2 does not depend on its own angle alone")
     assert "Use other qubits, with an unused one between neighbours" in words
     assert "--parts readout,response" in words
     assert misfit_warnings([misfit.values() for misfit in found]) == [words]

@@ -1,4 +1,4 @@
-"""Each qubit sees all angles in an order of its own, by which its neighbours show."""
+"""Each qubit gets all angles, in an order that reveals its neighbours."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def test_every_qubit_sees_every_angle(angles: np.ndarray) -> None:
     np.testing.assert_array_equal(np.sort(orders, axis=0), np.sort(angles)[:, None].repeat(200, 1))
 
 
-def test_an_order_goes_by_the_number_of_the_qubit() -> None:
+def test_the_order_depends_on_the_index_of_the_qubit() -> None:
     every = angle_orders(LIVE_ANGLES_RAD, np.arange(200))
     np.testing.assert_array_equal(angle_orders(LIVE_ANGLES_RAD, np.array([150, 3])),
                                   every[:, [150, 3]])  # fmt: skip

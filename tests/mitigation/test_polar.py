@@ -1,4 +1,4 @@
-"""Response curves in the polar angle: what they show, and how their errors go together."""
+"""Response curves in the polar angle: their values and their covariance."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Predistorted angles: the device's own curve then shows the ideal <Z>."""
+"""Predistorted angles: the device's response curve then gives the ideal <Z>."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def test_circuits_without_a_rotation_stay_and_constants_are_predistorted(
     assert len(changed.template().inputs) == 2
 
 
-def test_what_cannot_be_predistorted_is_refused(made: Callable[..., Calibration]) -> None:
+def test_predistortion_is_refused_where_impossible(made: Callable[..., Calibration]) -> None:
     calibration = made(curves=CURVES)
     program, _ = parallel(3, 1)
     with pytest.raises(CalibrationError, match="need level 2"):

@@ -1,4 +1,4 @@
-"""What a qubit does to <Z> is undone: against cvxpy one case at a time, and its own scatter."""
+"""Undoing the effect of a qubit on <Z>: against cvxpy case by case, and against scatter."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def jakarta() -> Any:
     return load_device("fake_jakarta")
 
 
-def test_shot_noise_is_what_is_left(made: Made, noiseless_gates: Any) -> None:
+def test_only_shot_noise_remains(made: Made, noiseless_gates: Any) -> None:
     """Mitigated counts scatter about the truth by sqrt(1 - z^2) / (c sqrt(N)), without bias."""
     shots, device = 8192, noiseless_gates("fake_lima")
     executable = compile(parallel(5, 1)[0], device)
@@ -237,16 +237,16 @@ def test_a_readout_that_is_swapped_is_undone(made: Made) -> None:
 @pytest.mark.parametrize("tilt", [0.3, 1.2, np.pi - 0.3, -2.0])
 def test_a_turn_by_which_two_angles_look_alike_is_refused(made: Made, tilt: float) -> None:
     calibration = made(curves=[[0.0, -0.8 * np.cos(tilt), -0.8 * np.sin(tilt)]], error=0.001)
-    with pytest.raises(CalibrationError, match=r"of qubit 0 is turned by more than 0\.25 rad"):
+    with pytest.raises(CalibrationError, match=r"of qubit 0 is tilted by more than 0\.25 rad"):
         response_mitigation(calibration, on(calibration, 1))
     assert response_mitigation(calibration, on(calibration, 1), any_side=True).tilt.any()
 
 
-def test_what_was_not_calibrated_is_refused(made: Made) -> None:
+def test_a_missing_calibration_is_refused(made: Made) -> None:
     readout, response = made(readout=([0.1], [0.1])), made(curves=[[0.0, -0.9, 0.0]])
-    with pytest.raises(CalibrationError, match="holds no assignment matrices"):
+    with pytest.raises(CalibrationError, match="has no assignment matrices"):
         readout_mitigation(response, on(response, 1))
-    with pytest.raises(CalibrationError, match="holds no response curves"):
+    with pytest.raises(CalibrationError, match="has no response curves"):
         response_mitigation(readout, on(readout, 1))
     with pytest.raises(CalibrationError, match="need level 2, found level 1"):
         response_mitigation(response, on(response, 1, level=1))

@@ -1,4 +1,4 @@
-"""Executables: repeated circuits, and turns that follow from <Z> where they can."""
+"""Executables: repeated circuits, and cosines and sines computed from <Z>."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Known circuits fused at once: against products of Qiskit's matrices, short and long."""
+"""Fusing known circuits: against products of Qiskit's matrices, for short and long circuits."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the levels make: gate counts, small circuits before and after, and placement."""
+"""The results of the levels: gate counts, small circuits before and after, and placement."""
 
 from __future__ import annotations
 
@@ -234,7 +234,7 @@ def test_passes_are_idempotent(step) -> None:
     assert str(step.apply(once)) == str(once)
 
 
-def test_fusing_what_is_fused_changes_nothing() -> None:
+def test_fusing_is_idempotent() -> None:
     gates = ["rz(0.3)", "ry(x0)", "rz(theta0)", "ry(1.2)"]
     once = FuseRotations().apply(program(*random_texts(100, gates, seed=6)))
     assert str(FuseRotations().apply(once)) == str(once)
@@ -279,7 +279,7 @@ def test_circuits_fill_the_best_qubits_first() -> None:
     np.testing.assert_array_equal(rounds, 0)
 
 
-def test_what_does_not_fit_goes_to_next_rounds() -> None:
+def test_further_circuits_go_to_the_next_rounds() -> None:
     qubits, rounds = place(24, load_device("fake_lima"))
     assert rounds.max() + 1 == 5
     assert len({*zip(qubits.tolist(), rounds.tolist(), strict=True)}) == 24

@@ -111,7 +111,7 @@ def test_swapped_qubits_are_used_where_there_are_no_others() -> None:
     assert unusable(device(swapped, read(0.02, 0.03))) == {0: "keeps -0.93 of <Z>"}
 
 
-def test_what_the_file_leaves_out_comes_first() -> None:
+def test_left_out_in_the_file_is_the_first_reason() -> None:
     made = LAGOS.model_copy(update={"left_out": (3, 0)})
     assert usable(made) == (4,)
     assert unusable(made)[0] == unusable(made)[3] == "is in left_out"
@@ -181,7 +181,7 @@ def test_ties_go_by_index() -> None:
 @pytest.mark.parametrize("importance", [[1.0], [1.0, np.nan], [1.0, -1.0], [[1.0, 1.0]]])
 @pytest.mark.parametrize("made", [IDEAL, LIMA])
 def test_a_wrong_importance_is_refused(made: Device, importance: list[float]) -> None:
-    with pytest.raises(CircuitError, match=r"It needs \(2,\), each a finite number"):
+    with pytest.raises(CircuitError, match=r"It needs shape \(2,\) and finite entries"):
         place(2, made, np.array(importance))
     with pytest.raises(CircuitError, match="0 copies of a program"):
         compile(parallel(2, 1)[0], made, copies=0)
@@ -224,7 +224,7 @@ PROGRAM = parallel(4, 1)[0]
 
 @pytest.mark.parametrize("level", [0, 1, 2])
 @pytest.mark.parametrize("copies", [1, 2, 3])
-def test_copies_give_what_one_program_gives(copies: int, level: int) -> None:
+def test_copies_give_the_results_of_one_program(copies: int, level: int) -> None:
     executable = compile(PROGRAM, IDEAL, level, copies=copies)
     executor = OfflineExecutor(IDEAL)
     folded = executor.expectation(executable, X.reshape(6 // copies, -1), THETA)
@@ -287,7 +287,7 @@ def test_fake_lagos_is_placed_better_than_first_come(name: str) -> None:
 
 @pytest.mark.parametrize("backend", ["fake_lima", "fake_toronto", "fake_jakarta"])
 @pytest.mark.parametrize("name", ["lunarlander", "acrobot", "cartpole"])
-def test_what_matters_to_the_policy_is_measured_better(name: str, backend: str) -> None:
+def test_important_circuits_are_measured_better(name: str, backend: str) -> None:
     """Against the same qubits filled in order: the square error weighed by importance is less."""
     policy, made = load_policy(name), load_device(backend)
     observations = np.random.default_rng(0).normal(size=(500, policy.encoder.features))

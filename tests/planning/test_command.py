@@ -1,4 +1,4 @@
-"""The command that a plan names plays what it has found."""
+"""The command of a plan plays its settings."""
 
 from __future__ import annotations
 

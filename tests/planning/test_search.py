@@ -1,4 +1,4 @@
-"""Which settings are recommended, on rewards and chains that are scripted."""
+"""The recommended settings, for scripted rewards and chains."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Search = Callable[..., SearchResult]
 def scripted(monkeypatch: pytest.MonkeyPatch) -> Search:
     """A search in which random actions earn 0, the ideal policy 100, and each number of shots this.
 
-    Each episode has so many decisions, all of them predicted right, one row each.
+    Each episode has this many decisions, all predicted correctly, one row each.
     """
 
     def run(
@@ -184,7 +184,7 @@ def test_copies_that_are_given_have_a_shot_or_an_episode_each(scripted: Search) 
         found = scripted(rewards, fixed={"copies": 40, **split})
         assert {(p.settings.copies, p.settings.split) for p in found.points} == {(40, True)}
         assert min(p.settings.shots or 0 for p in found.points) == 64
-    with pytest.raises(OptionError, match="copies 40 are more than the 10 episodes"):
+    with pytest.raises(OptionError, match="copies 40 exceeds the 10 episodes"):
         scripted(rewards, fixed={"copies": 40, "split": False})
-    with pytest.raises(OptionError, match="copies 40 are more than the 10 episodes"):
+    with pytest.raises(OptionError, match="copies 40 exceeds the 10 episodes"):
         scripted(rewards, fixed={"copies": 40, "shots": 8})

@@ -1,4 +1,4 @@
-"""What settings are judged by: episodes that end."""
+"""Settings are evaluated with whole episodes."""
 
 from __future__ import annotations
 

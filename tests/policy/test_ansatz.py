@@ -1,4 +1,4 @@
-"""Circuits to train: what they are of, their files, and what is refused."""
+"""Circuits to train: their sources, their files, and refusals."""
 
 from __future__ import annotations
 
@@ -118,12 +118,12 @@ def test_what_stands_for_circuits(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("source", "words"),
     [
-        ("cartpol", "no policy of this name.\n  Did you mean cartpole"),
+        ("cartpol", "There is no file or policy cartpol.\n  Did you mean cartpole"),
         ("none.qasm", "There is no file none.qasm"),
         ("none.pt", "Unknown policy 'none.pt'"),
         (3, "circuits cannot be an object of type int"),
-        (Program.parse("parameters a\n0: ry(a)"), "need an input: found 1 circuit that reads 0"),
-        (Program(()), "need an input: found 0 circuits that read 0"),
+        (Program.parse("parameters a\n0: ry(a)"), "need an input: 1 circuit reads 0"),
+        (Program(()), "need an input: 0 circuits read 0"),
     ],
 )
 def test_what_does_not_stand_for_circuits(source: Any, words: str) -> None:
@@ -146,8 +146,8 @@ def test_a_compiled_program_is_refused() -> None:
         ({"circuits": [[["ry", "x0*x1"]]]}, "not an affine angle"),
         ({"circuits": [[["cx", "x0"]]]}, "Unknown gate 'cx'"),
         ({"circuits": [[["ry", "y"]]]}, "Unknown symbol 'y'"),
-        ({"reads": [5]}, "reads holds a number outside 0 to 0"),
-        ({"factors": [7]}, "factors holds a number outside -1 to 1"),
+        ({"reads": [5]}, "reads contains a number outside 0 to 0"),
+        ({"factors": [7]}, "factors contains a number outside -1 to 1"),
         ({"reads": [0, 0]}, "factors has shape (1,).\n  It needs (2,)"),
         ({"theta": [0.5]}, "theta has shape (1,).\n  It needs (2,)"),
         ({"parameters": ["a"]}, "Unknown symbol 'theta1'"),

@@ -57,20 +57,23 @@ def test_plain_arguments_pass(arguments: dict[str, Any]) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"env_id": "evil:Env-v0"}, "env_id has the text 'evil:Env-v0': texts are of letters"),
-        ({"vehicle": {"type": "evil.Vehicle"}}, "vehicle has the text 'evil.Vehicle'"),
-        ({"options": [[{"a/b": 1}]]}, "options has the text 'a/b'"),
-        ({"xml": "~"}, "xml has the text"),
-        ({"name": "caf\u00e9"}, "name has the text"),
-        ({"name": "two\nlines"}, "name has the text"),
-        ({"name": "a" * 201}, "name has the text"),
+        (
+            {"env_id": "evil:Env-v0"},
+            "env_id has the string 'evil:Env-v0': strings may have letters",
+        ),
+        ({"vehicle": {"type": "evil.Vehicle"}}, "vehicle has the string 'evil.Vehicle'"),
+        ({"options": [[{"a/b": 1}]]}, "options has the string 'a/b'"),
+        ({"xml": "~"}, "xml has the string"),
+        ({"name": "caf\u00e9"}, "name has the string"),
+        ({"name": "two\nlines"}, "name has the string"),
+        ({"name": "a" * 201}, "name has the string"),
         ({"id": "CartPole-v1"}, "'id' is not an argument that a policy file may set"),
         ({"render_mode": "human"}, "'render_mode' is not an argument"),
         ({"disable_env_checker": False}, "'disable_env_checker' is not an argument"),
         ({"not a name": 1}, "'not a name' is not an argument"),
         ({"gravity": float("nan")}, "gravity has a number that is not finite"),
-        ({"max_episode_steps": -1}, "max_episode_steps is not a whole number from 1 on"),
-        ({"max_episode_steps": True}, "max_episode_steps is not a whole number from 1 on"),
+        ({"max_episode_steps": -1}, "max_episode_steps is not a whole number of at least 1"),
+        ({"max_episode_steps": True}, "max_episode_steps is not a whole number of at least 1"),
     ],
 )
 def test_arguments_that_may_load_something_are_refused(

@@ -1,4 +1,4 @@
-"""Policy files with something wrong in them: refused in words, and nothing of them is run."""
+"""Invalid policy files: refused with an explanation, and none of their code is run."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def test_code_in_a_pickle_is_not_run(
     marker = tmp_path / "marker"
     code = Touch(marker)
     path = write_pt(tmp_path / "p.pt", code if where == "alone" else values() | {"metadata": code})
-    with pytest.raises(PolicyError, match="holds more than tensors and plain values") as caught:
+    with pytest.raises(PolicyError, match="contains more than tensors and plain values") as caught:
         load_policy(path)
     assert "can carry code" in str(caught.value)
     assert "weights_only" not in str(caught.value)
@@ -53,7 +53,7 @@ def test_a_damaged_pt_file_is_refused(tmp_path: Path, awkward: Make) -> None:
     for size in (0, 1, 4, 100, len(whole) // 2, len(whole) - 1):
         path.write_bytes(whole[:size])
         with pytest.raises(
-            PolicyError, match=r"be read as a \.pt file\.\n  It is not a whole file"
+            PolicyError, match=r"be read as a \.pt file\.\n  It is not a complete file"
         ):
             load_policy(path)
 

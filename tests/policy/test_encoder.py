@@ -1,4 +1,4 @@
-"""Encoders: every function, gains and normalisation by hand; what fits no policy is refused."""
+"""Encoders: every function, gains and normalisation by hand, and refusals."""
 
 from __future__ import annotations
 
@@ -130,20 +130,20 @@ def test_formulas_are_what_is_computed() -> None:
 @pytest.mark.parametrize(
     ("made", "message"),
     [
-        (encoder(("arctan", "tanh")), "encoder.function has 2 names.\n  It needs one, or 5"),
+        (encoder(("arctan", "tanh")), "encoder.function has 2 names.\n  It needs one or 5"),
         (encoder(("arctan",) * 4 + ("sin",)), "Unknown encoder function 'sin'"),
         (encoder(gain=[1.0]), r"encoder.gain has shape \(1,\)"),
-        (encoder(gain=[np.nan] * 5), "encoder.gain holds a number that is not finite"),
+        (encoder(gain=[np.nan] * 5), "encoder.gain contains a number that is not finite"),
         (encoder(gain=[1e10] * 5), "encoder.gain has an entry of 1e\\+10"),
         (encoder(mean=[0.0] * 2), "encoder.mean has 2 numbers.\n  It needs .* 3 or more"),
         (encoder(std=[1.0] * 2), "encoder.std has 2 numbers"),
         (encoder(mean=[0.0] * 3, std=[1.0] * 4), "encoder.mean has 3 numbers, encoder.std 4"),
         (encoder(mean=[[0.0]] * 3), r"encoder.mean has shape \(3, 1\)"),
-        (encoder(std=[1.0, 0.0, 1.0]), "encoder.std holds a number that is not positive"),
-        (encoder(std=[1.0, 1.0, 1e-10]), "encoder.std holds a number that is too small"),
-        (encoder(("bits",) * 4 + ("tanh",)), "encoder.function has bits beside other functions"),
-        (encoder("bits"), "takes no scale but 1, no mean and no std"),
-        (encoder("bits", scale=[1] * 5, mean=[0.0]), "takes no scale but 1, no mean and no std"),
+        (encoder(std=[1.0, 0.0, 1.0]), "encoder.std contains a number that is not positive"),
+        (encoder(std=[1.0, 1.0, 1e-10]), "encoder.std contains a number that is too small"),
+        (encoder(("bits",) * 4 + ("tanh",)), "encoder.function has bits and other functions"),
+        (encoder("bits"), "needs scale 1, and no mean or std"),
+        (encoder("bits", scale=[1] * 5, mean=[0.0]), "needs scale 1, and no mean or std"),
         (encoder("bits", [53], [1.0]), "encoder.feature has an entry of 53.\n  .* 52 at most"),
     ],
 )

@@ -1,4 +1,4 @@
-"""Policy files: what is written reads back, and is written whole or not at all."""
+"""Policy files read back as written, and are written whole or not at all."""
 
 from __future__ import annotations
 

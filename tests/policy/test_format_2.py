@@ -1,4 +1,4 @@
-"""Format 2: what runs is read, written and played; what cannot run yet is refused by its name."""
+"""Format 2: supported parts are read, written and played; unsupported ones are refused by name."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def test_awkward_numbers_have_the_hash_that_they_had(awkward: Make) -> None:
 
 
 def test_a_task_holds_a_policy_of_either_format(awkward: Make) -> None:
-    """A journal has it with the same bytes as before; of format 2 it is all there."""
+    """A journal stores format 1 with the same bytes as before, and format 2 completely."""
     settings = {
         "backend": "fake_lima",
         "device": load_device("fake_lima"),
@@ -158,7 +158,7 @@ REFUSED: list[tuple[dict[str, Any], list[str]]] = [
     ),
     (
         {"observables": [[1], [0]]},
-        ["observables [1], [0]: this version measures each bit once, in order ([0], [1], ...)."],
+        ["observables [1], [0]: this version measures each bit alone, in order ([0], [1], ...)."],
     ),
     (
         {"decision": "values"},
@@ -173,7 +173,7 @@ REFUSED: list[tuple[dict[str, Any], list[str]]] = [
         [
             "circuits.0: blocks of up to 2 qubits, with cz. This version runs circuits of one "
             "qubit.",
-            "observables [0, 1], [2]: this version measures each bit once, in order "
+            "observables [0, 1], [2]: this version measures each bit alone, in order "
             "([0], [1], ...).",
             "decision gaussian: this version draws actions from the softmax of the outputs.",
         ],
@@ -222,7 +222,7 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     (WIDE | {"weights": [[0.0] * 4] * 2}, r"weights has shape \(2, 4\).\n    It needs \(2, 6\)"),
     (observables([0, 3]), "observables.0 has bit 3.\n    The circuits have bits 0 to 2"),
     (observables([1, 1]), "observables.0 has a bit twice"),
-    (observables([0], [1, 2]), "observables.1 has bits of several circuits"),
+    (observables([0], [1, 2]), "observables.1 has bits of more than one circuit"),
     (observables([]), "observables.0: list should have at least 1 item"),
     ({"observables": []}, "observables: list should have at least 1 item"),
     ({"decision": "argmax"}, "decision: input should be 'softmax', 'values', 'gaussian' or 'born'"),
@@ -254,7 +254,7 @@ ENCODER = {"function": "tanh", "feature": [3, 0], "scale": [1, 0.5]}
         ({"function": ["tanh"]}, "encoder.function has 1 names"),
         ({"function": 3}, "encoder.function.name"),
         ({"gain": [1, "2"]}, "encoder.gain.1: input should be a valid number"),
-        ({"std": [1, 1, 1, 0]}, "encoder.std holds a number that is not positive"),
+        ({"std": [1, 1, 1, 0]}, "encoder.std contains a number that is not positive"),
         ({"gains": [1, 1]}, "encoder.gains: unknown key .*\n  Did you mean gain?"),
     ],
 )

@@ -1,4 +1,4 @@
-"""How long a decision is held, in files: said where it is more than a step, in format 2 alone."""
+"""The hold of decisions in files: present only in format 2, if it exceeds one step."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def test_what_is_not_a_number_of_steps_is_refused(
     with pytest.raises(PolicyError, match=r"is not a policy file\.\n  hold: "):
         load_policy(path)
     if not isinstance(hold, str):
-        with pytest.raises(PolicyError, match="A decision is held for a whole number"):
+        with pytest.raises(PolicyError, match="It must be a whole number"):
             network(hold=hold)
 
 

@@ -79,7 +79,7 @@ def test_single_is_the_device_circuit() -> None:
 
 
 def test_single_needs_three_features() -> None:
-    with pytest.raises(PolicyError, match="needs 3 features, found 2"):
+    with pytest.raises(PolicyError, match="needs 3 features; there are 2"):
         single(2, 1)
 
 

@@ -1,4 +1,4 @@
-"""Networks: their arithmetic beside torch's and by hand, their files, and what is refused."""
+"""Networks: their arithmetic against torch and by hand, their files, and refusals."""
 
 from __future__ import annotations
 
@@ -103,8 +103,8 @@ def test_it_shows_itself_in_a_line() -> None:
         (np.zeros((2, 1)), r"shape \(2, 1\)"),
         (np.zeros(2), r"shape \(2,\)"),
         ([["a", "b"]], "not an array of real numbers: an object of type list"),
-        (np.full((1, 2), 1e308), "gives logits that are not finite"),
-        (np.array([[np.nan, 0.0]]), "gives logits that are not finite"),
+        (np.full((1, 2), 1e308), "returns logits that are not finite"),
+        (np.array([[np.nan, 0.0]]), "returns logits that are not finite"),
     ],
 )
 def test_observations_are_checked(observations: Any, words: str) -> None:
@@ -179,7 +179,7 @@ def changed(**changes: Any) -> dict[str, Any]:
 
 
 def layers(*changes: dict[str, Any]) -> dict[str, Any]:
-    """The values with these changes to the layers, as many as there are changes."""
+    """The values with these changes to the first layers."""
     both = zip(policy_values(by_hand())["layers"], changes, strict=False)
     return changed(layers=[layer | change for layer, change in both])
 
@@ -226,10 +226,10 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
                 {"type": "dense", "weights": [[1, 2, 3]], "bias": [0]},
             ]
         ),
-        r"layers.1 has 3 inputs.\s+The layer before it has 2 outputs.",
+        r"layers.1 has 3 inputs.\s+The previous layer has 2 outputs.",
     ),
     "mean": (changed(mean=[1]), r"mean has shape \(1,\).\s+It needs \(2,\)"),
-    "std of 0": (changed(std=[1, 0]), "std holds a number that is not positive"),
+    "std of 0": (changed(std=[1, 0]), "std contains a number that is not positive"),
     "arguments": (changed(environment_kwargs={"id": "x"}), "not an argument that a policy file"),
     "name": (changed(name="a\nb"), "name: string should match pattern"),
 }

@@ -1,4 +1,4 @@
-"""Policies: encoding, the head, sampling, counting parameters, and what is refused."""
+"""Policies: encoding, the head, sampling, parameter counts and refusals."""
 
 from __future__ import annotations
 
@@ -152,7 +152,7 @@ def test_the_same_generator_draws_the_same_actions() -> None:
 
 
 def with_probabilities(*probabilities: float) -> Policy:
-    """A policy that acts so, whatever it measures."""
+    """A policy with fixed action probabilities, whatever it measures."""
     bias = np.array([math.log(p) if p else -1e4 for p in probabilities])
     return replace(make(), bias=bias, weights=np.zeros((len(bias), REUSE * CIRCUITS)))
 
@@ -252,9 +252,9 @@ def test_output_reuse_does_not_count() -> None:
         ("weights", np.zeros((15, ACTIONS)), "weights has shape"),
         ("bias", np.zeros(3), "weights has shape"),
         ("reuse", 1, "weights has shape"),
-        ("theta", np.array([0, np.nan, 0]), "theta holds a number that is not finite"),
+        ("theta", np.array([0, np.nan, 0]), "theta contains a number that is not finite"),
         ("hold", 0, "hold is 0"),
-        ("bias", np.array([0, np.inf, 0, 0]), "bias holds a number that is not finite"),
+        ("bias", np.array([0, np.inf, 0, 0]), "bias contains a number that is not finite"),
         ("encoder", Encoder("sin", np.arange(3), np.ones(3)), "Unknown encoder function 'sin'"),
         ("encoder", Encoder("arctan", np.arange(2), np.ones(3)), r"encoder.feature has shape \(2,"),
         ("encoder", Encoder("arctan", np.arange(3), np.ones(4)), r"encoder.scale has shape \(4,"),

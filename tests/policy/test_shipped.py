@@ -1,4 +1,4 @@
-"""The shipped policies: the same numbers in both files, and cards that tell of these files."""
+"""The shipped policies: the same numbers in both files, and cards that describe them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The surrogate: the paper's closed form, Qiskit's statevector, and which functions it counts."""
+"""The surrogate: the paper's closed form, Qiskit's statevector, and its distinct functions."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def made(
     actions: int = 3,
     reuse: int = 1,
 ) -> Policy:
-    """A policy of these circuits; numbers that are not given are drawn."""
+    """A policy of these circuits; missing parameters are random."""
     if isinstance(circuits, Program):
         program = circuits
     else:
@@ -258,10 +258,10 @@ def test_too_many_angles_on_one_qubit_are_refused() -> None:
     with pytest.raises(PolicyError) as caught:
         Surrogate.of(made(["h", text], [1.0] * 12))
     assert re.fullmatch(
-        r"Circuit 1 has more terms than its surrogate can be written out with\.\n"
+        r"Circuit 1 has too many terms for a surrogate\.\n"
         r"  Found [\d,]+; the limit is 10,000\.\n"
-        r"  Each different angle within a circuit multiplies them: put fewer inputs on a qubit, "
-        r"or give the copies of an input one scale\.",
+        r"  Each different angle in a circuit multiplies them: put fewer inputs on a qubit, "
+        r"or give the copies of an input the same scale\.",
         str(caught.value),
     )
 

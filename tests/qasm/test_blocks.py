@@ -1,4 +1,4 @@
-"""Loops and subroutines with known values, written out."""
+"""Loops and subroutines with known values, compared with their expansions."""
 
 from __future__ import annotations
 
@@ -67,12 +67,12 @@ def test_a_box_is_its_statements():
     assert circuits("qubit q;\nbox {\n  h q;\n  x q;\n}\n") == ["h x"]
 
 
-def test_what_a_loop_makes_is_limited_as_everything_is():
+def test_the_gates_of_a_loop_are_limited():
     text = "qubit[1000] q;\nfor uint i in [0:999999] { x q; }\n"
     assert "more than 1000000 gates" in refused(text)
 
 
-def test_a_loop_is_what_it_is_written_out():
+def test_a_loop_equals_its_expansion():
     loop = read(HEAD + "qubit[3] q;\nfor uint i in [0:2] { rx(i*pi/4) q[i]; sdg q; }\n")
     lines = "".join(f"rx({i}*pi/4) q[{i}];\nsdg q;\n" for i in range(3))
     assert loop.program == read(f"{HEAD}qubit[3] q;\n{lines}").program

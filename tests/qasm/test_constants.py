@@ -1,4 +1,4 @@
-"""Typed constants and variables: the values that the OpenQASM 3 specification gives them."""
+"""Typed constants and variables have the values of the OpenQASM 3 specification."""
 
 from __future__ import annotations
 

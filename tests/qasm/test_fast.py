@@ -1,4 +1,4 @@
-"""The fast path gives what the full parser gives, to the bit, refusals and lines included."""
+"""The fast path agrees with the full parser, bit for bit, errors and lines included."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Gates of other vendors' files, against the matrices that the vendors publish."""
+"""Gates of other vendors' files, against the published matrices."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def test_a_file_of_braket_is_read():
         "#pragma braket result probability q[0]\nb[0] = measure q[0];\nb[1] = measure q[1];\n"
     )
     assert source.program.circuits == (Circuit.parse("sx sdg"), Circuit())
-    assert source.notes == ("pragmas are skipped: '#pragma braket verbatim' in line 4 and 1 more.",)
+    assert source.notes == ("pragmas are skipped: '#pragma braket verbatim' on line 4 and 1 more.",)
 
 
 def test_a_file_of_quantinuum_is_read():

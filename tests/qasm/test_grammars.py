@@ -1,4 +1,4 @@
-"""OpenQASM 2 by its own grammar, and what both grammars make of common statements."""
+"""OpenQASM 2 by its own grammar, and common statements by both grammars."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def test_opaque_gates_may_be_declared_but_not_used():
     with pytest.raises(ProgramFileError) as caught:
         read(head + "magic(1, 2) q[0];\n", "p")
     assert str(caught.value) == (
-        "p:6: Gate 'magic' is opaque: the file does not say what it does.\n"
+        "p:6: Gate 'magic' is opaque: the file does not define it.\n"
         "  Define it: gate magic ... { ... }"
     )
     with pytest.raises(ProgramFileError, match=r"p:6: ecr q\[0\], q\[1\] entangles two qubits"):
@@ -131,7 +131,7 @@ def test_other_statements_are_left_to_the_full_parser(text):
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_random_openqasm_3_means_what_qiskit_reads(seed):
+def test_random_openqasm_3_agrees_with_qiskit(seed):
     rng = random.Random(seed)
     numbers = ["pi/2", "-π/7", "0.3", "2*(1-.25)", "-3e-1*pi"]
     lines = [
@@ -150,7 +150,7 @@ def test_random_openqasm_3_means_what_qiskit_reads(seed):
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_random_openqasm_2_means_what_qiskit_reads(seed):
+def test_random_openqasm_2_agrees_with_qiskit(seed):
     rng = random.Random(seed)
     angle = lambda: rng.choice(["pi/2", "-pi^2/7", "0.3", "2*(1-.25)", "sin(0.2)+1", "-3e-1*pi"])  # noqa: E731
     lines = [HEAD + "gate turn(in, p) u { u3(in,-p,p/2) u; h u; rx(-in^2) u; }\nqreg in[3];"]

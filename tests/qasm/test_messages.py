@@ -1,4 +1,4 @@
-"""Refusals: hints for what is no longer OpenQASM, and messages of a bounded length."""
+"""Error messages: hints for outdated syntax, and a bound on their length."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ def refusal(text: str, name: str = "p") -> str:
     [
         ("qubit q[2];", "Write: qubit[2] q;"),
         ("bit  c [n+1] ;", "Write: bit[n+1] c;"),
-        ("qubit $0;", "Remove the line: $0 is there as it is."),
-        ("qubit[1] $12;", "Remove the line: $12 is there as it is."),
+        ("qubit $0;", "Remove the line: $0 is always available."),
+        ("qubit[1] $12;", "Remove the line: $12 is always available."),
         ("int n[32] = 4;", "Write: int[32] n = 4;"),
         ("const n = 3;", "Write: const float n = 3;"),
     ],
 )
-def test_the_syntax_of_2020_is_told_what_to_write(statement, hint):
+def test_outdated_syntax_gets_a_hint(statement, hint):
     assert refusal(f"OPENQASM 3.0;\n{statement}\n") == (
         f"p:2: {statement!r} is not OpenQASM.\n  {hint}"
     )
 
 
-def test_what_a_hint_says_is_read():
+def test_the_hints_are_valid_openqasm():
     assert read("OPENQASM 3.0;\nqubit[2] q;\nx q;\n").program.circuits[0].gates
 
 
@@ -57,11 +57,11 @@ def test_messages_are_short_and_name_the_file_and_line(text, name):
     assert 1 <= int(place.rpartition(":")[2]) <= text.count("\n") + 1
 
 
-def test_what_a_terminal_would_obey_is_not_shown():
+def test_control_characters_are_not_shown():
     message = refusal('qubit q;\ninclude "\x1b[31mred\u202e";\n')
     assert "\x1b" not in message
     assert "\u202e" not in message
 
 
-def test_the_first_fault_of_a_file_is_the_one_that_is_told():
+def test_the_first_fault_of_a_file_is_reported():
     assert refusal("qubit q;\nnope q;\nx q q;\n").startswith("p:2: Unknown gate 'nope'.")

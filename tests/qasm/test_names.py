@@ -1,4 +1,4 @@
-"""Names that OpenQASM reserves are changed in what is written."""
+"""Names that OpenQASM reserves are replaced when a program is written."""
 
 from __future__ import annotations
 

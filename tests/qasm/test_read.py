@@ -1,4 +1,4 @@
-"""Reading OpenQASM: meaning against Qiskit's own readers, and files."""
+"""Reading OpenQASM: the same unitaries as Qiskit's parsers, and reading files."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ GATES = [
 
 
 @pytest.mark.parametrize("gate", GATES)
-def test_openqasm_2_gates_mean_what_qiskit_reads(gate):
+def test_openqasm_2_gates_agree_with_qiskit(gate):
     text = HEAD_2 + "qreg q[1];\n" + probed(gate)
     legacy = qiskit_qasm2.LEGACY_CUSTOM_INSTRUCTIONS
     theirs = qiskit_expectations(qiskit_qasm2.loads(text, custom_instructions=legacy))
@@ -64,8 +64,8 @@ def test_openqasm_2_gates_mean_what_qiskit_reads(gate):
 
 
 @pytest.mark.parametrize("expression", ["sin(pi/8)^2", "2*pi^2", "-pi^2", "ln(3)+sqrt(2)*1/2"])
-def test_openqasm_2_expressions_mean_what_qiskit_reads(expression):
-    test_openqasm_2_gates_mean_what_qiskit_reads(f"rx({expression}) q[0];")
+def test_openqasm_2_expressions_agree_with_qiskit(expression):
+    test_openqasm_2_gates_agree_with_qiskit(f"rx({expression}) q[0];")
 
 
 @pytest.mark.parametrize(
@@ -81,13 +81,13 @@ def test_openqasm_2_expressions_mean_what_qiskit_reads(expression):
         "gphase(0.3);",
     ],
 )
-def test_openqasm_3_gates_mean_what_qiskit_reads(gate):
+def test_openqasm_3_gates_agree_with_qiskit(gate):
     text = HEAD_3 + "qubit[1] q;\n" + probed(gate)
     theirs = qiskit_expectations(qiskit_qasm3.loads(text))
     np.testing.assert_allclose(expectations(read(text)), theirs, atol=1e-9)
 
 
-def test_own_gates_on_two_qubits_and_broadcasts_mean_what_qiskit_reads():
+def test_defined_gates_and_broadcasts_agree_with_qiskit():
     text = HEAD_3 + (
         "gate turn(a, b) c { rz(a+b/2) c; sx c; }\n"
         "gate pair(a) c, d { turn(a, 0.5) c; h d; barrier c, d; inv @ turn(2*a, a) d; }\n"

@@ -1,4 +1,4 @@
-"""What is no legal program: the exact texts of refusals, and that nothing else escapes."""
+"""Invalid programs: the exact error messages, and that no other exception is raised."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ REFUSED = {
     "entangling": (
         HEAD_3 + "qubit[2] q;\nbit[2] c;\nh q;\n// comment\ncx q[0],q[1];\n",
         "program.qasm:7: cx q[0], q[1] entangles two qubits.\n"
-        "  qcompile compiles circuits without entangling gates; this one has 1.\n"
-        "  Compile it with Qiskit's transpile, or remove the gate.",
+        "  qcompile compiles circuits without entangling gates; this program has 1.\n"
+        "  Remove the gate, or compile the program with Qiskit's transpile.",
     ),
     "all entangling gates are counted": (
         "gate bell a, b { h a; CX a, b; }\nqubit[3] q;\nbell q[0], q[1];\nctrl @ x q[0], q[1];\n"
         "ccx q[0], q[1], q[2];\n",
         "program.qasm:3: bell q[0], q[1] entangles two qubits.\n"
-        "  qcompile compiles circuits without entangling gates; this one has 3.\n"
-        "  Compile it with Qiskit's transpile, or remove the gate.",
+        "  qcompile compiles circuits without entangling gates; this program has 3.\n"
+        "  Remove the gate, or compile the program with Qiskit's transpile.",
     ),
     "swap": (
         "qubit[2] q;\nswap q[0], q[1];\n",
         "program.qasm:2: swap q[0], q[1] exchanges two qubits.\n"
-        "  qcompile compiles circuits without entangling gates; this one has 1.\n"
-        "  Compile it with Qiskit's transpile, or remove the gate.",
+        "  qcompile compiles circuits without entangling gates; this program has 1.\n"
+        "  Remove the gate, or compile the program with Qiskit's transpile.",
     ),
     "unknown gate": (
         "qubit q;\nsxgd q;\n",
@@ -55,7 +55,8 @@ REFUSED = {
     ),
     "index": (
         "qubit[2] q;\nx q[2];\n",
-        "program.qasm:2: Index 2 of q[2] is out of range.\n  The register has 2, the last is 1.",
+        "program.qasm:2: Index 2 of q[2] is out of range.\n"
+        "  The register has size 2; the last index is 1.",
     ),
     "bit for a qubit": ("qubit q;\nbit c;\nx c;\n", "program.qasm:3: 'c' is a bit, not a qubit."),
     "mid-circuit": (
@@ -65,12 +66,12 @@ REFUSED = {
     ),
     "bit written twice": (
         "qubit[2] q;\nbit[2] c;\nc[0] = measure q[0];\nc[0] = measure q[1];\n",
-        "program.qasm:4: c[0] is written twice.\n  Measure every qubit into a bit of its own.",
+        "program.qasm:4: c[0] is written twice.\n  Measure each qubit into a separate bit.",
     ),
     "measured sizes": (
         "qubit[2] q;\nbit[3] c;\nc = measure q;\n",
         "program.qasm:3: 2 qubits are measured into 3 bits.\n"
-        "  A measurement needs one bit for each qubit.",
+        "  A measurement needs one bit per qubit.",
     ),
     "late reset": (
         "qubit q;\nx q;\nreset q;\n",
@@ -112,20 +113,20 @@ REFUSED = {
     "if": (
         "qubit q;\nbit c;\nif (c == 1) {\n  x q;\n}\n",
         "program.qasm:3: The statement 'if (c == 1)' is not supported.\n"
-        "  qcompile reads gates, barriers, and one measurement of each qubit at the end.",
+        "  qcompile supports gates, barriers, and one measurement of each qubit at the end.",
     ),
     "include": (
         'include "mine.inc";\n',
-        "program.qasm:1: The include 'mine.inc' is not known.\n"
-        "  Known: stdgates.inc, qelib1.inc, hqslib1.inc. Copy what it defines into this file.",
+        "program.qasm:1: Unknown include 'mine.inc'.\n"
+        "  Known: stdgates.inc, qelib1.inc, hqslib1.inc. Copy its definitions into this file.",
     ),
     "duration": (
         "qubit q;\nx[2ns] q;\n",
-        "program.qasm:2: x q has a duration.\n  Gates take none here.",
+        "program.qasm:2: x q has a duration.\n  Remove it: gates have none here.",
     ),
     "version": (
         "OPENQASM 4.0;\nqubit q;\n",
-        "program.qasm:1: OpenQASM 4.0 is not known.\n  Known versions: 2.0 and 3.0.",
+        "program.qasm:1: Unknown OpenQASM version 4.0.\n  Use 2.0 or 3.0.",
     ),
     "declared twice": ("qubit q;\nbit q;\n", "program.qasm:2: 'q' is declared twice."),
     "recursive gate": (
@@ -134,18 +135,17 @@ REFUSED = {
     ),
     "huge register": (
         "qubit[1000000000] q;\n",
-        "program.qasm:1: Register 'q' has 1000000000 qubits.\n"
-        "  A program can have 1 to 100000 of them.",
+        "program.qasm:1: Register 'q' has 1000000000 qubits.\n  A program can have 1 to 100000.",
     ),
     "huge power": (
         "qubit q;\npow(1000000000) @ x q;\n",
-        "program.qasm:2: The program has more than 1000000 gates when it is written out.\n"
+        "program.qasm:2: The program has more than 1000000 gates after expansion.\n"
         "  Check its nested gate definitions and powers.",
     ),
     "deep": (
         "qubit q;\nrx(" + "(" * 2000 + "1" + ")" * 2000 + ") q;\n",
         "program.qasm:2: The program is nested too deeply.\n"
-        "  Write sums within brackets as several const declarations.",
+        "  Split sums in brackets into several const declarations.",
     ),
     "no semicolon": (
         "qubit q\nx q;\n",
@@ -162,7 +162,7 @@ REFUSED = {
     ),
     "no qubits": (
         "OPENQASM 3.0;\n",
-        "program.qasm:1: The program has no qubits.\n  Declare some, such as: qubit[2] q;",
+        "program.qasm:1: The program has no qubits.\n  Declare qubits: qubit[2] q;",
     ),
 }
 

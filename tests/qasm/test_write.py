@@ -1,4 +1,4 @@
-"""Writing OpenQASM: golden texts, round trips, and the meaning other tools read."""
+"""Writing OpenQASM: golden texts, round trips, and parsing by other tools."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ COMPILED = [
 
 
 @pytest.mark.parametrize(("seed", "level", "native"), COMPILED)
-def test_qiskit_reads_what_is_written(seed, level, native):
+def test_qiskit_reads_the_output(seed, level, native):
     qasm2, qasm3 = pytest.importorskip("qiskit.qasm2"), pytest.importorskip("qiskit.qasm3")
     source = random_program(seed)
     program, expected = lower(source, level, native), expectations(source)
@@ -104,7 +104,7 @@ def test_qiskit_reads_what_is_written(seed, level, native):
 
 
 @pytest.mark.parametrize(("seed", "level", "native"), COMPILED)
-def test_pytket_reads_what_is_written(seed, level, native):
+def test_pytket_reads_the_output(seed, level, native):
     pytket, pytket_qasm = pytest.importorskip("pytket"), pytest.importorskip("pytket.qasm")
     source = random_program(seed)
     program = lower(source, level, native)
@@ -118,7 +118,7 @@ def test_pytket_reads_what_is_written(seed, level, native):
 
 
 @pytest.mark.parametrize(("seed", "level", "native"), COMPILED)
-def test_cirq_reads_what_is_written(seed, level, native):
+def test_cirq_reads_the_output(seed, level, native):
     qasm_import = pytest.importorskip("cirq.contrib.qasm_import")
     source = random_program(seed)
     program, expected = lower(source, level, native), expectations(source)
@@ -163,7 +163,7 @@ def test_the_template_of_an_executable_binds_in_qiskit():
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_what_is_written_reads_back_equal(seed):
+def test_a_round_trip_is_exact(seed):
     parametric, bound = random_program(seed, inputs=3), random_program(seed)
     for program, text in (
         (parametric, write(parametric)),
@@ -303,27 +303,26 @@ FUSED = Program(circuits("rz(b0)"), late_angles=(LateAngle("b0", Circuit.parse("
         (
             FUSED,
             {},
-            "A program with definitions cannot be written as OpenQASM.\n"
-            "  Write the template of its executable, or bind the angles first.",
+            "A program with late angles cannot be written as OpenQASM.\n"
+            "  Write executable.template(), or bind the angles first.",
         ),
         (
             Program(circuits("x")),
             {"version": "2", "qubits": [3]},
-            "OpenQASM 2 has no names for physical qubits.\n"
-            "  Write OpenQASM 3, or put the circuits on a register.",
+            "OpenQASM 2 cannot name physical qubits.\n  Write OpenQASM 3, or leave out `qubits`.",
         ),
-        (ONE, {"version": "4"}, "There is no OpenQASM version '4'.\n  Versions: 3 and 2."),
+        (ONE, {"version": "4"}, "Unknown OpenQASM version '4'.\n  Use 3 or 2."),
         (
             ONE,
             {"layout": Layout.default(2)},
             "The layout has 2 qubits, the program 1 circuits.\n"
-            "  A file needs one qubit for every circuit.",
+            "  A layout needs one qubit per circuit.",
         ),
         (
             Program((), ("gate",)),
             {},
-            "'gate' cannot be a name in OpenQASM 3.\n"
-            "  It is reserved there, the name of a gate, or has letters it may not have.\n"
+            "'gate' is not a valid name in OpenQASM 3.\n"
+            "  It is reserved, is the name of a gate, or contains invalid characters.\n"
             "  Rename it.",
         ),
         (

@@ -1,4 +1,4 @@
-"""Arrays whose headers promise what the file does not hold, or other things than numbers."""
+"""Arrays with headers that do not match their contents, or with entries that are not numbers."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ ROWS = np.arange(12.0).reshape(3, 4)
         np.zeros(3, np.longdouble),
     ],
 )
-def test_what_numpy_writes_is_read(array: Any) -> None:
+def test_arrays_of_numpy_are_read(array: Any) -> None:
     found = read_npy(saved(array))
     np.testing.assert_array_equal(found, array)
     assert found.dtype == np.asarray(array).dtype
@@ -58,25 +58,25 @@ WRONG = {
     "more than any": (of_shape(f"({10**30}, 4)"), "64 bytes follow"),
     "negative": (of_shape("(-8,)"), "promises -8 numbers"),
     "less than there is": (of_shape("(7,)"), "7 numbers of 8 bytes; 64 bytes follow"),
-    "none of them": (of_shape(f"(0, {10**30})")[:-64], "a shape that no array has"),
-    "dimensions": (of_shape(f"({'1,' * 100})")[:-56], "a shape that no array has"),
+    "none of them": (of_shape(f"(0, {10**30})")[:-64], "an invalid shape"),
+    "dimensions": (of_shape(f"({'1,' * 100})")[:-56], "an invalid shape"),
     "objects": (saved(np.array([{}]), allow_pickle=True), "type 'object', not real numbers"),
     "texts": (of_shape("(2,)", "'>U2'"), "type '>U2', not real"),
     "complex": (saved(ROWS + 1j), "type 'complex128', not real"),
     "dates": (saved(np.array(["2020"], "M8[s]")), "not real numbers"),
     "records": (of_shape("(1,)", "[('a', '<f8')]"), "not real numbers"),
-    "brackets": (headed("[" * 5000), "not a whole .npy file"),
-    "words": (headed("import os"), "not a whole .npy file"),
+    "brackets": (headed("[" * 5000), "not a complete .npy file"),
+    "words": (headed("import os"), "not a complete .npy file"),
     "cut": (saved(ROWS)[:-1], "12 numbers of 8 bytes; 95 bytes follow"),
-    "cut in its header": (saved(ROWS)[:50], "not a whole .npy file"),
-    "empty": (b"", "not a whole .npy file"),
-    "an archive": (b"PK\x03\x04" + bytes(100), "not a whole .npy file"),
-    "a version to come": (saved(ROWS).replace(b"\x01\x00", b"\x09\x00", 1), "not a whole .npy"),
+    "cut in its header": (saved(ROWS)[:50], "not a complete .npy file"),
+    "empty": (b"", "not a complete .npy file"),
+    "an archive": (b"PK\x03\x04" + bytes(100), "not a complete .npy file"),
+    "a version to come": (saved(ROWS).replace(b"\x01\x00", b"\x09\x00", 1), "not a complete .npy"),
 }
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_what_is_no_array_of_numbers(name: str) -> None:
+def test_other_arrays_are_refused(name: str) -> None:
     contents, words = WRONG[name]
     with pytest.raises(ContentsError, match=words):
         read_npy(contents)
@@ -91,7 +91,7 @@ def test_a_table_is_rows_of_numbers() -> None:
 def test_the_first_fault_of_a_table_is_named_with_its_line() -> None:
     for text, words in (
         (b"# mean\n1,2\n\n3,x\n", "Line 4: 'x' is not a number."),
-        (b"1,2\n3,4,5\n", "Line 2 has 3 columns, those above have 2."),
+        (b"1,2\n3,4,5\n", "Line 2 has 3 columns, the lines above have 2."),
         (b"1,\n", "Line 1: '' is not a number."),
     ):
         with pytest.raises(ContentsError) as caught:
@@ -100,7 +100,7 @@ def test_the_first_fault_of_a_table_is_named_with_its_line() -> None:
 
 
 @pytest.mark.parametrize("text", [b"1,2\n3", b"a,b", b"\xff", b"1\x00,2", b"1" * 5000 + b"z"])
-def test_what_is_no_table(text: bytes) -> None:
+def test_an_invalid_table_is_refused(text: bytes) -> None:
     with pytest.raises(ContentsError) as caught:
         read_table(text)
     assert len(str(caught.value)) <= 200

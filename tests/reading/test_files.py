@@ -1,4 +1,4 @@
-"""Files are opened at one door, which lets in regular ones of a bounded size."""
+"""Files are opened in one module, which reads only regular files of limited size."""
 
 from __future__ import annotations
 
@@ -37,7 +37,9 @@ def as_device(path: Path) -> None:
 
 
 @pytest.mark.parametrize("make", [as_pipe, as_folder, as_socket, as_device])
-def test_what_may_never_end_is_not_read(make: Callable[[Path], None], tmp_path: Path) -> None:
+def test_a_file_that_may_never_end_is_not_read(
+    make: Callable[[Path], None], tmp_path: Path
+) -> None:
     path = tmp_path / "x"
     make(path)
     words = rf"It is a {make.__name__.removeprefix('as_')}, not a regular file"
@@ -51,7 +53,9 @@ def test_a_file_is_read_whole_up_to_its_limit(tmp_path: Path) -> None:
     assert read_file(path, 1000) == bytes(1000)
     (tmp_path / "link").symlink_to(path)
     assert read_file(tmp_path / "link", 1000) == bytes(1000)
-    with pytest.raises(ContentsError, match=r"It has 1,000 bytes; such a file has 999 at most"):
+    with pytest.raises(
+        ContentsError, match=r"It has 1,000 bytes; the limit for such a file is 999"
+    ):
         read_file(path, 999)
 
 
@@ -59,7 +63,7 @@ def test_a_file_of_terabytes_is_not_begun(tmp_path: Path) -> None:
     path = tmp_path / "x"
     with path.open("wb") as file:
         file.truncate(2**42)
-    with pytest.raises(ContentsError, match="bytes; such a file has"):
+    with pytest.raises(ContentsError, match="bytes; the limit"):
         read_file(path)
 
 

@@ -1,4 +1,4 @@
-"""JSON of bounded size, in the encodings that editors write."""
+"""JSON of limited size, in the encodings that editors write."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from qcompile.reading import ContentsError, decode, load_json
 WRONG = {
     "": "is not JSON: line 1, column 1",
     "[1,\n 2": "is not JSON: line 2, column 3",
-    '{"a": 1, "b": 2, "a": 3}': "key 'a' occurs twice",
-    '[{"\\u0007": 1, "\\u0007": 1}]': r"key '\\x07' occurs twice",
-    "[" * 100_000: "nests too deeply",
-    '{"a":' * 100_000: "nests too deeply",
+    '{"a": 1, "b": 2, "a": 3}': "key 'a' appears twice",
+    '[{"\\u0007": 1, "\\u0007": 1}]': r"key '\\x07' appears twice",
+    "[" * 100_000: "nested too deeply",
+    '{"a":' * 100_000: "nested too deeply",
     "9" * 5000: "too many digits",
     "[" + "1," * MAX_VALUES + "1]": "more than 1,000,000 values",
     json.dumps(dict.fromkeys(map(str, range(MAX_KEYS + 1)), 0)): "more than 10,000 keys",
@@ -24,13 +24,13 @@ WRONG = {
 
 
 @pytest.mark.parametrize("text", WRONG, ids=lambda text: text[:12])
-def test_what_is_no_json_of_ours(text: str) -> None:
+def test_invalid_json_is_refused(text: str) -> None:
     with pytest.raises(ContentsError, match=WRONG[text]) as caught:
         load_json(text.encode())
     assert len(str(caught.value)) < 200
 
 
-def test_what_is_json() -> None:
+def test_json_is_read() -> None:
     assert load_json('{"a": [1, 2.5, "\u03b8", null, true]}') == {"a": [1, 2.5, "θ", None, True]}
     assert load_json("9" * 4000) == 10**4000 - 1
 
@@ -54,7 +54,7 @@ def test_text_in_another_encoding(contents: bytes, words: str) -> None:
         load_json(contents)
 
 
-def test_what_is_refused_for_its_size_is_not_built() -> None:
+def test_json_refused_for_its_size_is_not_built() -> None:
     text = "[" + "[]," * 4_000_000 + "[]]"
     tracemalloc.start()
     with pytest.raises(ContentsError, match="more than 1,000,000 values"):

@@ -1,4 +1,4 @@
-"""TOML that cannot be read is told, whatever is wrong with it."""
+"""Invalid TOML is refused with a message."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from qcompile.reading import ContentsError, read_toml
     ("text", "words"),
     [
         ("a = ", "It is not TOML"),
-        (f"a = {'9' * 5000}", "a number or a time"),
-        ("a = 25:61:00", "It is not TOML|a number or a time"),
-        (f"a = {'[' * 5000}", "nests too deeply"),
+        (f"a = {'9' * 5000}", "invalid number or time"),
+        ("a = 25:61:00", "It is not TOML|invalid number or time"),
+        (f"a = {'[' * 5000}", "nested too deeply"),
     ],
     ids=["cut", "digits", "time", "deep"],
 )

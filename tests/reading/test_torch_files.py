@@ -1,4 +1,4 @@
-"""Files of torch.save: read without torch's reader, bounded in memory, and nothing of them run."""
+"""Files of torch.save: read without torch's reader, in bounded memory, without running code."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ VALUES = {
 
 
 @pytest.mark.parametrize("name", VALUES)
-def test_what_torch_saves_is_read(name: str) -> None:
+def test_files_of_torch_save_are_read(name: str) -> None:
     contents = saved(VALUES[name])
     expected = torch.load(io.BytesIO(contents), weights_only=True)
     assert same(read_torch(contents), expected)
@@ -80,7 +80,7 @@ def test_many_small_expansions_are_counted_together() -> None:
         read_torch(saved([one.expand(1000 + i) for i in range(1000)]))
 
 
-def test_what_unpacks_to_too_much_is_not_unpacked() -> None:
+def test_an_archive_that_unpacks_to_too_much_is_refused() -> None:
     packed = rezipped(saved(torch.zeros(MAX_FILE_BYTES // 4)), zipfile.ZIP_DEFLATED)
     assert len(packed) < 200_000
     with pytest.raises(ContentsError, match="Unpacked it has"):
@@ -93,7 +93,7 @@ def test_an_entry_that_lies_about_its_size() -> None:
         saved(torch.zeros(1)), zipfile.ZIP_DEFLATED, **{"data/0": bytes(50 * 2**20)}
     )
     true, told = struct.pack("<I", 50 * 2**20), struct.pack("<I", 4)
-    with pytest.raises(ContentsError, match="not a whole file"):
+    with pytest.raises(ContentsError, match="not a complete file"):
         read_torch(contents.replace(true, told))
 
 
@@ -119,7 +119,7 @@ def test_more_opcodes_than_values_can_need_are_not_run(monkeypatch: pytest.Monke
 def test_values_that_hold_themselves() -> None:
     value: list[Any] = []
     value.append(value)
-    with pytest.raises(ContentsError, match="nest too deeply"):
+    with pytest.raises(ContentsError, match="nested too deeply"):
         read_torch(saved(value))
 
 
@@ -206,7 +206,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_what_is_no_file_of_torch(name: str) -> None:
+def test_other_files_are_refused(name: str) -> None:
     with pytest.raises(ContentsError) as caught:
         read_torch(WRONG[name])
     assert len(str(caught.value)) < 200

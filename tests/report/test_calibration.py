@@ -35,20 +35,21 @@ def test_many_qubits_have_a_strip_and_not_a_curve_each(
         draw(axes, *args, **options)
 
     monkeypatch.setattr(Axes, "draw", note)
-    with Image.open(BytesIO(draw_calibration(measured(count)))) as picture:
-        assert max(picture.size) < 1800
+    with Image.open(BytesIO(draw_calibration(measured(count)).png)) as picture:
+        assert picture.width == 2100, "7 inches at 300 dots an inch"
+        assert picture.height <= 3000
     assert len(ticks) == panels
     assert [*ticks.values()][-1] == [str(q) for q in range(0, count, 10 if count == 127 else 1)]
 
 
 @pytest.mark.parametrize("parts", [["readout"], ["response"]])
 def test_many_qubits_of_one_part(parts: Any) -> None:
-    assert draw_calibration(measured(50, parts=parts))[:4] == b"\x89PNG"
+    assert draw_calibration(measured(50, parts=parts)).png[:4] == b"\x89PNG"
 
 
 def test_bad_fits_of_many_qubits_are_marked() -> None:
     found = measured(50)
     assert found.readout is not None
     bad = found.readout.model_copy(update={"chi_square": (1000.0,) * 50})
-    marked = draw_calibration(found.model_copy(update={"readout": bad}))
-    assert marked != draw_calibration(found)
+    marked = draw_calibration(found.model_copy(update={"readout": bad})).png
+    assert marked != draw_calibration(found).png

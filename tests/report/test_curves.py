@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from qcompile.report.curves import Curve, draw_curves
+from qcompile.report.curves import Curve, CurvePanel, draw_curves
 
 BLUE, RED = (0x00, 0x72, 0xB2), (0xD5, 0x5E, 0x00)
 
@@ -22,7 +22,8 @@ def curve(mean: list[float], group: str = "a", dashed: bool = False, band: float
 
 def pixels(curves: list[Curve], target: float = 50.0, **options: Any) -> np.ndarray:
     """(height, width, 3), read back."""
-    with Image.open(BytesIO(draw_curves("Title", curves, target, **options))) as picture:
+    drawn = draw_curves([CurvePanel("Title", curves, target, **options)])
+    with Image.open(BytesIO(drawn.png)) as picture:
         assert picture.format == "PNG"
         assert "Software" not in picture.info
         return np.asarray(picture.convert("RGB")).astype(int)
@@ -44,7 +45,7 @@ def target_row(picture: np.ndarray) -> int:
     """The row of the dotted line: dark begins and ends in it most often."""
     dark = picture.max(axis=2) < 225
     changes = (dark[:, 1:] != dark[:, :-1]).sum(axis=1)
-    assert changes.max() > 250, "no dotted line goes across"
+    assert changes.max() > 150, "no dotted line goes across"
     return int(changes.argmax())
 
 
@@ -52,7 +53,7 @@ def target_row(picture: np.ndarray) -> int:
 def test_a_picture_of_several_curves(count: int) -> None:
     """Nine groups are more than there are colours."""
     picture = pixels([curve([i, i + 1.0, 9.0], f"group {i}") for i in range(count)])
-    assert picture.shape == (624, 960, 3)
+    assert picture.shape[1:] == (1020, 3), "3.4 inches at 300 dots an inch"
     assert picture[0, 0].tolist() == [255, 255, 255]
 
 
@@ -88,6 +89,7 @@ def test_the_picture_ends_where_it_is_told_to() -> None:
 
 def test_the_same_curves_are_the_same_bytes() -> None:
     first, again, other = (
-        draw_curves("Title", [curve([1.0, level])], 5.0) for level in (2.0, 2.0, 3.0)
+        draw_curves([CurvePanel("Title", [curve([1.0, level])], 5.0)]).png
+        for level in (2.0, 2.0, 3.0)
     )
     assert first == again != other

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import Any, cast
 
 import imageio_ffmpeg
 import numpy as np
@@ -33,8 +34,9 @@ def temporary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def frames(count: int, height: int = 64, width: int = 96) -> list[np.ndarray]:
-    """Grey frames that grow brighter."""
-    return [np.full((height, width, 3), 10 * i, dtype=np.uint8) for i in range(count)]
+    """Grey frames that grow brighter, the first 25 of them."""
+    levels = (10 * min(i, 25) for i in range(count))
+    return [np.full((height, width, 3), level, dtype=np.uint8) for level in levels]
 
 
 def shoot(path: Path | None, pictures: list[np.ndarray], rate: float = 25.0) -> Film:
@@ -132,8 +134,13 @@ def test_a_gif_keeps_lines_of_one_pixel(tmp_path: Path, line: int, axis: int) ->
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_a_film_of_one_frame(tmp_path: Path, suffix: str) -> None:
-    shoot(tmp_path / f"a{suffix}", frames(2)[1:])
-    assert len(read(tmp_path / f"a{suffix}")[2]) == 1
+    path = tmp_path / f"a{suffix}"
+    shoot(path, frames(2)[1:])
+    if suffix == ".gif":
+        with Image.open(path) as gif:
+            assert getattr(gif, "n_frames", 1) == 1
+    else:
+        assert len(read(path)[2]) == 1
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
@@ -153,6 +160,35 @@ def test_a_block_that_raises_leaves_nothing(
         roll()
     assert list(tmp_path.iterdir()) == [temporary]
     assert not list(temporary.iterdir())
+
+
+class Interrupted:
+    """A pipe that takes half of its third picture; then comes Ctrl-C."""
+
+    def __init__(self, pipe: Any):
+        self._pipe, self._left, self.close = pipe, 3, pipe.close
+
+    def write(self, picture: memoryview) -> None:
+        self._left -= 1
+        if not self._left:
+            self._pipe.write(bytes(picture)[: picture.nbytes // 2])
+            raise KeyboardInterrupt
+        self._pipe.write(picture)
+
+
+def test_half_a_frame_is_not_in_the_film(tmp_path: Path) -> None:
+    """A run that Ctrl-C ends keeps the film of what it has played."""
+    path = tmp_path / "a.mp4"
+    with Film(path) as film:
+        film.add(frames(1)[0], 20.0)
+        assert film._process is not None
+        film._process.stdin = cast(Any, Interrupted(film._process.stdin))
+        film.add(frames(2)[1], 20.0)
+        film.add(frames(3)[2], 20.0)
+        with pytest.raises(KeyboardInterrupt):
+            film.add(frames(4)[3], 20.0)
+    assert len(read(path)[2]) == film.frames == 3
+    assert film.clip is not None
 
 
 def test_a_film_that_fails_leaves_the_one_that_was_there(tmp_path: Path) -> None:

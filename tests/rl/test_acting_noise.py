@@ -45,7 +45,7 @@ def test_residuals_of_an_ideal_device_are_shot_noise() -> None:
     seen = observed(300)
     with torch.no_grad():
         noise.act(seen)
-    residual, z = noise.taken().numpy(), closed_form(actor, seen)
+    residual, z = noise.take_residuals().numpy(), closed_form(actor, seen)
     pulls = residual / np.sqrt((1 - z**2) / SHOTS)
     assert abs(pulls.mean()) < 5 / np.sqrt(1200)
     assert (pulls**2).mean() == pytest.approx(1.0, abs=5 * np.sqrt(2 / 1200))
@@ -64,7 +64,7 @@ def test_residuals_without_shots_are_what_the_device_does() -> None:
     )
     expected = deployed.expectation(seen.double().numpy()) - closed_form(actor, seen)
     assert np.abs(expected).max() > 0.01
-    np.testing.assert_allclose(noise.taken().numpy(), expected, atol=2e-6)
+    np.testing.assert_allclose(noise.take_residuals().numpy(), expected, atol=2e-6)
 
 
 def test_outputs_are_the_head_on_what_was_measured() -> None:
@@ -72,7 +72,7 @@ def test_outputs_are_the_head_on_what_was_measured() -> None:
     seen = observed(30)
     with torch.no_grad():
         outputs = noise.act(seen).numpy()
-    z = closed_form(actor, seen) + noise.taken().numpy()
+    z = closed_form(actor, seen) + noise.take_residuals().numpy()
     weights, bias = actor.head.weights.detach().numpy(), actor.head.bias.detach().numpy()
     np.testing.assert_allclose(outputs, z @ weights.T + bias, atol=1e-5)
 
@@ -129,12 +129,12 @@ def test_residuals_are_taken_exactly_once() -> None:
     trainer = Trainer("CartPole-v1", BASE, 0)
     assert trainer._noise is not None
     trainer._collector.collect(trainer._act, 5)
-    first = trainer._noise.taken()
+    first = trainer._noise.take_residuals()
     assert first.shape == (5 * 4, 4)
     with pytest.raises((RuntimeError, ValueError)):
-        trainer._noise.taken()
+        trainer._noise.take_residuals()
     trainer._collector.collect(trainer._act, 3)
-    assert trainer._noise.taken().shape == (3 * 4, 4)
+    assert trainer._noise.take_residuals().shape == (3 * 4, 4)
 
 
 @pytest.mark.parametrize("pause_at", [None, 0.0, 11.0])

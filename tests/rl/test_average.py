@@ -17,7 +17,7 @@ SETTINGS = Settings(environments=2, horizon=16, steps=320, actor_lr=0.02, averag
 
 
 def averaged(share: float, numbers: list[float]) -> float:
-    """The average after a model of one number had these."""
+    """The average after a model of one parameter had these values."""
     model = torch.nn.Linear(1, 1, bias=False).double()
     average = Average(model, torch.nn.Linear(1, 1, bias=False).double(), share)
     for number in numbers:

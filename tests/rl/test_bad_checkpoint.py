@@ -1,4 +1,4 @@
-"""Files that are no checkpoints, or were tampered with: refused, and nothing of them is run."""
+"""Files that are not checkpoints, or were tampered with: refused, and none of their code is run."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def good(tmp_path_factory: pytest.TempPathFactory, saved_at: SavedAt) -> bytes:
 
 
 def refused(path: Path) -> str:
-    """One TrainingError, with words of a few lines and the name of the file."""
+    """One TrainingError, with a short message and the name of the file."""
     with pytest.raises(TrainingError) as caught:
         load_checkpoint(path)
     message = str(caught.value)
@@ -125,7 +125,7 @@ def test_a_pickle_that_would_run_code_is_not_run(way: str, good: bytes, tmp_path
     assert not marker.exists()
     if way == "pickle":
         pickle.loads(path.read_bytes()).close()
-        assert marker.exists(), "the file is no trap"
+        assert marker.exists(), "the file should run code"
 
 
 def test_a_file_cut_short_is_refused(good: bytes, tmp_path: Path) -> None:
@@ -281,7 +281,7 @@ def test_an_action_that_an_environment_has_not_is_refused(
 
 
 def test_a_checkpoint_of_another_shape_is_refused(good: bytes, tmp_path: Path) -> None:
-    """Settings, environment and tensors must be of one training."""
+    """Settings, environment and tensors must belong to one training."""
     path = tmp_path / "run.checkpoint"
     path.write_bytes(good)
     settings = json.loads(torch.load(path, weights_only=True)["settings"])
@@ -305,9 +305,9 @@ def test_a_model_that_the_file_does_not_hold_is_not_built(
     saved_at(1, "CartPole-v1", Settings(model="fcn", hidden=(4,), episodes=6), path)
     settings = json.loads(torch.load(path, weights_only=True)["settings"])
     words = {
-        "hidden": ([10_000] * 40, r"Its actor has 30 numbers, by its settings 3,900,\d+,\d+\."),
-        "critic_hidden": ([10_000] * 9, r"Its critic has 25 numbers, by its settings 800,"),
-        "environments": (10_000, r"It has 1 environments, by its settings 10000\."),
+        "hidden": ([10_000] * 40, r"Its actor has 30 numbers; its settings need 3,900,\d+,\d+\."),
+        "critic_hidden": ([10_000] * 9, r"Its critic has 25 numbers; its settings need 800,"),
+        "environments": (10_000, r"It has 1 environments; its settings say 10000\."),
     }
     for name, (value, message) in words.items():
         change = {name: value, "horizon": 10}
@@ -324,13 +324,13 @@ def test_an_average_must_be_that_of_the_settings(tmp_path: Path, saved_at: Saved
     settings, tensors = json.loads(saved["settings"]), saved["tensors"]
     average = tensors["average"]
     wrong = {
-        "It has no average, by its settings a share of 0.5.": {
+        "It has no average, but its settings have average_share 0.5.": {
             "tensors": {**tensors, "average": None}
         },
-        "It has an average, by its settings a share of 0.0.": {
+        "It has an average, but its settings have average_share 0.0.": {
             "settings": json.dumps(settings | {"average_share": 0.0})
         },
-        "Its average has a number that is not finite.": {
+        "Its average contains a number that is not finite.": {
             "tensors": tensors
             | {
                 "average": average

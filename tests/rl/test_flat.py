@@ -1,4 +1,4 @@
-"""All trained numbers of a model in one tensor: shared memory, and gradients cut by their norm."""
+"""All trained parameters of a model in one tensor: shared memory, and clipped gradients."""
 
 from __future__ import annotations
 

@@ -119,7 +119,7 @@ def test_lambda_counts_decisions_and_their_cost_is_taken_off() -> None:
 
 
 def test_no_score_has_the_cost() -> None:
-    """Every reward that is told is what the environment paid."""
+    """Every reported reward is the environment's."""
     trainer = Trainer("Clock5-v0", Settings(episodes=2, hold=2, decision_cost=4.0), 0)
     result = trainer.train()
     acted = [episode.reward - (5 * 10 * e + 15) for e, episode in enumerate(result.episodes, 1)]

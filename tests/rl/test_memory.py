@@ -85,15 +85,15 @@ def test_what_is_not_a_rollout_of_the_training_is_refused(change: str) -> None:
     collector = Collector("CartPole-v1", 2, np.random.SeedSequence(0))
     state = {k: v for k, v in (kept() | WRONG[change]).items() if v is not None}
     Memory(2).restore([kept()], collector, None)
-    with pytest.raises(TrainingError, match="not one of its training"):
+    with pytest.raises(TrainingError, match="does not belong to its training"):
         Memory(2).restore([state], collector, None)
     collector.close()
 
 
 def test_a_rollout_of_no_steps_and_too_many_rollouts_are_refused() -> None:
     collector = Collector("CartPole-v1", 2, np.random.SeedSequence(0))
-    with pytest.raises(TrainingError, match="not one of its training"):
+    with pytest.raises(TrainingError, match="does not belong to its training"):
         Memory(2).restore([kept(0)], collector, None)
-    with pytest.raises(TrainingError, match="more rollouts than its settings keep"):
+    with pytest.raises(TrainingError, match="more rollouts than its settings allow"):
         Memory(2).restore([kept(), kept()], collector, None)
     collector.close()

@@ -1,4 +1,4 @@
-"""The size of a model, told before it is made, is that of the model."""
+"""The size of a model, predicted before it is made, is correct."""
 
 from __future__ import annotations
 

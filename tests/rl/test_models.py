@@ -29,7 +29,7 @@ def make(settings: Settings, features: int = 4, outputs: int = 3, seed: int = 0)
 
 
 def perturb(model: SVQC) -> None:
-    """Move every parameter off its first value, the same way each time."""
+    """Change every parameter from its initial value, reproducibly."""
     generator = torch.Generator().manual_seed(1)
     with torch.no_grad():
         for parameter in model.parameters():

@@ -1,4 +1,4 @@
-"""The classical baselines: their sizes, their arithmetic, their first numbers."""
+"""The classical baselines: sizes, arithmetic and initial parameters."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def test_the_same_generator_makes_the_same_model(settings: Settings) -> None:
 
 
 def test_nothing_is_drawn_from_torch_s_own_generator() -> None:
-    """What is drawn must not depend on what was drawn before."""
+    """Random draws must not depend on earlier draws."""
     torch.manual_seed(1)
     first = make(FCN)
     torch.manual_seed(2)

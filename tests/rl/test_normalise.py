@@ -1,4 +1,4 @@
-"""Observation normalisation: numbers by hand, a policy that sees what was learned from."""
+"""Observation normalisation: values by hand, and a policy with the training's statistics."""
 
 from __future__ import annotations
 
@@ -47,13 +47,13 @@ def test_a_constant_feature_is_centred_and_not_stretched() -> None:
 
 
 def test_the_actor_keeps_the_numbers_that_it_learned_with() -> None:
-    """What the next rollout is collected with comes to the actor when that rollout is there."""
+    """The statistics of a rollout are stored in the actor once that rollout is collected."""
     actor = torch.nn.Linear(1, 1)
     normaliser = Normaliser(actor, 1)
     normaliser.add(np.array([[[1.0]], [[5.0]]]))
-    assert [array.tolist() for array in normaliser.kept] == [[0.0], [1.0]]
-    normaliser.keep()
-    assert [array.tolist() for array in normaliser.kept] == [[3.0], [2.0]]
+    assert [array.tolist() for array in normaliser.statistics] == [[0.0], [1.0]]
+    normaliser.store_statistics()
+    assert [array.tolist() for array in normaliser.statistics] == [[3.0], [2.0]]
     assert actor.state_dict()["observation_mean"].tolist() == [3.0]
 
 
@@ -180,7 +180,7 @@ def test_networks_keep_the_numbers_and_play_as_they_learned() -> None:
     assert isinstance(network, Network)
     assert trainer.normaliser is not None
     observations = np.random.default_rng(0).normal(size=(50, 4))
-    mean, std = trainer.normaliser.kept
+    mean, std = trainer.normaliser.statistics
     with torch.no_grad():
         logits = trainer.model(torch.from_numpy((observations - mean) / std)).numpy()
     np.testing.assert_allclose(network.logits(observations), logits, rtol=1e-4, atol=1e-5)
@@ -202,7 +202,7 @@ def test_what_is_normalised_already_is_refused() -> None:
     assert isinstance(policy, Policy)
     own = replace(policy, encoder=replace(policy.encoder, mean=np.zeros(4), std=np.ones(4)))
     settings = PAPER.changed(layout="own", scales=(1.0,))
-    with pytest.raises(TrainingError, match="policy cartpole has a mean or std of its own already"):
+    with pytest.raises(TrainingError, match="policy cartpole already has its own mean or std"):
         Trainer("CartPole-v1", settings, 0, ansatz=Ansatz.of_policy(own))
     with pytest.raises(TrainingError, match="These circuits read bits"):
         Trainer("FrozenLake-v1", PAPER.changed(encoder="bits"), 0)

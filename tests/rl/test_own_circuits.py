@@ -1,4 +1,4 @@
-"""Circuits of one's own in training: exported, sized, resumed, and what does not fit them."""
+"""Own circuits in training: exported, sized, resumed, and refused."""
 
 from __future__ import annotations
 
@@ -200,11 +200,11 @@ def test_inputs_read_the_features_in_turn(inputs: int, features: int, read: Any)
         (SINGLE, {"features": (0,)}, "features has 1 numbers, found 2 inputs"),
         (SINGLE, {"features": (0, 4)}, "features names feature 4.\n  Observations have features 0"),
         (SINGLE, {"encoder": ("tanh",) * 3}, "encoder has 3 functions, found 2 inputs"),
-        (SINGLE, {"scales": (1.0, 2.0, 3.0)}, "Own circuits have one number for all inputs"),
-        (SINGLE, {"scales": ((1.0, 2.0),)}, "Own circuits have one number for all inputs"),
+        (SINGLE, {"scales": (1.0, 2.0, 3.0)}, "Own circuits need one number for all inputs"),
+        (SINGLE, {"scales": ((1.0, 2.0),)}, "Own circuits need one number for all inputs"),
         (SINGLE, {"layout": "parallel"}, "Layout 'parallel' with own circuits"),
         (None, {}, "Layout 'own' without own circuits"),
-        (SINGLE, {"model": "mvqc", "layout": "parallel"}, "Model 'mvqc' has no circuits of one's"),
+        (SINGLE, {"model": "mvqc", "layout": "parallel"}, "Model 'mvqc' cannot train own circuits"),
         (None, {"layout": "parallel", "encoder": ("tanh",)}, "encoder has 1 functions, found 4"),
         (None, {"layout": "parallel", "features": (7,)}, "features names feature 7"),
     ],
@@ -273,10 +273,10 @@ def test_the_policy_says_where_its_circuits_are_from() -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda text: None, "numbers, by its settings"),
+        (lambda text: None, "numbers; its settings need"),
         (lambda text: "{", "not JSON"),
         (lambda text: text.replace("ansatz-1", "ansatz-2"), "format"),
-        (lambda text: ansatz_text(SINGLE), "numbers, by its settings"),
+        (lambda text: ansatz_text(SINGLE), "numbers; its settings need"),
         (lambda text: text.replace('"ry"', '"cx"'), "Unknown gate 'cx'"),
     ],
 )
@@ -376,8 +376,14 @@ def test_a_policy_of_the_one_bit_of_one_state_plays(state: str) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ({"actions": 10**9}, "State-v0 has 1,000,000,000 actions; a training takes 100,000"),
-        ({"features": 2 * 10**6}, "State-v0 has 2,000,000 features; a training takes 100,000"),
+        (
+            {"actions": 10**9},
+            "State-v0 has 1,000,000,000 actions; training supports at most 100,000",
+        ),
+        (
+            {"features": 2 * 10**6},
+            "State-v0 has 2,000,000 features; training supports at most 100,000",
+        ),
     ],
 )
 def test_what_no_memory_holds_is_refused(state: str, arguments: dict[str, Any], words: str) -> None:

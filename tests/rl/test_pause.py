@@ -20,12 +20,13 @@ class Actor:
 
 
 def scripted(pause: Pause, rewards: list[float]) -> tuple[list[bool], list[int | None]]:
-    """What Algorithm 2 does after each of these episodes, and which episode's policy it keeps."""
+    """The decisions of Algorithm 2 after each of these episodes, and the episode whose policy it
+    keeps."""
     actor, held, kept = Actor(), [], []
     for number, reward in enumerate(rewards, 1):
         actor.episode = number
         finished = [FinishedEpisode(number, number, reward, number)]
-        held.append(pause.holds(finished, actor))  # type: ignore[arg-type]
+        held.append(pause.skips(finished, actor))  # type: ignore[arg-type]
         kept.append(pause.best["episode"] if pause.best else None)  # type: ignore[arg-type]
     return held, kept
 

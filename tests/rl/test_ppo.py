@@ -1,4 +1,4 @@
-"""Training: trivial tasks are learned, runs repeat, and presets are those of the paper."""
+"""Training: trivial tasks are learned, runs repeat, and presets match the paper."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_a_budget_of_steps_or_episodes_is_kept() -> None:
 
 
 def test_cartpole_improves_clearly_over_chance() -> None:
-    """Random play lasts 22 steps (deviation 12): a mean of 20 episodes above 100 is no chance."""
+    """Random play lasts 22 steps (deviation 12): a mean of 20 episodes above 100 is not chance."""
     settings = replace(settings_for("tuned", "CartPole-v1"), steps=30_000)
     result = Trainer("CartPole-v1", settings, 0).train()
     rewards = [episode.reward for episode in result.episodes]
@@ -191,7 +191,7 @@ def test_ctrl_c_keeps_what_was_learned() -> None:
 
 
 def test_a_trainer_checks_what_it_is_given() -> None:
-    with pytest.raises(TrainingError, match="4 environments without a horizon"):
+    with pytest.raises(TrainingError, match="4 environments need a horizon"):
         Trainer("Match-v0", Settings(environments=4, steps=1), 0)
     with pytest.raises(EnvironmentMismatchError, match="Unknown environment 'CartPoll-v1'"):
         Trainer("CartPoll-v1", QUICK, 0)

@@ -1,4 +1,4 @@
-"""Presets are files: what they hold, how their tables inherit, and what is refused in words."""
+"""Preset files: their contents, inheritance between tables, and refusals."""
 
 from __future__ import annotations
 
@@ -94,10 +94,10 @@ def test_tables_inherit_from_those_above(tmp_path: Path) -> None:
     [
         ("[svqc", r"mine\.toml is not a preset\.\n  It is not TOML: "),
         ("svqc = 3", r"mine\.toml is not a preset\.\n  svqc: .*\(found 3\)"),
-        ("[svqc.any]\nclipp = 1", r"\[svqc\.any\] does not hold settings\.\n.*\n  clipp: "),
+        ("[svqc.any]\nclipp = 1", r"\[svqc\.any\] does not hold valid settings\.\n.*\n  clipp: "),
         ("[svqc.any]\nepisodes = 0", r"\[svqc\.any\].*\n.*\n  episodes: input should be greater"),
         ("[svqc.any]\nreuse = 2", r"\[svqc\.any\] does not.*\n  The training has no end\."),
-        ("[gnn.any]\nepisodes = 1", r"\[gnn\.any\] does not hold settings\.\n.*\n  model: "),
+        ("[gnn.any]\nepisodes = 1", r"\[gnn\.any\] does not hold valid settings\.\n.*\n  model: "),
         ("[svqc.any]\nlike = 'fcn.any'", r"\[svqc\.any\] is like 'fcn\.any', but there is no"),
         ("[surrogate]\nlike = 'svqc'", r"\[surrogate\] is like 'svqc', but there is no such table"),
         ("[svqc.Pong]\nepisodes = 1", r"mine\.toml has no table \[svqc\.any\]\."),

@@ -191,7 +191,7 @@ def test_a_state_that_is_not_come_to_is_refused() -> None:
     def refuses(change: Callable[[dict[str, Any]], None]) -> None:
         state = json.loads(good)
         change(state)
-        with pytest.raises(TrainingError, match="do not come to where the checkpoint left them"):
+        with pytest.raises(TrainingError, match="do not return to their state in the checkpoint"):
             made.restore(state)
 
     def nudge(state: dict[str, Any]) -> None:
@@ -212,9 +212,9 @@ def test_a_state_that_is_not_come_to_is_refused() -> None:
 
 
 def test_an_environment_that_its_seed_does_not_repeat_is_refused() -> None:
-    """The clock counts its own episodes: played again it is not where it was."""
+    """The clock counts its own episodes: a replay does not return to its state."""
     made = collector("Clock-v0", 1)
     made.collect(lambda seen: np.array([0]), 4)
-    with pytest.raises(TrainingError, match="do not come to where the checkpoint left them"):
+    with pytest.raises(TrainingError, match="do not return to their state in the checkpoint"):
         made.restore(made.state())
     made.close()

@@ -1,4 +1,4 @@
-"""The score of a model: rewards of the right episodes, and a training that does not notice."""
+"""The score of a model: rewards of the right episodes, without disturbing the training."""
 
 from __future__ import annotations
 

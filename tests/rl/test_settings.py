@@ -1,4 +1,4 @@
-"""Settings and presets: what is refused, and with which words."""
+"""Settings and presets: refusals and their messages."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def test_an_unknown_word_gets_the_known_ones(name: str, value: str, known: str) 
 
 
 def test_a_wrong_value_is_a_line_of_its_own() -> None:
-    """What failed first, then a line for each fault: no list as Python prints it."""
+    """First the failure, then a line per fault, not a Python list."""
     lines = refused(gamma=2, clip=-1).splitlines()
     assert len(lines) == 3
     assert lines[1:] == [
@@ -100,7 +100,7 @@ def test_an_unknown_name_gets_the_nearest() -> None:
 
 
 def test_settings_that_contradict_each_other_are_refused() -> None:
-    assert "4 environments without a horizon" in refused(environments=4, horizon=None)
+    assert "4 environments need a horizon" in refused(environments=4, horizon=None)
     assert "The training has no end" in refused(steps=None)
     for settings in (Settings(environments=4, steps=1), Settings()):
         with pytest.raises(TrainingError):

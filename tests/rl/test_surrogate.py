@@ -1,4 +1,4 @@
-"""The classical surrogate: what it computes, the policy it exports, what it can stand for."""
+"""The classical surrogate: its function, the policy it exports, and its equivalents."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def make(settings: Settings, features: int = 4, outputs: int = 3, seed: int = 0)
 
 
 def perturb(model: torch.nn.Module) -> None:
-    """Move every parameter off its first value, the same way each time."""
+    """Change every parameter from its initial value, reproducibly."""
     generator = torch.Generator().manual_seed(1)
     with torch.no_grad():
         for parameter in model.parameters():

@@ -1,4 +1,4 @@
-"""An update: the paper's objective, its targets and step sizes, and what it says of itself."""
+"""An update: the paper's objective, targets, step sizes and diagnostics."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A stand-in of IBM's Quantum REST API, for tests of what runs on real machines.
+"""A stand-in for IBM's Quantum REST API, to test runs on real machines.
 
 The unmodified client of qiskit-ibm-runtime talks to it over HTTP: service, backends, calibration,
 jobs of both samplers, batches, results and usage. Error codes other than 1305 (a job ran too long)

@@ -1,4 +1,4 @@
-"""`python -m standin`: the stand-in as a process of its own."""
+"""`python -m standin`: the stand-in as a separate process."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Answers of the wrong shape: valid JSON that is not what the service's reference says."""
+"""Answers of the wrong shape: valid JSON that does not match the service's reference."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Path = tuple[str | int, ...]
 
 
 class Reshape(BaseModel):
-    """The answers to requests that are `on` hold `to` at a path, or nothing there with `drop`.
+    """Answers to `on` requests get the value `to` at a path, or lose it with `drop`.
 
     The path () is the whole answer. `times` answers are changed; None changes all of them.
     """
@@ -106,7 +106,7 @@ CHARGES: dict[str, Reshape] = {
 
 
 def reshaped(answer: Any, rule: Reshape) -> tuple[Any, bool]:
-    """The answer as a rule wants it, and whether that changed anything."""
+    """The answer changed by a rule, and whether that changed anything."""
     if not rule.at:
         return rule.to, True
     changed = _change(answer, rule.at, rule)
@@ -114,7 +114,7 @@ def reshaped(answer: Any, rule: Reshape) -> tuple[Any, bool]:
 
 
 def _change(within: Any, at: Path, rule: Reshape) -> bool:
-    """Change what lies at a path in place; False where there is no such place."""
+    """Change the value at a path in place; False if there is no such path."""
     first, rest = at[0], at[1:]
     if first == EVERY:
         places: list[Any] = list(range(len(within))) if isinstance(within, list) else []

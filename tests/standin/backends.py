@@ -23,7 +23,7 @@ DEFAULT_BACKENDS: Mapping[str, str] = {
 
 @dataclass(frozen=True)
 class Machine:
-    """One backend: what the service tells of it, and the noise that its bits are drawn from."""
+    """One backend: its data at the service, and the noise that its bits are drawn from."""
 
     name: str
     configuration: dict[str, Any]
@@ -39,7 +39,7 @@ class Machine:
         return tuple(self.configuration["basis_gates"])
 
     def entry(self, queue_length: int) -> dict[str, Any]:
-        """The machine in the list of all."""
+        """The machine's entry in the list of machines."""
         return {
             "name": self.name,
             "status": {"name": "online", "reason": "available"},

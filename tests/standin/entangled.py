@@ -15,7 +15,7 @@ MOST_QUBITS = 12
 
 
 def reduced(circuit: Any) -> tuple[QuantumCircuit, tuple[int, ...]]:
-    """The gates of a circuit on the qubits that have any, and which those are."""
+    """The gates of a circuit on the qubits it uses, and these qubits."""
     gates = [
         (instruction.operation, [circuit.find_bit(qubit).index for qubit in instruction.qubits])
         for instruction in circuit.data

@@ -1,4 +1,4 @@
-"""What the service answers when it refuses."""
+"""The service's refusals."""
 
 from __future__ import annotations
 

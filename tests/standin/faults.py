@@ -1,4 +1,4 @@
-"""What goes wrong with a service, on request or at random, and how often it did."""
+"""Faults of a service, on request or at random, and their counts."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .answers import RESULTS, Reshape, reshaped
 
 
 class Fault(StrEnum):
-    """The faults that rules speak of, each at the moment it strikes."""
+    """The kinds of faults, by the moment at which they strike."""
 
     RATE_LIMITED = "rate_limited"
     """429 with Retry-After, before the request is handled."""
@@ -116,7 +116,7 @@ class Chance(_Record):
 
 
 class Orders(_Record):
-    """The body of POST /standin/faults: everything that is given is done, `clear` first."""
+    """The body of POST /standin/faults: every given part is applied, `clear` first."""
 
     clear: bool = False
     once: tuple[Once, ...] = ()
@@ -163,7 +163,7 @@ class Faults:
         self._lock = threading.RLock()
 
     def seed(self, seed: int) -> None:
-        """Draw what strikes at random anew."""
+        """Reseed the random faults."""
         with self._lock:
             self._rng = np.random.default_rng(seed)
 
@@ -184,12 +184,12 @@ class Faults:
                 self._chance.append(rule)
 
     def reshape(self, rule: Reshape) -> None:
-        """Give answers another shape by `rule`, in addition to the rules there are."""
+        """Change the shape of answers by `rule`, in addition to existing rules."""
         with self._lock:
             self._reshape.append((rule, rule.times))
 
     def expire_tokens(self) -> None:
-        """Refuse every token that was given out so far; a new one is taken."""
+        """Refuse every token issued so far; a new one is accepted."""
         with self._lock:
             self._expired += 1
 
@@ -219,7 +219,7 @@ class Faults:
             self.retired.clear()
 
     def order(self, orders: Orders) -> None:
-        """Do what a request to POST /standin/faults asks for."""
+        """Apply a request to POST /standin/faults."""
         with self._lock:
             if orders.clear:
                 self.clear()
@@ -240,7 +240,7 @@ class Faults:
             self.retired -= set(orders.restore)
 
     def strike(self, kinds: tuple[Fault, ...], request: str) -> Fault | None:
-        """The one of `kinds` that strikes this request, if any; it is spent but not yet counted."""
+        """The kind that strikes this request, if any; it is used up but not yet counted."""
         with self._lock:
             if kind := self._spend(kinds, request):
                 return kind
@@ -250,7 +250,7 @@ class Faults:
         return None
 
     def strike_results(self, first: bool) -> tuple[Fault | None, int]:
-        """What spoils a fetch of results, and how many of the job's fetches from this one on."""
+        """The fault of a fetch of results, and the number of the job's fetches it affects."""
         with self._lock:
             if kind := self._spend(OF_RESULTS, RESULTS):
                 return kind, 1
@@ -265,7 +265,7 @@ class Faults:
             return any(rule.on == request and left != 0 for rule, left in self._reshape)
 
     def reshaped(self, request: str, answer: Any) -> tuple[Any, bool]:
-        """The answer to a request as the rules want it, and whether any of them changed it."""
+        """The answer to a request after all rules, and whether any of them changed it."""
         struck = False
         with self._lock:
             for index, (rule, left) in enumerate(self._reshape):

@@ -24,7 +24,7 @@ _SIGNING_KEY = "the stand-in signs its tokens with this and never checks the sig
 
 
 class Identity:
-    """Gives tokens for the key, and knows which of them are still good."""
+    """Issues tokens for the key, and knows which of them are still valid."""
 
     def __init__(self, faults: Faults, settings: Settings):
         self._faults = faults
@@ -61,7 +61,7 @@ class Identity:
         }
 
     def secrets(self) -> list[str]:
-        """The key, every token given so far, and what of a token tells who it was given to."""
+        """The key, every token issued so far, and the part of a token that names its owner."""
         with self._lock:
             tokens = list(self._given)
         return [API_KEY, *(part for token in tokens for part in token.split(".")[1:])]

@@ -1,4 +1,4 @@
-"""Jobs: their life by the clock, what they cost, and the ledger of all that were ever accepted."""
+"""Jobs: their timeline, their cost, and the ledger of all accepted jobs."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ COMPLETED, FAILED, CANCELLED = "Completed", "Failed", "Cancelled"
 
 
 def usage_seconds(executions: int, factor: float = 1.0) -> float:
-    """What a completed job is charged."""
+    """The charge of a completed job."""
     return round((OVERHEAD_SECONDS + EXECUTION_SECONDS * executions) * factor, 6)
 
 
 def iso(seconds: float) -> str:
-    """Seconds since the epoch as the service writes times, in UTC."""
+    """Seconds since the epoch in the service's time format, in UTC."""
     return datetime.fromtimestamp(seconds, UTC).isoformat().replace("+00:00", "Z")
 
 
@@ -118,7 +118,7 @@ class Job:
         self.reason_code = 9999
 
     def cancel(self, now: float, reason: str) -> bool:
-        """Cancel the job and charge what it used; False where it had ended already."""
+        """Cancel the job and charge the time it used; False if it had already ended."""
         if self.has_ended(now):
             return False
         if now < self.starts:
@@ -131,13 +131,13 @@ class Job:
         return True
 
     def limit(self) -> None:
-        """Hold the job to its cost: it is cancelled, and charged that much, if it would pass it."""
+        """Enforce the job's cap: if it would exceed it, cancel the job and charge the cap."""
         if self.cost is not None and self.usage > self.cost:
             self.outcome, self.charged, self.reason_code = CANCELLED, self.cost, RAN_TOO_LONG
             self.reason = f"Job ran longer than its maximum execution time of {self.cost} s."
 
     def answer(self, now: float, *, with_params: bool = False) -> dict[str, Any]:
-        """The job as GET /jobs/{id} tells it."""
+        """The job as returned by GET /jobs/{id}."""
         ended = self.has_ended(now)
         state: dict[str, Any] = {"status": self.status(now)}
         if ended and self.reason:
@@ -165,7 +165,7 @@ class Job:
         return answer
 
     def metrics(self, now: float, usage_lag_seconds: float) -> dict[str, Any]:
-        """The usage and the times of the job, as GET /jobs/{id}/metrics tells them."""
+        """The usage and times of the job, as returned by GET /jobs/{id}/metrics."""
         ran = self.starts < self.ends
         final = now >= self.ends + usage_lag_seconds
         return {
@@ -203,7 +203,7 @@ class Job:
 
 @dataclass
 class Batch:
-    """A batch of jobs; it takes no more once it is closed or its time is over."""
+    """A batch of jobs; it accepts none once it is closed or its time is over."""
 
     backend: str
     created: float
@@ -215,7 +215,7 @@ class Batch:
         return self.closed is None and now < self.created + self.max_ttl
 
     def answer(self, jobs: Iterable[Job], now: float) -> dict[str, Any]:
-        """The batch as GET /sessions/{id} tells it."""
+        """The batch as returned by GET /sessions/{id}."""
         own = [job for job in jobs if job.session_id == self.id]
         busy = any(not job.has_ended(now) for job in own)
         open_ = self.takes_jobs(now)

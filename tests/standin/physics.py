@@ -1,4 +1,4 @@
-"""What the machines of the stand-in measure: bits drawn from the noise of a calibration.
+"""The measurements of the stand-in's machines: bits drawn from the noise of a calibration.
 
 A circuit without entangling gates is a product of qubits. Each qubit is a Bloch vector that the
 affine maps of `qcompile.noise` move, for all parameter values at once; its bits are independent
@@ -48,7 +48,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Plan:
-    """A circuit as it is played: its gates in order, and the qubit that each bit reads.
+    """A circuit ready to run: its gates in order, and the qubit that each bit reads.
 
     `registers` holds the qubits of each classical register, None where a bit is never written. One
     that entangles has no steps, but the circuit `entangled` of its gates on the qubits `on`.
@@ -88,7 +88,7 @@ def plan(circuit: Any, basis_gates: Sequence[str], width: int) -> Plan:
 
     Raises:
         RefusedError: the machine lacks a gate or a qubit, or the circuit entangles many qubits,
-            branches, or goes on after a measurement.
+            branches, or has gates after a measurement.
     """
     if circuit.num_qubits > width:
         raise RefusedError(f"The circuit has {circuit.num_qubits} qubits, the machine {width}.")

@@ -1,4 +1,4 @@
-"""The two programs: what a job is asked to run, and its results as each program words them."""
+"""The two programs: the work of a job, and its results in each program's format."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ Bits = Sequence[Mapping[str, BoolArray]]
 
 @dataclass(frozen=True)
 class Work:
-    """What a job runs, and how its bits become the body of its results."""
+    """The work of a job, and the conversion of its bits to the body of its results."""
 
     items: tuple[Item, ...]
     encode: Callable[[Bits], str]

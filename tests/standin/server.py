@@ -75,7 +75,7 @@ class Application:
         return response(environ, start_response)
 
     def _respond(self, request: Request, name: str, found: Mapping[str, Any]) -> Response | None:
-        """The answer, or None where the connection is to end without one."""
+        """The answer, or None if the connection is to end without one."""
         if request.path.startswith("/standin/"):
             return self._handle(request, name, found)
         with self._lock:
@@ -232,5 +232,5 @@ def _json_text(body: str, status: int = HTTPStatus.OK) -> Response:
 
 
 def _hang_up(environ: dict[str, Any]) -> None:
-    """End the connection; what the server still writes to it is lost without a word."""
+    """End the connection; anything the server still writes is silently lost."""
     environ["werkzeug.socket"].shutdown(socket.SHUT_RDWR)

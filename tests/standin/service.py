@@ -59,7 +59,7 @@ class Service:
         return self.machine(name).status(self._waiting(name))
 
     def usage(self) -> dict[str, Any]:
-        """What the instance used and has left, as GET /instances/usage tells it."""
+        """The used and remaining time of the instance, as returned by GET /instances/usage."""
         consumed = self._consumed(time.time())
         return {
             "instance_id": CRN,
@@ -129,7 +129,7 @@ class Service:
         """Take one more job of this minute.
 
         Raises:
-            ApiError: 429, the minute has had as many as it may.
+            ApiError: 429, the minute's limit is reached.
         """
         most, minute_seconds = self._settings.jobs_per_minute, self._settings.minute_seconds
         while self._accepted and self._accepted[0] <= now - minute_seconds:
@@ -154,14 +154,14 @@ class Service:
         return job.metrics(time.time(), self._settings.usage_lag_seconds)
 
     def logs(self, job: Job) -> str | None:
-        """What the job wrote; None until it has ended."""
+        """The output of the job; None until it has ended."""
         now = time.time()
         return f"{job.id}: {job.status(now)}\n" if job.has_ended(now) else None
 
     def results(self, job: Job) -> str | None:
-        """The body of the results, spoiled where a fault strikes; None while there are none.
+        """The body of the results, spoiled if a fault strikes; None while there are none.
 
-        It is the reason in words where the job ended without results.
+        If the job ended without results, it is the reason as text.
         """
         now = time.time()
         if job.status(now) != COMPLETED:
@@ -242,7 +242,7 @@ class Service:
             return self._batch(batch_id).answer(self._jobs.values(), time.time())
 
     def close_batch(self, batch_id: str, *, cancel_jobs: bool = False) -> None:
-        """Let the batch take no more jobs, and cancel those that wait if asked to."""
+        """Close the batch for new jobs, and cancel waiting ones if asked to."""
         with self._lock:
             now = time.time()
             batch = self._batch(batch_id)

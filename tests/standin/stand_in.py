@@ -99,7 +99,7 @@ class StandIn:
             setattr(self.settings, name, value)
 
     def secrets(self) -> list[str]:
-        """What must not be in any file or on any terminal: the key, the tokens and their parts."""
+        """The secrets that must not be in any file or on any terminal."""
         return self._identity.secrets()
 
     def ledger(self) -> Ledger:

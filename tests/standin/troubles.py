@@ -1,4 +1,4 @@
-"""Everything that a service is known to do wrong, by name: for tests and benchmarks/chaos.py."""
+"""All known troubles of a service, by name, for tests and benchmarks/chaos.py."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ LONG_S = 3600.0
 
 @dataclass(frozen=True)
 class Trouble:
-    """What goes wrong, from `begin` to `StandIn.recover`, and what must hold of a run all the same.
+    """A trouble, from `begin` to `StandIn.recover`, and what must still hold for a run.
 
-    Whatever it is: nothing is lost, and no less is told than is charged. `finishes`: the run needs
-    nobody to resume it. `paid_once`: no step is charged twice (a job that is gone, or that failed
-    and was charged, is sent again when somebody resumes). `neighbours`: the account has jobs of
-    other runs. `options` are for the command line. `limit_s` is a tight one.
+    In any case nothing is lost, and no charge goes unreported. `finishes`: the run needs nobody to
+    resume it. `paid_once`: no step is charged twice (a job that is gone, or that failed and was
+    charged, is sent again when somebody resumes). `neighbours`: the account has jobs of other runs.
+    `options` are for the command line. `limit_s` is a tight one.
     """
 
     name: str
@@ -99,7 +99,7 @@ def _hostile(stand_in: StandIn) -> None:
 
 
 def _at_random(stand_in: StandIn) -> None:
-    """A little of everything that ends by itself."""
+    """A little of everything that ends on its own."""
     faults = stand_in.faults
     for kind in (Fault.RATE_LIMITED, Fault.SERVER_ERROR, Fault.BAD_GATEWAY, Fault.UNAVAILABLE):
         faults.chance(kind, 0.02)

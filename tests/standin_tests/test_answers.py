@@ -1,4 +1,4 @@
-"""Answers that a service should not give: what the raw client sees of each kind."""
+"""Invalid answers: what the raw client sees of each kind."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ def test_secrets_are_the_key_and_the_parts_of_all_tokens(stand_in: StandIn) -> N
 
 
 def test_the_service_recovers(stand_in: StandIn) -> None:
-    """Whatever trouble there was: what it answers is what it answered before."""
+    """After any trouble it answers as before."""
     usage = QiskitRuntimeService().usage()
     for trouble in TROUBLES.values():
         trouble.begin(stand_in)

@@ -1,4 +1,4 @@
-"""Every kind of fault once: what the raw client sees of it, and what the ledger tells."""
+"""Every kind of fault once: what the raw client sees, and what the ledger records."""
 
 from __future__ import annotations
 

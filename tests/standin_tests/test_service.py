@@ -1,4 +1,4 @@
-"""Everything but faults: what the unmodified client sees of the service, its jobs and batches."""
+"""Everything except faults: the unmodified client's view of the service, jobs and batches."""
 
 from __future__ import annotations
 

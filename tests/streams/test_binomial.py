@@ -1,4 +1,4 @@
-"""Counts are binomial by their frequencies and moments, and rise with their probability."""
+"""Counts have binomial frequencies and moments, and increase with their probability."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def test_counts_rise_with_their_probability(shots: int) -> None:
 
 
 @pytest.mark.parametrize("shots", [16, 1024])
-def test_what_is_not_a_number_has_no_counts(shots: int) -> None:
+def test_nan_has_no_counts(shots: int) -> None:
     with pytest.raises(ValueError, match="not a number"):
         Stream(0, "shots").binomial(shots, np.array([[0.5, np.nan]]), [0], [0])
 

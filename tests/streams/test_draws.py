@@ -1,4 +1,4 @@
-"""Draws made ahead are those of the streams, whatever is asked in which order."""
+"""Draws made ahead are those of the streams, in any order of calls."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def test_lockstep_draws_blocks_of_bounded_size(monkeypatch: pytest.MonkeyPatch) 
         assert max(sizes) <= 2_000_000
 
 
-def test_what_was_drawn_ahead_is_not_changed_by_drawing() -> None:
+def test_drawing_does_not_change_earlier_draws() -> None:
     draws, episode = Draws(4, CIRCUITS), np.arange(3)[:, None]
     p = RNG.uniform(0, 1, (3, CIRCUITS))
     first = [draws.binomial(100, p, episode, np.full((3, 1), decision)) for decision in range(8)]

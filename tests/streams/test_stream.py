@@ -1,4 +1,4 @@
-"""A stream's law in plain integers, what repeats, and what is independent."""
+"""Streams: their definition in plain integers, repeatability, and independence."""
 
 from __future__ import annotations
 

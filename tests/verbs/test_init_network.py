@@ -54,7 +54,7 @@ def test_a_file_is_learned_further(tmp_path: Path) -> None:
     [
         (network(), {"model": "svqc"}, "init and model 'svqc' cannot be given together"),
         (network(), {"layout": "serial"}, "init and layout cannot be given together"),
-        (replace(network(), std=np.ones(4)), {}, "mine normalises observations by numbers of"),
+        (replace(network(), std=np.ones(4)), {}, "mine has its own normalisation of"),
         (network(), {"settings": {"hidden": [3]}}, "The layers of mine are dense, 4 to 12"),
     ],
 )

@@ -109,7 +109,7 @@ def test_an_environment_by_its_specification() -> None:
         assert training.policy.environment == "Mine-v0"
         assert max(training.rewards) <= 9
         other = gymnasium.envs.registration.EnvSpec("Mine-v0", entry_point=spec.entry_point)
-        with pytest.raises(OptionError, match="Another environment is registered as 'Mine-v0'"):
+        with pytest.raises(OptionError, match="'Mine-v0' is already registered"):
             qcompile.train(other)
     finally:
         gymnasium.registry.pop("Mine-v0", None)

@@ -1,4 +1,4 @@
-"""What can be trained: modules from observations (B, features) to outputs (B, outputs)."""
+"""The models that can be trained: modules from observations (B, features) to outputs."""
 
 from __future__ import annotations
 
@@ -48,9 +48,9 @@ def make_model(
     generator: torch.Generator,
     ansatz: Ansatz | None = None,
 ) -> torch.nn.Module:
-    """The model that the settings name, svqc of own circuits if there is an `ansatz`.
+    """The model named in the settings; an svqc of own circuits if there is an `ansatz`.
 
-    Its first numbers are drawn from `generator`, but for those that the circuits bring along.
+    Its initial parameters are drawn from `generator`, except those given with the circuits.
 
     Raises:
         TrainingError: the model cannot have this shape.
@@ -59,12 +59,12 @@ def make_model(
         return _MAKERS[settings.model](features, outputs, settings, generator)
     if settings.model != "svqc":
         raise TrainingError(
-            f"Model {settings.model!r} has no circuits of one's own.", "Train them as svqc."
+            f"Model {settings.model!r} cannot train own circuits.", "Train them as svqc."
         )
     if ansatz.bias is not None and len(ansatz.bias) != outputs:
         raise TrainingError(
             f"{ansatz.origin} has {len(ansatz.bias)} actions; the environment has {outputs}.",
-            "--circuits takes its circuits and their numbers alone, with a new head.",
+            "--circuits takes only its circuits and their parameters, with a new head.",
         )
     return SVQC(features, outputs, settings, generator, ansatz)
 
@@ -72,10 +72,10 @@ def make_model(
 def make_critic(
     settings: Settings, features: int, generator: torch.Generator, ansatz: Ansatz | None = None
 ) -> torch.nn.Module:
-    """The model of the value, with one output: the policy's kind, or `critic_hidden`'s network.
+    """The value model with one output: of the policy's kind, or the network of `critic_hidden`.
 
-    The network's last layer is drawn small, so that its first values are near 0. Of own circuits
-    it starts from numbers of its own.
+    The network's last layer starts small, so that its initial values are near 0. With own circuits
+    it starts from random parameters.
 
     Raises:
         TrainingError: the model cannot have this shape.
@@ -100,7 +100,7 @@ def _critic_settings(settings: Settings) -> Settings:
 def model_size(
     settings: Settings, features: int, outputs: int, ansatz: Ansatz | None = None
 ) -> int:
-    """How many numbers the state of `make_model` has, told without making it."""
+    """The number of values in the state of `make_model`, without making it."""
     copies = len(settings.scales)
     if settings.model in ("fcn", "cnn"):
         first, kernel, values = (features, 1, 1) if settings.model == "fcn" else (1, 3, features)
@@ -125,14 +125,14 @@ def model_size(
 
 
 def critic_size(settings: Settings, features: int, ansatz: Ansatz | None = None) -> int:
-    """How many numbers the state of `make_critic` has, told without making it."""
+    """The number of values in the state of `make_critic`, without making it."""
     if settings.critic_hidden is None:
         return model_size(settings, features, 1, ansatz)
     return model_size(_critic_settings(settings), features, 1)
 
 
 def parameter_count(model: torch.nn.Module) -> int:
-    """The numbers that are trained. Copies of output reuse are folded, as in a deployed policy."""
+    """The number of trained parameters, with output reuse folded as in a deployed policy."""
     trained = sum(p.numel() for p in model.parameters() if p.requires_grad)
     heads = [part for part in model.modules() if isinstance(part, ReusedLinear)]
     copies = sum(head.weights.numel() * (head.reuse - 1) // head.reuse for head in heads)

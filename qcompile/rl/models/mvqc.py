@@ -1,8 +1,8 @@
 """The entangling circuit of Jerbi et al. (arXiv 2103.05577), exact and for a whole batch.
 
-One qubit a feature, from |0>. A layer is: Ry and Rz with trained angles on every qubit, a ring of
-CZ, then Ry(x) and Rz(x) (re-uploading); trained Ry and Rz close the circuit. `<Z>` of every qubit
-goes into a linear layer, as in the SVQC.
+One qubit per feature, starting in |0>. A layer is: Ry and Rz with trained angles on every qubit, a
+ring of CZ, then Ry(x) and Rz(x) (re-uploading); trained Ry and Rz close the circuit. `<Z>` of every
+qubit goes into a linear layer, as in the SVQC.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _MOST_QUBITS = 12
 class MVQC(torch.nn.Module):
     """Multi-qubit variational circuit and a linear layer: observations to outputs.
 
-    There are as many layers as input scales.
+    The number of layers is the number of input scales.
 
     Raises:
         TrainingError: there are too many features to simulate.
@@ -29,8 +29,8 @@ class MVQC(torch.nn.Module):
         super().__init__()
         if features > _MOST_QUBITS:
             raise TrainingError(
-                f"Model 'mvqc' needs a qubit a feature, found {features} features.",
-                f"A statevector of at most {_MOST_QUBITS} qubits is trained.",
+                f"Model 'mvqc' needs one qubit per feature; there are {features} features.",
+                f"It can train at most {_MOST_QUBITS} qubits.",
             )
         self._qubits, self._layers = features, len(settings.scales)
         self.log_scale = input_scale(settings, features)
@@ -56,10 +56,10 @@ class MVQC(torch.nn.Module):
         scale = self.log_scale.exp().reshape(self._layers, self._qubits)
         x = torch.arctan(observations[:, None, :] * scale).to(scale.dtype)  # (B, layers, qubits)
         trained = _rz_ry(self.theta[..., 0], self.theta[..., 1])  # (layers + 1, qubits, 2, 2)
-        # What follows the ring of a layer on one qubit is one matrix: encode, then train.
+        # Encoding and trained gates after a layer's ring form one matrix per qubit.
         between = trained[1:] @ _rz_ry(x, x)  # (B, layers, qubits, 2, 2)
-        left = _together(between[:, :, : self._left])
-        right = _together(between[:, :, self._left :]).mT
+        left = _kronecker(between[:, :, : self._left])
+        right = _kronecker(between[:, :, self._left :]).mT
         # The state as a matrix, (B, states of the left qubits, states of the right ones).
         first = trained[0, :, :, 0]
         state = torch.outer(_product(first[: self._left]), _product(first[self._left :]))
@@ -78,7 +78,7 @@ def _rz_ry(y: torch.Tensor, z: torch.Tensor) -> torch.Tensor:
     return torch.stack([upper, lower], dim=-2)
 
 
-def _together(matrices: torch.Tensor) -> torch.Tensor:
+def _kronecker(matrices: torch.Tensor) -> torch.Tensor:
     """The Kronecker product over the third axis from the end: (..., n, 2, 2) to (..., 2^n, 2^n)."""
     *batch, count, _, _ = matrices.shape
     product = torch.ones((*batch, 1, 1), dtype=matrices.dtype)

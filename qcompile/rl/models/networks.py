@@ -26,26 +26,25 @@ class NetworkModel(torch.nn.Sequential):
         return outputs
 
     def policy(self, name: str, environment: str, metadata: dict[str, Any]) -> Network:
-        """The policy to play: the same numbers in double precision."""
+        """The policy to play, with the parameters in double precision."""
         return Network(name, environment, self._layers(), metadata=metadata)
 
     def take(self, network: Network) -> None:
-        """Take over the numbers of a network with the same layers, as a start.
+        """Start from the parameters of a network with the same layers.
 
         Raises:
-            TrainingError: its layers are others, or it normalises observations by numbers of its
-                own.
+            TrainingError: its layers differ, or it normalises observations.
         """
         if network.mean is not None or network.std is not None:
             raise TrainingError(
-                f"{network.name} normalises observations by numbers of its own.",
-                "Start from a network without; a checkpoint is resumed with them.",
+                f"{network.name} has its own normalisation of observations.",
+                "Start from a network without one, or resume a checkpoint.",
             )
-        own, others = ([*map(_form, layers)] for layers in (self._layers(), network.layers))
-        if own != others:
+        expected, given = ([*map(_form, layers)] for layers in (self._layers(), network.layers))
+        if expected != given:
             raise TrainingError(
-                f"The layers of {network.name} are {'; '.join(others)}.",
-                f"Those that are trained are {'; '.join(own)}.",
+                f"The layers of {network.name} are {'; '.join(given)}.",
+                f"The trained model has {'; '.join(expected)}.",
             )
         parts = [part for part in self if isinstance(part, torch.nn.Linear | torch.nn.Conv1d)]
         with torch.no_grad():
@@ -66,39 +65,39 @@ class NetworkModel(torch.nn.Sequential):
 
 
 def settings_of(network: Network) -> dict[str, Any]:
-    """The settings of a network: its hidden layers, and what is between them."""
+    """The settings of a network: its hidden layers and activation."""
     *hidden, _ = network.layers
     names = {layer.activation for layer in hidden}
     if len(names) > 1 or not names <= set(_ACTIVATIONS):
         raise TrainingError(
             f"The layers of {network.name} have the activations {', '.join(sorted(names))}.",
-            "Networks that are trained have one, relu or tanh.",
+            "A trainable network has only one, relu or tanh.",
         )
     settings: dict[str, Any] = {"hidden": tuple(len(layer.bias) for layer in hidden)}
     return settings | ({"activation": names.pop()} if names else {})
 
 
 def _form(layer: Layer) -> str:
-    """A layer without its numbers, in words."""
+    """A layer's type and sizes in words."""
     return layer.words + ("" if layer.activation == "none" else f" ({layer.activation})")
 
 
 def fully_connected(
     features: int, outputs: int, settings: Settings, generator: torch.Generator
 ) -> NetworkModel:
-    """Linear layers of the sizes `hidden`, the activation between them, and a linear output."""
+    """Linear layers of sizes `hidden` with activations, and a linear output layer."""
     sizes = [features, *settings.hidden]
     layers: list[torch.nn.Module] = []
     for before, after in itertools.pairwise(sizes):
         layers += [torch.nn.Linear(before, after), _ACTIVATIONS[settings.activation]()]
     layers.append(torch.nn.Linear(sizes[-1], outputs))
-    return _drawn(NetworkModel(*layers), settings, generator)
+    return _initialised(NetworkModel(*layers), settings, generator)
 
 
 def convolutional(
     features: int, outputs: int, settings: Settings, generator: torch.Generator
 ) -> NetworkModel:
-    """Convolutions of width 3 over the row of features, `hidden` channels, and a linear output."""
+    """Convolutions of width 3 over the features, `hidden` channels, and a linear output layer."""
     channels = [1, *settings.hidden]
     layers: list[torch.nn.Module] = [torch.nn.Unflatten(1, (1, features))]
     for before, after in itertools.pairwise(channels):
@@ -107,11 +106,13 @@ def convolutional(
             _ACTIVATIONS[settings.activation](),
         ]
     layers += [torch.nn.Flatten(), torch.nn.Linear(channels[-1] * features, outputs)]
-    return _drawn(NetworkModel(*layers), settings, generator)
+    return _initialised(NetworkModel(*layers), settings, generator)
 
 
-def _drawn(network: NetworkModel, settings: Settings, generator: torch.Generator) -> NetworkModel:
-    """The network with torch's usual first numbers, from `generator`: uniform, 1 / sqrt(inputs)."""
+def _initialised(
+    network: NetworkModel, settings: Settings, generator: torch.Generator
+) -> NetworkModel:
+    """The network with torch's default initial parameters, drawn from `generator`."""
     for layer in network:
         if isinstance(layer, (torch.nn.Linear, torch.nn.Conv1d)):
             limit = layer.weight[0].numel() ** -0.5

@@ -1,4 +1,4 @@
-"""The classical model that the paper's circuits amount to, trained directly."""
+"""The classical model equivalent to the paper's circuits, trained directly."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from qcompile.rl.settings import Settings
 
 
 class SurrogateModel(torch.nn.Module):
-    """A linear layer on the functions that h ry(x) rz(x) ry(theta) can show: no circuit, no theta.
+    """A linear layer on the functions that h ry(x) rz(x) ry(theta) can produce, without theta.
 
     With x = arctan(u) its `<Z>` is -sin(x) cos(theta) - cos(x)^2 sin(theta), so any theta mixes
     sin(x) = u / sqrt(1 + u^2) and cos(x)^2 = 1 / (1 + u^2): two fixed functions of a feature.
@@ -40,7 +40,7 @@ class SurrogateModel(torch.nn.Module):
         return outputs
 
     def policy(self, name: str, environment: str, metadata: dict[str, Any]) -> Policy:
-        """The same as circuits: theta = pi shows sin(x), theta = -pi / 2 cos(x)^2."""
+        """An equal policy of circuits: theta = pi gives sin(x), theta = -pi / 2 gives cos(x)^2."""
         count = len(self.feature)
         program, _ = parallel(count, 2)
         scale = np.tile(numbers(self.log_scale.exp()), 2)

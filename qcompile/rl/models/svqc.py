@@ -1,4 +1,4 @@
-"""The policy of single-qubit circuits: evaluated by the same code as in numpy."""
+"""The model of single-qubit circuits, evaluated by the same code as in numpy."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ _FUNCTIONS: dict[str, Callable[[torch.Tensor], torch.Tensor]] = {
     "clip": lambda values: values.clamp(-1.0, 1.0),
     BITS: lambda values: math.pi * values,
 }
-"""`qcompile.policy.ENCODINGS` in torch; observations that are read as bits are vectors of bits."""
+"""`qcompile.policy.ENCODINGS` in torch; bit observations are vectors of bits."""
 
 
 class SVQC(torch.nn.Module):
     """Single-qubit variational circuits and a linear layer: observations to outputs.
 
-    The circuits are those of a layout, or `ansatz`, which says where its numbers start.
+    The circuits come from a layout, or from `ansatz`, which may set initial parameters.
 
     Source: arXiv 2203.14348.
     """
@@ -61,14 +61,14 @@ class SVQC(torch.nn.Module):
         self._wire()
 
     def _keep(self, name: str, array: np.ndarray[Any, Any] | None) -> None:
-        """An array as a tensor that is not trained, or None, a plain attribute: found sooner."""
+        """Set an array as an untrained buffer, or None as a plain attribute."""
         if array is None:
             setattr(self, name, None)
         else:
             self.register_buffer(name, torch.tensor(array), persistent=False)
 
     def _start(self) -> None:
-        """Put in the numbers that the circuits bring along; factors of inputs start at 1."""
+        """Set the initial parameters given with the circuits; factors of inputs start at 1."""
         ansatz = self.ansatz
         with torch.no_grad():
             self.theta[ansatz.factors[ansatz.factors != NO_FACTOR]] = 1.0
@@ -78,7 +78,7 @@ class SVQC(torch.nn.Module):
                 self.head.start(torch.tensor(ansatz.weights), torch.tensor(ansatz.bias))
 
     def _wire(self) -> None:
-        """What `inputs` needs beyond features and scales, None where it does not."""
+        """Set what `inputs` needs beyond features and scales, None if unused."""
         ansatz, encoder = self.ansatz, self._encoder
         self._base: torch.Tensor | None
         self._gain: torch.Tensor | None
@@ -105,7 +105,7 @@ class SVQC(torch.nn.Module):
     def inputs(self, observations: torch.Tensor) -> torch.Tensor:
         """Observations (B, features) to the inputs x of the circuits (B, inputs), in radians.
 
-        Observations in double precision are encoded in it, as the deployed policy does.
+        Double-precision observations are encoded in double precision, as in the deployed policy.
         """
         values = observations.index_select(1, self.feature)
         if self._mean is not None:
@@ -143,7 +143,7 @@ class SVQC(torch.nn.Module):
         return outputs
 
     def policy(self, name: str, environment: str, metadata: dict[str, Any]) -> Policy:
-        """The policy to deploy: numbers in double precision, output reuse folded."""
+        """The policy to deploy: parameters in double precision, output reuse folded."""
         head = self.head
         return self.ansatz.policy(
             name,
@@ -157,7 +157,7 @@ class SVQC(torch.nn.Module):
         ).folded()
 
     def circuits_metadata(self) -> dict[str, Any]:
-        """Where the circuits come from, and their trained numbers by the names they have there."""
+        """The origin of the circuits, and their trained parameters by their original names."""
         values: dict[str, Any] = {"origin": self.ansatz.origin}
         if self.ansatz.has_own_names and len(self.theta) <= MAX_KEYS:
             named = zip(self.ansatz.parameters, numbers(self.theta).tolist(), strict=True)
@@ -165,16 +165,16 @@ class SVQC(torch.nn.Module):
         return values
 
     def _trained_encoder(self) -> Encoder:
-        """The encoder of the circuits' own inputs with the numbers as they are."""
+        """The encoder of the circuits' inputs with the current parameters."""
         encoder = self._encoder
         scale = encoder.scale * numbers(self.log_scale.exp())
         gain = encoder.gain if self.gain is None else numbers(self.gain)
-        if encoder.reads_bits:  # a scale of bits is a gain
+        if encoder.reads_bits:  # for bits, a scale acts as a gain
             factor = scale if gain is None else scale * gain
             gain, scale = (factor if (factor != 1).any() else None), np.ones(len(scale))
         return replace(encoder, scale=scale, gain=gain)
 
 
 def numbers(tensor: torch.Tensor) -> np.ndarray[Any, Any]:
-    """The numbers of a tensor in double precision."""
+    """The values of a tensor in double precision."""
     return tensor.detach().double().numpy().copy()

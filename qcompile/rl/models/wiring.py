@@ -1,4 +1,4 @@
-"""What an SVQC is made of: circuits, and how their inputs follow from an observation."""
+"""The parts of an SVQC: circuits, and the encoder of their inputs."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ _DEFAULT = "arctan"
 class Wiring:
     """Circuits with the encoder of their inputs, whose scales are multiplied by exp(`log_scale`).
 
-    The encoder has a function, feature, scale, gain for each of `ansatz.inputs`, and so has
-    `log_scale`, (inputs,).
+    The encoder has a function, feature, scale and gain for each of `ansatz.inputs`; `log_scale` is
+    (inputs,).
     """
 
     ansatz: Ansatz
@@ -32,33 +32,33 @@ class Wiring:
 
 
 def reads_bits(settings: Settings, ansatz: Ansatz | None) -> bool:
-    """Whether a number is observed, by its bits."""
+    """Whether observations are numbers read by their bits."""
     if settings.encoder is not None or ansatz is None or ansatz.encoder is None:
         return settings.encoder == BITS
     return ansatz.encoder.reads_bits
 
 
 def wiring(settings: Settings, features: int, ansatz: Ansatz | None) -> Wiring:
-    """The wiring of the layout that the settings name, or of own circuits.
+    """The wiring of the layout in the settings, or of own circuits.
 
     Raises:
-        PolicyError, TrainingError: the settings do not fit the circuits, or either the features.
+        PolicyError, TrainingError: settings, circuits and features do not fit each other.
     """
     _check_features(settings, features)
     if (ansatz is None) == (settings.layout == "own"):
         raise TrainingError(
             f"Layout {settings.layout!r} {'without' if ansatz is None else 'with'} own circuits.",
-            "The layout is 'own' where circuits are given, and only there.",
+            "Use the layout 'own' if and only if circuits are given.",
         )
-    made = _of_layout(settings, features) if ansatz is None else _of(ansatz, settings, features)
-    if settings.normalise and (made.encoder.reads_bits or _statistics(made.encoder)):
+    wires = _of_layout(settings, features) if ansatz is None else _of(ansatz, settings, features)
+    if settings.normalise and (wires.encoder.reads_bits or _statistics(wires.encoder)):
         raise TrainingError(
-            "normalise is for observations that are numbers as they come.",
+            "normalise needs unprocessed numeric observations.",
             "These circuits read bits."
-            if made.encoder.reads_bits
-            else f"{made.ansatz.origin} has a mean or std of its own already.",
+            if wires.encoder.reads_bits
+            else f"{wires.ansatz.origin} already has its own mean or std.",
         )
-    return made
+    return wires
 
 
 def _of_layout(settings: Settings, features: int) -> Wiring:
@@ -79,14 +79,14 @@ def _of(ansatz: Ansatz, settings: Settings, features: int) -> Wiring:
     inputs, read = len(ansatz.inputs), settings.features
     if read is not None and len(read) != inputs:
         raise TrainingError(
-            f"features has {len(read)} numbers, found {inputs} inputs.",
-            "It says which feature each input of the circuits reads.",
+            f"features has {len(read)} numbers for {inputs} inputs.",
+            "It must name the feature that each input of the circuits reads.",
         )
     encoder = ansatz.encoder
     if read is not None:
         feature = np.array(read, dtype=np.intp)
     else:
-        feature = _in_turn(inputs, features) if encoder is None else encoder.feature
+        feature = _default_features(inputs, features) if encoder is None else encoder.feature
     if encoder is None:
         encoder = Encoder(_DEFAULT, feature, np.ones(inputs))
     function = _functions(settings, encoder.function, inputs)
@@ -98,7 +98,7 @@ def _of(ansatz: Ansatz, settings: Settings, features: int) -> Wiring:
         raise TrainingError(
             f"The circuits of {ansatz.origin} read feature {needed - 1}; observations have "
             f"{features} features.",
-            "The setting features says which feature each input reads: -s features=0,1",
+            "Set the feature that each input reads: -s features=0,1",
         )
     encoder.check(inputs)
     return Wiring(ansatz, encoder, _log_scales(settings, inputs))
@@ -117,14 +117,14 @@ def _check_features(settings: Settings, features: int) -> None:
         )
 
 
-def _in_turn(inputs: int, features: int) -> IntArray:
-    """The feature of each input where nothing says so: input i reads i modulo their number."""
+def _default_features(inputs: int, features: int) -> IntArray:
+    """The default feature of each input: input i reads feature i modulo their number."""
     if inputs > features and inputs % features:
         raise TrainingError(
-            f"The circuits have {inputs} inputs, observations {features} features.",
-            "Unless told otherwise input i reads feature i, and inputs are as many as features, "
-            "fewer, or a multiple.",
-            "The setting features says which feature each input reads: -s features=0,1,1",
+            f"The circuits have {inputs} inputs; observations have {features} features.",
+            "By default input i reads feature i, and the number of inputs must be at most the "
+            "number of features, or a multiple of it.",
+            "Set the feature that each input reads: -s features=0,1,1",
         )
     return np.arange(inputs, dtype=np.intp) % features
 
@@ -136,8 +136,8 @@ def _functions(
         return default
     if not isinstance(settings.encoder, str) and len(settings.encoder) != inputs:
         raise TrainingError(
-            f"encoder has {len(settings.encoder)} functions, found {inputs} inputs.",
-            "Give one for all, or one for each.",
+            f"encoder has {len(settings.encoder)} functions for {inputs} inputs.",
+            "Give one for all inputs, or one per input.",
         )
     return settings.encoder
 
@@ -146,7 +146,7 @@ def _log_scales(settings: Settings, inputs: int) -> torch.Tensor:
     scales = settings.scales
     if len(scales) not in (1, inputs) or any(isinstance(scale, tuple) for scale in scales):
         raise TrainingError(
-            f"scales is {scales}, found {inputs} inputs.",
-            "Own circuits have one number for all inputs, or one for each.",
+            f"scales is {scales} for {inputs} inputs.",
+            "Own circuits need one number for all inputs, or one per input.",
         )
     return torch.tensor(scales, dtype=torch.float32).expand(inputs).log()

@@ -1,9 +1,9 @@
 """The presets: settings for each model and environment, a TOML file each in this folder.
 
-A table [MODEL.ENVIRONMENT] holds what differs from the defaults of `Settings`, or from the table
-above it that `like` names. `any` serves the environments without a table; "CartPole single" is
-CartPole with the layout `single`. `like` of a whole [MODEL] takes over the tables of a model above
-it, except those of a layout, and [MODEL.every] changes every table of its model. "none" is None.
+A table [MODEL.ENVIRONMENT] holds the differences from the defaults of `Settings`, or from an
+earlier table named by `like`. `any` applies to environments without a table; "CartPole single" is
+CartPole with the layout `single`. `like` of a whole [MODEL] copies the tables of an earlier model,
+except those of a layout, and [MODEL.every] changes every table of its model. "none" means None.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from qcompile.rl.settings import Settings, from_toml, restored
 from qcompile.validation import explain
 
 Family = dict[str, Settings]
-"""The settings of a model by environment, its name without version; "" serves any other."""
+"""The settings of a model by environment, its name without version; "" stands for any other."""
 
 _ANY = "any"
 
@@ -39,7 +39,7 @@ def read_preset(path: Path) -> dict[str, Family]:
     """The settings in a preset's file, by model and environment.
 
     Raises:
-        TrainingError: the file cannot be read, or a table of it holds no settings.
+        TrainingError: the file cannot be read, or a table does not hold valid settings.
     """
     try:
         models = _FILE.validate_python(read_toml(path))
@@ -71,7 +71,7 @@ def read_preset(path: Path) -> dict[str, Family]:
 def _with_inherited(
     path: Path, name: str, table: dict[str, Any], tables: dict[tuple[str, str], dict[str, Any]]
 ) -> dict[str, Any]:
-    """The values of a table over those of the table that it is like."""
+    """The values of a table, merged over those of the table named by `like`."""
     written = {key: value for key, value in table.items() if key != "like"}
     if "like" not in table:
         return written
@@ -90,11 +90,11 @@ def _settings(path: Path, name: str, values: dict[str, Any]) -> Settings:
         return restored(from_toml(values))
     except TrainingError as error:
         lines = [line.strip() for line in str(error).splitlines()]
-        raise TrainingError(f"{path}: [{name}] does not hold settings.", *lines) from error
+        raise TrainingError(f"{path}: [{name}] does not hold valid settings.", *lines) from error
 
 
 PRESETS = {path.stem: read_preset(path) for path in sorted(Path(__file__).parent.glob("*.toml"))}
-"""Settings by preset, model and environment (its name without version); "" serves any other."""
+"""Settings by preset, model and environment (its name without version); "" is any other."""
 
 
 def settings_for(

@@ -1,4 +1,4 @@
-"""Which of a grid's calibrations mitigates where."""
+"""The calibrations of a grid, and the backends that each mitigates."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from qcompile.errors import CalibrationError
 
 @dataclass(frozen=True, eq=False)
 class CalibrationFile:
-    """A calibration, and what its file is called: its name in results."""
+    """A calibration, and the name of its file, which results use."""
 
     name: str
     calibration: Calibration
@@ -30,7 +30,7 @@ def by_device(files: Sequence[CalibrationFile]) -> dict[str, CalibrationFile]:
     """The files by the name of the device that they were measured on.
 
     Raises:
-        CalibrationError: two are of one device.
+        CalibrationError: two are of the same device.
     """
     by_name: dict[str, CalibrationFile] = {}
     for file in files:
@@ -38,13 +38,13 @@ def by_device(files: Sequence[CalibrationFile]) -> dict[str, CalibrationFile]:
         if first is not file:
             raise CalibrationError(
                 f"{first.name} and {file.name} are both of {file.device_name}.",
-                "A grid takes one calibration for each device: evaluate them one after the other.",
+                "A grid takes one calibration per device: evaluate them one after the other.",
             )
     return by_name
 
 
 def check_needed(files: Sequence[CalibrationFile], played: Set[str], mitigated: Set[str]) -> None:
-    """Nothing, if each of `files` mitigates something.
+    """Check that each of `files` mitigates something.
 
     `played` are the names of the devices of a grid, `mitigated` those with a mitigation.
 
@@ -54,12 +54,12 @@ def check_needed(files: Sequence[CalibrationFile], played: Set[str], mitigated: 
     for file in files:
         if file.device_name not in played:
             raise CalibrationError(
-                f"{file.name} is of {file.device_name}, on which nothing is played.",
+                f"{file.name} is of {file.device_name}, which is not in this grid.",
                 f"Devices of this grid: {', '.join(sorted(played))}.",
-                f"Leave it out, or add --backend {file.device_name}.",
+                f"Remove it, or add --backend {file.device_name}.",
             )
         if file.device_name not in mitigated:
             raise CalibrationError(
                 f"{file.name} is not needed: nothing on {file.device_name} is mitigated.",
-                "Leave it out, or add --mitigation readout or response.",
+                "Remove it, or add --mitigation readout or response.",
             )

@@ -1,4 +1,4 @@
-"""Play one cell, and say what its file holds."""
+"""Play one cell, and the schema of its file."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class _Misfit(_Part):
 
 
 class _Summary(_Part):
-    """The object of `qcompile run --json` for a cell; earlier ones lack the keys with a default."""
+    """The object of `qcompile run --json` for a cell; old files lack the keys with a default."""
 
     policy: str
     environment: str
@@ -87,7 +87,7 @@ class _Summary(_Part):
 
 
 class CellResult(BaseModel):
-    """What one cell gave: its `summary` is the object of `qcompile run --json`.
+    """The result of a cell; `summary` is the object of `qcompile run --json`.
 
     `settings` are those of the cell; `threshold` is the mean reward at which its environment counts
     as solved, if it has one.
@@ -115,7 +115,7 @@ class CellResult(BaseModel):
 
 
 def deploy(cell: Cell) -> Player:
-    """What plays the cell's policy on its backend.
+    """Open what plays the cell's policy on its backend.
 
     Raises:
         QcompileError: the policy does not fit the device, or a qubit cannot be calibrated.
@@ -135,7 +135,7 @@ def deploy(cell: Cell) -> Player:
 
 
 def check_calibrations(cells: Sequence[Cell]) -> None:
-    """Nothing, if every calibration that is known by now has what its cells need.
+    """Check that every calibration already at hand has what its cells need.
 
     Raises:
         CalibrationError: one lacks a part or a qubit; the message names it.
@@ -161,7 +161,7 @@ def run_cell(cell: Cell) -> CellResult | CellFailure:
     """Play the cell's episodes in lockstep.
 
     Raises:
-        KeyboardInterrupt: Ctrl-C; half a cell is no result.
+        KeyboardInterrupt: Ctrl-C; an unfinished cell is not a result.
     """
     try:
         result = play(deploy(cell), cell.episodes)
@@ -179,16 +179,16 @@ def run_cell(cell: Cell) -> CellResult | CellFailure:
 
 
 def folder_of(path: Path) -> Folder[Cell, CellResult]:
-    """Where an evaluation in `path` keeps its cells.
+    """The cells of an evaluation in `path`.
 
-    A file whose figures are not those of its episodes is damaged: no result. The interval is not
-    read but worked out anew: earlier versions had another one.
+    A file whose figures do not follow from its episodes is damaged and counts as missing. The
+    interval is computed again, because earlier versions used another one.
     """
     return Folder(path, CellResult, _match)
 
 
 def _match(cell: Cell, result: CellResult) -> CellResult | None:
-    """The result, if it has the cell's settings, policy and backend."""
+    """The result, if its settings, policy and backend are those of the cell."""
     same = (result.name, result.settings) == (cell.name, cell.settings())
     if not same or not _is_consistent(result, cell):
         return None
@@ -198,7 +198,7 @@ def _match(cell: Cell, result: CellResult) -> CellResult | None:
 
 
 def _is_consistent(result: CellResult, cell: Cell) -> bool:
-    """Whether the summary is of this cell, and its figures are those of its episodes."""
+    """Whether the summary belongs to this cell, and its figures follow from its episodes."""
     summary, hold = result.summary, cell.policy.hold
     episodes, rewards = summary["episodes"], np.array([*result.rewards.values()])
     expected = {
@@ -213,7 +213,7 @@ def _is_consistent(result: CellResult, cell: Cell) -> bool:
         "solved": is_solved(rewards, result.threshold),
         "env_steps": sum(episode["length"] for episode in episodes),
     }
-    if hold > 1 or "decisions" in summary:  # earlier versions held none, and did not say so
+    if hold > 1 or "decisions" in summary:  # earlier versions neither held nor wrote this
         expected["hold"] = hold
         expected["decisions"] = sum(-(-episode["length"] // hold) for episode in episodes)
     policy = cell.policy

@@ -21,16 +21,16 @@ Combination = tuple[Backend, int | None, str, int]
 """Backend, shots, mitigation and level."""
 
 REFERENCE = (IDEAL_NAME, None, "none", 2)
-"""The combination, its backend by name, that the others of a policy are compared with."""
+"""The combination that others of a policy are compared with: backend name, shots and so on."""
 
 
 @dataclass(frozen=True, eq=False)
 class Cell:
-    """A policy on a backend, with all that its rewards depend on; `shots` None is exact.
+    """A policy on a backend, with everything that its rewards depend on; `shots` None is exact.
 
-    Episode i resets with `seed` + i, in every cell alike. `calibration` is what mitigates; without
-    it a twin takes its own and any other backend is measured first. `greedy` takes the likeliest
-    action instead of sampling.
+    Episode i resets with `seed` + i in every cell. `calibration` is used to mitigate; without it a
+    twin uses its own, and any other backend is calibrated first. `greedy` takes the most probable
+    action instead of sampling one.
     """
 
     policy: AnyPolicy
@@ -45,7 +45,7 @@ class Cell:
 
     @property
     def name(self) -> str:
-        """The name of its file: unlike that of any other cell of a grid."""
+        """The name of the cell's file, unique in a grid."""
         shots = "exact" if self.shots is None else self.shots
         greedy = "-greedy" if self.greedy else ""
         by = f"-by-{_sha256(self.calibration.contents)[:8]}" if self.calibration else ""
@@ -60,7 +60,7 @@ class Cell:
         return (self.backend.name, self.shots, self.mitigation, self.level) == REFERENCE
 
     def settings(self) -> dict[str, Any]:
-        """All that the rewards depend on, as plain values; what comes from files by SHA-256."""
+        """Everything that the rewards depend on, as plain values; files by their SHA-256."""
         values = {
             "policy": policy_sha256(self.policy),
             "device": _sha256(self.backend.contents),
@@ -70,7 +70,7 @@ class Cell:
             "episodes": self.episodes,
             "seed": self.seed,
         }
-        if self.greedy:  # cells of version 0.1.0 do not say that they sample
+        if self.greedy:  # cells of version 0.1.0 do not have this key
             values["greedy"] = True
         if self.calibration is not None:
             values["calibration"] = _sha256(self.calibration.contents)
@@ -89,30 +89,31 @@ def grid(
     seed: int = 0,
     greedy: bool = False,
 ) -> list[Cell]:
-    """For each policy its reference (`ideal`, exact, level 2), then every combination, once.
+    """For each policy its reference (`ideal`, exact, level 2), then every other combination once.
 
-    Those of `left_out` are not there; a network has its reference alone. A calibration mitigates on
-    every backend whose device it was measured on.
+    Combinations in `left_out` are omitted; a network has only its reference. A calibration
+    mitigates on every backend of the device that it was measured on.
 
     Raises:
-        CalibrationError: two calibrations are of one device, or one is not needed.
-        StudyError: no combination is left, or two backends, policies or cells share a name.
+        CalibrationError: two calibrations are of the same device, or one is not needed.
+        StudyError: there is no combination to play, or two backends, policies or cells share a
+            name.
     """
     ideal = DeviceBackend(IDEAL)
     _check_names("backends", [(backend.name, backend.contents) for backend in (ideal, *backends)])
     _check_names("policies", [(policy.name, policy_sha256(policy)) for policy in policies])
-    words = left_out(backends, shots, mitigations, levels)
+    reasons = left_out(backends, shots, mitigations, levels)
     settings = [
         combination
         for combination in product(backends, shots, mitigations, levels)
-        if combination not in words
+        if combination not in reasons
     ]
     has_circuits = any(not isinstance(policy, Network) for policy in policies)
     if has_circuits and not settings:
         raise StudyError(
-            "No cell is left to play.",
-            *(f"Left out: {why}." for why in dict.fromkeys(words.values())),
-            "Add a --backend, --shots, --mitigation or --level that goes with the others.",
+            "There is no combination to play.",
+            *(f"Left out: {why}." for why in dict.fromkeys(reasons.values())),
+            "Add a --backend, --shots, --mitigation or --level that fits the others.",
         )
     files = by_device(calibrations)
     mitigated = {
@@ -138,7 +139,7 @@ def left_out(
     mitigations: Sequence[str],
     levels: Sequence[int],
 ) -> dict[Combination, str]:
-    """The combinations that a grid leaves out, each with the reason in words."""
+    """The combinations that a grid leaves out, each with the reason."""
     reasons = {
         combination: _why_not(*combination)
         for combination in product(backends, shots, mitigations, levels)
@@ -150,33 +151,33 @@ def _why_not(backend: Backend, shots: int | None, mitigation: str, level: int) -
     if mitigation != "none" and backend.name == IDEAL_NAME:
         return f"mitigation {mitigation} on ideal: it has no errors to mitigate"
     if mitigation == "response" and level != 2:
-        return f"mitigation response at level {level}: response curves are those of level 2"
+        return f"mitigation response at level {level}: response curves are measured at level 2"
     return backend.cannot_play(shots, level)
 
 
 def rename_duplicates(words: Sequence[str], policies: Sequence[AnyPolicy]) -> list[AnyPolicy]:
-    """The policies, once each; where different ones share a name they are called by `words`.
+    """The policies without duplicates; different ones with the same name are renamed.
 
-    `words` are what the policies were asked for with, one for each; where these are the same too,
-    the second is "NAME (2)".
+    `words` is how the user named each policy. It replaces the name of policies that share one; if
+    these words are the same too, the second is "NAME (2)".
     """
     contents: dict[str, set[str]] = {}
     for policy in policies:
         contents.setdefault(policy.name, set()).add(policy_sha256(policy))
-    named: dict[str, list[str]] = {}
+    hashes_by_name: dict[str, list[str]] = {}
     different = []
     for word, policy in zip(words, policies, strict=True):
         name = policy.name if len(contents[policy.name]) == 1 else word
-        hashes, own = named.setdefault(name, []), policy_sha256(policy)
-        if own not in hashes:
-            hashes.append(own)
+        hashes, sha256 = hashes_by_name.setdefault(name, []), policy_sha256(policy)
+        if sha256 not in hashes:
+            hashes.append(sha256)
             number = f" ({len(hashes)})" * (len(hashes) > 1)
             different.append(replace(policy, name=f"{name}{number}"))
     return different
 
 
 def policy_sha256(policy: AnyPolicy) -> str:
-    """The hash of all that a policy file holds but its metadata."""
+    """The hash of a policy file without its metadata."""
     values = policy_values(policy)
     del values["metadata"]
     return _sha256(json.dumps(values))
@@ -191,6 +192,6 @@ def _check_names(what: str, named: list[tuple[str, str]]) -> None:
     for name, contents in named:
         if known.setdefault(name, contents) != contents:
             raise StudyError(
-                f"Two of the {what} are called {name!r}.",
-                "Results tell them apart by name: rename one, or evaluate them apart.",
+                f"Two {what} have the name {name!r}.",
+                "Results are stored by name: rename one, or evaluate them separately.",
             )

@@ -1,4 +1,4 @@
-"""The paper's device tests written up: a figure of three panels, and a page of tables."""
+"""Write up the paper's device tests: a figure of three panels, and a page of tables."""
 
 from __future__ import annotations
 
@@ -28,27 +28,24 @@ _TITLE = "The paper's devices: the shipped policies on their noise models"
 _HEAD = """\
 # The paper's devices, on their noise models
 
-Written by `qcompile evaluate --paper` from the cells in {folder};
-nothing on this page is typed by hand.
+This page is written by `qcompile evaluate --paper` from the results in {folder};
+no number on it is typed by hand.
 
-The paper (arXiv 2203.14348) tests its policies on five IBM devices that no longer run. Here the
-shipped policies play {episodes} on noise models of the same devices, made from the
-numbers the paper prints for them, at the paper's numbers of shots, without mitigation and with
-`readout`. Three things differ from the paper, so its scores stand beside ours and are not ours to
-match: these are noise models and no machines, the policies are our own, and LunarLander-v2 has
-given way to LunarLander-v3.
+The paper (arXiv 2203.14348) tests its policies on five IBM devices that have been retired. Here the
+shipped policies play {episodes} on noise models of the same devices. The noise models are made from
+the numbers printed in the paper, with the paper's numbers of shots, without mitigation and with
+`readout`. The paper's scores are shown for comparison, but three things differ: these are noise
+models, not machines; the policies are our own; and LunarLander-v3 has replaced LunarLander-v2.
 
 ![Mean rewards on the paper's devices]({figure})
 
 How to read the tables:
 
-- **mean ± std**: reward over the episodes, actions sampled; the paper's are over about five.
-- **95 % interval**: of the mean, Student's t or the studentised bootstrap, whichever reaches
-  farther (docs/howto/evaluate.md says how often it holds the mean). Equal rewards have no width:
-  so many of them leave {unseen:.1%} of other episodes possible.
-- **to ideal**: the mean of the differences to the same policy on `ideal` with exact expectations,
-  over episodes with the same resets, with its 95 % interval; for the paper, the difference of its
-  two means.
+- **mean ± std**: reward over the episodes, with sampled actions; the paper's are over about five.
+- **95 % interval**: of the mean; the wider of Student's t and the studentised bootstrap. If all
+  rewards are equal it has no width, but up to {unseen:.1%} of all episodes may have other rewards.
+- **to ideal**: mean difference to the same policy on `ideal` with exact expectations, over episodes
+  with the same resets, with its 95 % interval; for the paper, the difference of its two means.
 """
 
 _COLUMNS = ("backend", "shots", "mitigation", "mean ± std", "95 % interval", "to ideal")
@@ -73,7 +70,7 @@ def write_devices(
 
 
 def panels(objects: Objects) -> list[Panel]:
-    """A panel for each task: ours on every device, then the paper's two scores."""
+    """A panel for each task: our results on every device, then the paper's two scores."""
     panels = []
     for task in TASKS:
         played = _of_task(task, objects)
@@ -109,9 +106,9 @@ def page(
     versions: Mapping[str, str],
     written: tuple[Path, Path],
 ) -> str:
-    """The page, in Markdown; `folder` is that of the figure, as seen from the page.
+    """The page, in Markdown; `folder` is that of the figure, relative to the page.
 
-    `written` are the folder and the page as the command that is running was told.
+    `written` are the folder and the page as given to the running command.
     """
     inside = "" if folder == "." else f"{folder}/"
     where = f"[{PurePosixPath(folder).name if inside else 'this folder'}]({inside}results.csv)"
@@ -139,8 +136,8 @@ def page(
         parts.append(_table(task, objects))
     parts.append(
         f"## Repeat it\n\n```\n{_command(first, *written)}\n```\n\n"
-        f"Made with {version_words(versions)}, seed {first.seed};\nthe same versions on the same "
-        "machine give the same numbers, whatever the number of workers.\n"
+        f"Made with {version_words(versions)}, seed {first.seed}.\nThe same versions on the same "
+        "machine give the same numbers, with any number of workers.\n"
     )
     return "\n".join(parts)
 

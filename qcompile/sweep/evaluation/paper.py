@@ -1,4 +1,4 @@
-"""The paper's device tests: its tasks, and what it reports of them (arXiv 2203.14348)."""
+"""The paper's device tests: its tasks, and the scores that it reports (arXiv 2203.14348)."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ class Score:
 class DeviceTest:
     """One of the paper's device tests.
 
-    `policy` is ours, shipped, and plays in `environment`; `circuits` and `parameters` are the
-    paper's own, as is its `title`. The paper gives one score for all of a task's devices.
+    `policy` is a shipped policy that plays in `environment`; `circuits`, `parameters` and `title`
+    are the paper's. The paper gives one score for all devices of a task.
     """
 
     title: str

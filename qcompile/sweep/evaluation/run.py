@@ -1,4 +1,4 @@
-"""Evaluate policies on backends: the grid played, compared and written into a folder."""
+"""Evaluate policies on backends: play a grid, compare its cells, and write a folder."""
 
 from __future__ import annotations
 
@@ -49,10 +49,11 @@ from qcompile.validation import listed
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """What an evaluation found: an object of `summaries` for each cell that could be played.
+    """The result of an evaluation: `summaries` has an object for each cell that could be played.
 
-    `played` counts the cells that were played now, `there` those that the folder had; `failures`
-    are those that could not be played. `paths` are the files written besides the cells.
+    `played` is the number of cells played now, `there` of those that the folder already had;
+    `failures` are those that could not be played. `paths` are the files written, without those of
+    the cells.
     """
 
     cells: tuple[Cell, ...]
@@ -67,10 +68,10 @@ class Evaluation:
         return {"results": [*self.summaries]}
 
     def check_complete(self) -> None:
-        """Nothing, if every cell could be played.
+        """Check that every cell could be played.
 
         Raises:
-            StudyError: some could not; the message says why.
+            StudyError: some could not be played; the message says why.
         """
         if self.failures:
             raise StudyError(
@@ -101,21 +102,14 @@ def evaluate(
 ) -> Evaluation:
     """Play every combination of policy, backend, shots, mitigation and level.
 
-    Policies and backends are names, files or objects; shots None or "exact" are exact expectations.
-    Every cell plays the same `episodes`: episode i resets with `seed` + i, and is compared with its
-    policy's on `ideal` with exact expectations. `calibrations` mitigate, instead of a fresh one, on
-    every backend of their device. `greedy` takes the likeliest action instead of sampling; `env`
-    are arguments of the environments, over those of the policies.
-
-    Cells, results.json, results.csv and a picture for each policy are written to `out`; cells that
-    it holds are not played again. `engine`, `address` and `workers` are those of `run_all`.
-    `on_progress` follows the cells, `on_note` is told what is left out and which calibrations are
-    old, `on_loss` when workers were lost.
+    The arguments are those of `qcompile.evaluate`, and `out` is always written to. `engine`,
+    `address` and `workers` are those of `run_all`. `on_progress` follows the cells, `on_note` is
+    told what is left out and which calibrations are old, `on_loss` if workers stopped.
 
     Raises:
-        QcompileError: a name, a file or a combination that cannot be played; an output that cannot
-            be written; a cluster that is not there; Ctrl-C, after which `out` holds what is
-            finished. Cells that fail by themselves are in `failures` instead.
+        QcompileError: a name, a file or a combination cannot be used; an output cannot be written;
+            there is no cluster at the address; Ctrl-C, after which finished cells are in `out`.
+            Cells that fail on their own are in `failures` instead.
     """
     out = Path(out)
     sides = (
@@ -140,7 +134,7 @@ def evaluate(
         for note in age_warnings(file.name, file.calibration, now):
             on_note(note)
     for why in _left_out(different, opened, *sides):
-        on_note(f"left out: {why}.")
+        on_note(f"Left out: {why}.")
     pool = Pool(engine, address, workers, on_loss)
     completed = _completed(cells, out, pool, on_progress)
     return _written(cells, completed, out, lambda objects: write_figures(objects, out))
@@ -151,7 +145,7 @@ def _left_out(
     backends: Sequence[Backend],
     *sides: Any,
 ) -> list[str]:
-    """Why the grid has less than every combination of its sides."""
+    """The reasons why combinations of the sides are left out of the grid."""
     asked = product([backend.name for backend in backends], *sides)
     networks = [policy.name for policy in policies if isinstance(policy, Network)]
     words: list[str] = []
@@ -159,8 +153,7 @@ def _left_out(
         words += dict.fromkeys(left_out(backends, *sides).values())
     if networks and {*asked} != {REFERENCE}:
         words.append(
-            f"{listed(networks)} on anything but ideal with exact expectations: a network has no "
-            "circuits"
+            f"{listed(networks)} except on ideal with exact expectations: a network has no circuits"
         )
     return words
 
@@ -177,13 +170,13 @@ def evaluate_paper(
     on_progress: OnProgress = no_progress,
     on_loss: Words = ignore,
 ) -> Evaluation:
-    """The paper's device tests, played as by `evaluate`, and written up.
+    """Play the paper's device tests as `evaluate` plays a grid, and write up the results.
 
-    Writes devices.png and the Markdown page, by default devices.md in `out`, if every cell could be
-    played.
+    If every cell could be played, devices.png and the Markdown page are written; the page is by
+    default devices.md in `out`.
 
     Raises:
-        QcompileError: as `evaluate`.
+        QcompileError: as for `evaluate`.
     """
     out = Path(out)
     page_path = out / "devices.md" if page is None else Path(page)
@@ -223,7 +216,7 @@ def _written(
     out: Path,
     write: Callable[[Sequence[dict[str, Any]]], list[Path]],
 ) -> Evaluation:
-    """Results and what `write` adds, written to `out`."""
+    """Write the results to `out`, and the files of `write`."""
     objects = results(cells, completed.results)
     paths = write_results(objects, out) + write(objects)
     return Evaluation(
@@ -243,16 +236,16 @@ def _known_mitigation(name: str) -> str:
 
 
 def _backend(backend: Any) -> Backend:
-    """The backend that a name, a file or an object stands for.
+    """The backend of a name, a file or an object.
 
     Raises:
-        DeviceError: it is an executor, whose draws depend on what it ran before.
+        DeviceError: it is an executor, whose draws depend on earlier runs.
     """
     loaded: Backend | Executor = load_backend(backend)
     if isinstance(loaded, Executor):
         raise DeviceError(
-            f"A grid is not played on an executor, found {loaded!r}.",
-            "Every cell opens its own: give the device, or a backend of load_backend.",
+            f"A grid cannot be played on an executor, found {loaded!r}.",
+            "Every cell opens its own executor: give the device, or a backend from load_backend.",
         )
     return loaded
 

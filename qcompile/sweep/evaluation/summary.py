@@ -1,4 +1,4 @@
-"""Every cell beside its policy's ideal, episode by episode."""
+"""Compare every cell with its policy's ideal, episode by episode."""
 
 from __future__ import annotations
 
@@ -51,11 +51,11 @@ _COLUMNS = (
 def compare(
     rewards: Mapping[int, float], ideal: Mapping[int, float] | None, seed: int
 ) -> dict[str, Any]:
-    """The figures that set a cell beside the ideal; both map an episode's seed to its reward.
+    """The comparison of a cell with the ideal; both arguments map an episode's seed to its reward.
 
     The difference is the mean of (reward - ideal reward) over the episodes of both, with its
-    standard deviation and 95 % interval. All are None without common episodes, the interval also
-    with one alone, the ratio of the means also where the ideal's is not positive.
+    standard deviation and 95 % interval. All are None without common episodes. The interval is also
+    None with a single one, the ratio of the means also if the ideal's is not positive.
     """
     common = sorted(rewards.keys() & (ideal or {}).keys())
     figures: dict[str, Any] = dict.fromkeys(
@@ -81,11 +81,11 @@ def compare(
 
 
 def results(cells: Sequence[Cell], played: Mapping[str, CellResult]) -> list[dict[str, Any]]:
-    """One object a cell, in the order of `cells`: `qcompile run --json` and the comparison.
+    """One object per cell, in the order of `cells`: that of `qcompile run --json`, and `compare`.
 
-    `backend` and `calibration` are called as the cell calls them; `device` is the name of the
-    backend's device, which a twin or a sampler may share with others. `played` holds the
-    results by the names of the cells; a cell that it lacks is left out.
+    `backend` and `calibration` are the names that the cell uses; `device` is the name of the
+    backend's device, which a twin or a sampler may share with others. `played` has the results by
+    cell name; cells without a result are left out.
     """
     ideals = {cell.policy.name: played.get(cell.name) for cell in cells if cell.is_reference}
     objects = []
@@ -96,7 +96,7 @@ def results(cells: Sequence[Cell], played: Mapping[str, CellResult]) -> list[dic
         objects.append(
             {
                 "hold": 1,
-                "decisions": result.summary["env_steps"],  # cells of earlier versions say neither
+                "decisions": result.summary["env_steps"],  # earlier versions wrote neither
                 **result.summary,
                 "backend": cell.backend.name,
                 "device": cell.backend.device.name,
@@ -110,7 +110,7 @@ def results(cells: Sequence[Cell], played: Mapping[str, CellResult]) -> list[dic
 
 
 def results_csv(objects: Sequence[Mapping[str, Any]]) -> str:
-    """A row for each object of `results`; what is None is left empty."""
+    """A row for each object of `results`; None is an empty field."""
     lines = []
     for values in objects:
         row = dict(values) | {"episodes": len(values["episodes"])}

@@ -1,4 +1,4 @@
-"""The files that show an evaluation: results.json, results.csv, and a picture for each policy."""
+"""The files of an evaluation: results.json, results.csv, and a figure for each policy."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def write_results(objects: Sequence[Mapping[str, Any]], folder: Path) -> list[Pa
 
 
 def write_figures(objects: Sequence[Mapping[str, Any]], folder: Path) -> list[Path]:
-    """Write a picture for each policy; their paths.
+    """Write a figure for each policy; their paths.
 
     Raises:
         OutputError: one of them cannot be written.
@@ -72,7 +72,7 @@ def panels(objects: Sequence[Mapping[str, Any]], title: str = "") -> list[Panel]
 
 
 def interval(values: Mapping[str, Any]) -> Interval:
-    """A cell's mean reward and its 95 % interval, for a picture; of one episode the mean alone."""
+    """A cell's mean reward and its 95 % interval, for a figure; for one episode only the mean."""
     low, high = values["ci95"] or (values["mean_reward"],) * 2
     shots = values["shots"]
     return Interval(

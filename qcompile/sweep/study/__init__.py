@@ -1,4 +1,4 @@
-"""Training studies: models x environments x seeds, run on one machine or many, and written up."""
+"""Training studies: train models in environments with several seeds, and write up the results."""
 
 from qcompile.sweep.study.request import StudyRequest
 from qcompile.sweep.study.run import Study, run_study

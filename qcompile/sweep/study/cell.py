@@ -1,4 +1,4 @@
-"""Train one cell, and say what its file holds."""
+"""Train one cell, and the schema of its file."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ from qcompile.version import versions
 
 EVALUATION_EPISODES = 100
 EVALUATION_SEED = 10_000
-"""The final model plays episodes reset with these seeds, which no training sees by name."""
+"""First reset seed of the episodes that the trained model plays; trainings do not use these."""
 
 Steps = Annotated[int, Field(ge=1)]
 
 
 def first_at(averages: NDArray[np.float64], target: float) -> int | None:
-    """The first episode, 20 at least, after which the average is at the target; None if never."""
+    """The first episode, from the 20th, after which the average is at the target; None if never."""
     reached = np.flatnonzero(averages[AVERAGED - 1 :] >= target)
     return int(reached[0]) + AVERAGED if len(reached) else None
 
 
 class CellResult(BaseModel):
-    """What one training gave; `steps` and `rewards` have an entry for each episode.
+    """The result of a training; `steps` and `rewards` have an entry for each episode.
 
-    So have `decisions`, where they are not the steps.
+    So does `decisions`, if decisions differ from steps.
     """
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
@@ -65,8 +65,8 @@ class CellResult(BaseModel):
     def averages(self) -> NDArray[np.float64]:
         """The average of the last 20 rewards (fewer before the 20th), after each episode.
 
-        Episodes count in the order in which they began; those that began after the first that the
-        end of the training cut off are left out.
+        Episodes are in the order in which they began. Episodes that began after the first one that
+        the end of the training cut off are left out.
         """
         finished = zip(self.decisions or self.steps, self.rewards, strict=True)
         rewards = [*in_order_of_start(finished, self.settings.get("environments", 1))]
@@ -77,29 +77,29 @@ class CellResult(BaseModel):
 
     @property
     def full_averages(self) -> NDArray[np.float64]:
-        """The averages over 20 episodes; none where there are fewer episodes."""
+        """The averages over 20 episodes; empty if there are fewer episodes."""
         return self.averages[AVERAGED - 1 :]
 
     @property
     def best_average(self) -> float | None:
-        """The best average over 20 episodes; None where there are fewer."""
+        """The best average over 20 episodes; None if there are fewer."""
         return float(self.full_averages.max()) if len(self.full_averages) else None
 
     @property
     def last_average(self) -> float | None:
-        """The last average over 20 episodes; None where there are fewer."""
+        """The last average over 20 episodes; None if there are fewer."""
         return float(self.full_averages[-1]) if len(self.full_averages) else None
 
     def first_at(self, target: float) -> int | None:
-        """The first episode, 20 at least, after which the average is at the target."""
+        """The first episode, from the 20th, after which the average is at the target."""
         return first_at(self.averages, target)
 
 
 def run_cell(cell: Cell, evaluation: int = EVALUATION_EPISODES) -> CellResult:
-    """Train the cell and play `evaluation` fresh episodes with what came of it, on one thread.
+    """Train the cell and play `evaluation` episodes with the trained model, on one thread.
 
     Raises:
-        KeyboardInterrupt: Ctrl-C; half a training is not a result.
+        KeyboardInterrupt: Ctrl-C; an unfinished training is not a result.
         TrainingError: no episode ended.
     """
     import torch
@@ -116,7 +116,7 @@ def run_cell(cell: Cell, evaluation: int = EVALUATION_EPISODES) -> CellResult:
         raise KeyboardInterrupt
     if not result.episodes:
         steps = f"its {trainer.steps:,} steps"
-        raise TrainingError(f"No episode ended within {steps}.", "Give the row more of them.")
+        raise TrainingError(f"No episode ended within {steps}.", "Give the row more steps.")
     rewards = score(trainer, evaluation, EVALUATION_SEED)
     policy = result.policy
     return CellResult(
@@ -138,12 +138,12 @@ def run_cell(cell: Cell, evaluation: int = EVALUATION_EPISODES) -> CellResult:
 
 
 def folder_of(path: Path, evaluation: int | None = None) -> Folder[Cell, CellResult]:
-    """Where a study in `path` keeps its trainings; with `evaluation` those of so many episodes."""
+    """The trainings of a study in `path`; `evaluation` is the number of episodes that they need."""
     return Folder(path, CellResult, partial(_match, evaluation=evaluation))
 
 
 def _match(cell: Cell, result: CellResult, evaluation: int | None) -> CellResult | None:
-    """The result, if it has the cell's settings, environment with its arguments, and seed."""
+    """The result, if its settings, environment, arguments and seed are those of the cell."""
     try:
         settings = restored(result.settings)
     except TrainingError:

@@ -1,4 +1,4 @@
-"""A study written up: tables and figures as a page of Markdown."""
+"""Write up a study: tables and figures as a Markdown page."""
 
 from __future__ import annotations
 
@@ -15,23 +15,20 @@ from qcompile.sweep.study.trained import from_to, repeat_words, trained_words
 from qcompile.sweep.study.verdict import HOLDS, verdict
 
 _LEGEND = {
-    "parameters": "the numbers that are trained in the policy as built, copies of output reuse "
-    "folded. The critic, which is not deployed, is not counted: it has as many again, less what "
-    "its single output spares, or is a network where the preset has `critic_hidden`.",
-    "claim": "what others say of the row, in episodes where nothing else is said.",
-    "mean of seeds at target": "the first episode after which the average of the last 20 rewards, "
-    "averaged over all seeds, is at the target. **seeds at target**: how many seeds reach it by "
-    "themselves, and the episodes they take: the median, and the range of those that do.",
-    "best, last average": "of the last 20 rewards: the best one of each seed, and the one at the "
-    "end of its training, mean ± standard deviation over the seeds. Episodes of environments that "
-    "step together count in the order in which they began: in the order in which they end, short "
-    "ones come first. The best of many averages is above what any model scores: for that read the "
-    "next column.",
-    "fresh episodes": "the mean reward of the final model, mean ± standard deviation over the "
-    "seeds, and the lowest seed.",
-    "verdict": '"holds" where the mean of the seeds, or the best seed where that is said, is at '
-    f'the target within {HOLDS:g} times the claimed episodes; "not tested" where fewer episodes '
-    "or seeds were trained than it takes to tell.",
+    "parameters": "trained parameters of the policy, with the copies of output reuse merged. The "
+    "critic is not counted, because it is only used in training.",
+    "claim": "the published result, in episodes unless another unit is given.",
+    "mean of seeds at target": "the first episode at which the mean over all seeds of the average "
+    "of the last 20 rewards reaches the target. **seeds at target**: the number of seeds whose own "
+    "average reaches it, and the episodes that these need: median and range.",
+    "best, last average": "best and final average of the last 20 rewards in training, mean ± "
+    "standard deviation over the seeds. Episodes are in the order in which they began. The best of "
+    "many averages is too high an estimate of a model's score; the next column is a fair one.",
+    "fresh episodes": "mean reward of the trained model in new episodes, mean ± standard deviation "
+    "over the seeds, and the lowest seed.",
+    "verdict": '"holds" if the mean of the seeds, or the best seed if the claim is about that one, '
+    f'reaches the target within {HOLDS:g} times the claimed episodes; "not tested" if too few '
+    "episodes or seeds were trained to tell.",
 }
 _OF_CLAIMS = ("claim", "verdict")
 _OF_TARGETS = ("mean of seeds at target", "seeds at target")
@@ -48,9 +45,9 @@ def page(
     folder: str,
     versions: dict[str, str],
 ) -> str:
-    """The page, in Markdown; figures and CSV are linked in `folder`, as seen from the page.
+    """The page, in Markdown, with links to figures and CSV in `folder`, relative to the page.
 
-    `command` is what was typed, `repeated` the names of the cells that it trains.
+    `command` is the command line, `repeated` are the names of the cells that it trains.
     """
     left_out = set() if any(s.row.claim.words != "-" for s in summaries) else {*_OF_CLAIMS}
     if all(s.row.target is None for s in summaries):
@@ -65,10 +62,11 @@ def page(
     parts = [
         f"# {markdown_text(study.title)}\n",
         fill(
-            f"Written by `qcompile study {study.name}` from the trainings in {linked}; no result "
-            f"on this page is typed by hand. A row is trained with {seeds}, its settings are those "
-            "of the preset named and what the study changes, and the final model plays "
-            f"{evaluation}, actions sampled, that no training saw.",
+            f"This page is written by `qcompile study {study.name}` from the trainings in "
+            f"{linked}; no number on it is typed by hand. Each row is trained with {seeds}. Its "
+            "settings are "
+            "those of its preset, with the changes that the study makes. At the end, each trained "
+            f"model plays {evaluation}, with sampled actions.",
             100,
             break_long_words=False,
             break_on_hyphens=False,
@@ -105,9 +103,9 @@ def page(
         parts += ["## Settings\n", markdown_table(("row", "changes of its preset"), lines)]
     parts.append(
         f"## Repeat it\n\n```\n{command}\n```\n\n{repeat_words(summaries, repeated)}"
-        "A study resumes where it was stopped: what is in its folder is not trained again. Made "
-        f"with {version_words(versions)}; the same versions on the same machine give the same "
-        "numbers, whatever the engine and the number of workers. The curves of all figures are in "
+        "Trainings that are already in the folder are not repeated. Made with "
+        f"{version_words(versions)}; the same versions on the same machine give the same numbers, "
+        "with any engine and any number of workers. The curves of all figures are in "
         f"[curves.csv]({folder}/curves.csv).\n"
     )
     return "\n".join(part for part in parts if part)
@@ -121,7 +119,7 @@ def _heads(columns: Sequence[str]) -> list[list[str]]:
 
 
 def _environments(members: Sequence[RowSummary]) -> str:
-    """The environments, with the arguments that they are made with."""
+    """The environments, with their arguments."""
     words = {
         f"`{s.row.environment}`"
         + (f" with {assignments(s.row.arguments)}" if s.row.arguments else "")
@@ -131,7 +129,7 @@ def _environments(members: Sequence[RowSummary]) -> str:
 
 
 def _targets(members: Sequence[RowSummary]) -> str:
-    """The target of the first row that has one, and those of rows that have another."""
+    """The target of the first row that has one, and the different targets of other rows."""
     targets = [s.row.target for s in members if s.row.target is not None]
     if not targets:
         return ""

@@ -1,4 +1,4 @@
-"""What of which study is trained, and where it is written."""
+"""The request for a study: what is trained, and where it is written."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from qcompile.sweep.study.studies import default_folder, open_study
 
 @dataclass(frozen=True, kw_only=True)
 class StudyRequest:
-    """The arguments of `qcompile.study` that say what is trained, and where it is written."""
+    """The arguments of `qcompile.study` about what is trained, and where it is written."""
 
     name: Name = "paper"
     figures: str | Sequence[str] = ()
@@ -40,7 +40,7 @@ class StudyRequest:
         """The study itself.
 
         Raises:
-            StudyError: there is no such study, or its file does not hold one.
+            StudyError: there is no such study, or its file is not a study.
             EnvironmentMismatchError: a module cannot be imported.
         """
         import_modules(several(self.imports))
@@ -59,7 +59,7 @@ class StudyRequest:
 
     @property
     def command(self) -> str:
-        """The command line that asks for the same."""
+        """The command line for the same request."""
         evaluation = None if self.evaluation == EVALUATION_EPISODES else self.evaluation
         options = {
             "--figure": several(self.figures),
@@ -78,32 +78,32 @@ class StudyRequest:
         return shlex.join(words)
 
     def changed(self, rows: Sequence[Row]) -> list[Row]:
-        """These rows with the episodes and the arguments of environments that are asked for."""
-        made = (replace(row, arguments={**row.arguments, **self.env}) for row in rows)
-        return [row.shortened(self.episodes) for row in made]
+        """The rows with the requested episodes and environment arguments."""
+        changed = (replace(row, arguments={**row.arguments, **self.env}) for row in rows)
+        return [row.shortened(self.episodes) for row in changed]
 
     def chosen(self) -> list[Row]:
-        """The rows that are asked for.
+        """The requested rows.
 
         Raises:
-            StudyError: no such study, figure or row.
+            StudyError: there is no such study, figure or row.
         """
         chosen = self.study.chosen(several(self.figures), several(self.rows))
         return self.changed(chosen)
 
     def cells(self) -> list[Cell]:
-        """The trainings that are asked for.
+        """The requested trainings.
 
         Raises:
-            StudyError: no such study, figure or row.
+            StudyError: there is no such study, figure or row.
         """
         return cells(self.chosen(), self.seeds)
 
     def left(self) -> list[dict[str, Any]]:
-        """The rows that are asked for: row, environment, seeds, and how many are left to train.
+        """The requested rows: name, environment, number of seeds, and how many are left to train.
 
         Raises:
-            StudyError: no such study, figure or row.
+            StudyError: there is no such study, figure or row.
         """
         folder = folder_of(self.folder, self.evaluation)
         return [
@@ -117,10 +117,10 @@ class StudyRequest:
         ]
 
     def check_replaces_nothing(self) -> None:
-        """Refuse a first look where a training with other settings is stored.
+        """Check that a shortened study does not overwrite trainings with other settings.
 
         Raises:
-            StudyError: the file of a cell that is to be trained is there.
+            StudyError: a cell to train already has a file.
         """
         if self.episodes is None and self.evaluation == EVALUATION_EPISODES:
             return
@@ -128,6 +128,6 @@ class StudyRequest:
         stored = [cell for cell in folder.missing(self.cells()) if folder.file(cell).exists()]
         if stored:
             raise StudyError(
-                f"{self.folder} holds {len(stored)} of these trainings with other settings.",
-                "Fewer episodes need a folder of their own: say --out look.",
+                f"{self.folder} has {len(stored)} of these trainings with other settings.",
+                "Write the shortened study to another folder, such as --out look.",
             )

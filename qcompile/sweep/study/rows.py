@@ -1,4 +1,4 @@
-"""A study is rows, a row is settings trained with several seeds, and a cell is one of these."""
+"""A study has rows; a row is trained with several seeds; a cell is a row with one seed."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from qcompile.rl.settings import Settings
 ClaimSeed = Literal["mean", "best"]
 
 _EPISODE_STEPS = 500
-"""About the steps of an episode, to compare budgets of episodes with budgets of steps."""
+"""A rough number of steps per episode, to compare budgets of episodes with budgets of steps."""
 
 
 @dataclass(frozen=True)
 class Claim:
-    """What is claimed of a row: in words, and the episodes it took to the target, if any.
+    """The published result for a row: in words, and the episodes to the target, if given.
 
-    It is claimed of the mean over the seeds, or of the best seed.
+    It is about the mean over the seeds, or about the best seed.
     """
 
     words: str = "-"
@@ -29,11 +29,11 @@ class Claim:
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """One line of a study's tables: what is trained, and what it is compared with.
+    """One row of a study's tables: what is trained, and what it is compared with.
 
     `settings` are those of the preset with `changes`. `target` is the average over 20 episodes that
-    counts as learned, if any. Curves of the rows of one `group` have one colour. `arguments` are
-    those that the environment is made with.
+    counts as learned, if any. The curves of a `group` of rows have the same colour. `arguments` are
+    those of the environment.
     """
 
     name: str
@@ -50,14 +50,14 @@ class Row:
     claim: Claim = Claim()
 
     def first_seeds(self, count: int | None) -> tuple[int, ...]:
-        """The row's seeds; with `count` so many: its first, and after its last the next numbers."""
+        """The row's seeds, or the first `count` of them, followed by higher ones if needed."""
         if count is None:
             return self.seeds
         following = max(self.seeds) + 1
         return (*self.seeds, *range(following, following + count))[:count]
 
     def shortened(self, episodes: int | None) -> Row:
-        """The row with trainings of `episodes` at most, for a first look."""
+        """The row with trainings of at most `episodes`, for a first look."""
         if episodes is None:
             return self
         fewest = min(episodes, self.settings.episodes or episodes)
@@ -65,7 +65,7 @@ class Row:
 
     @property
     def budget_steps(self) -> int:
-        """About the most environment steps of a training."""
+        """A rough upper limit of the environment steps of a training."""
         episodes, steps = self.settings.episodes, self.settings.steps
         budgets = (steps, None if episodes is None else episodes * _EPISODE_STEPS)
         return min(budget for budget in budgets if budget is not None)
@@ -84,16 +84,16 @@ class Cell:
 
 
 def cells(rows: Sequence[Row], seeds: int | None = None) -> list[Cell]:
-    """Every cell of the rows, or of `seeds` seeds of each; the longest trainings first."""
+    """The cells of the rows, with all or `seeds` seeds of each; the longest trainings first."""
     longest_first = sorted(rows, key=lambda row: -row.budget_steps)
     return [Cell(row, seed) for row in longest_first for seed in row.first_seeds(seeds)]
 
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure of a study: `also` names the rows of other figures that it shows as well.
+    """A figure of a study; `also` names rows of other figures that it shows too.
 
-    Its picture ends at `last_episode`, if any.
+    The plot ends at `last_episode`, if given.
     """
 
     title: str
@@ -105,7 +105,7 @@ class Figure:
 class Rows:
     """A study: its figures by name, and its rows in the order of the figures.
 
-    `name` is what the command line calls it, `title` and `about` stand at the head of its page.
+    `name` is its name on the command line; `title` and `about` are at the top of its page.
     """
 
     name: str
@@ -115,11 +115,11 @@ class Rows:
     rows: tuple[Row, ...]
 
     def belongs(self, row: Row, figure: str) -> bool:
-        """Whether a figure shows a row, be it that of another figure."""
+        """Whether a figure shows a row, its own or one of another figure."""
         return row.figure == figure or row.name in self.figures[figure].also
 
     def chosen(self, figures: Sequence[str], beginnings: Sequence[str]) -> list[Row]:
-        """The rows of these figures whose names begin with one of these; with none named, all.
+        """The rows of `figures` whose names begin with one of `beginnings`; empty means all.
 
         Raises:
             StudyError: there is no such figure, or no such row.
@@ -135,6 +135,7 @@ class Rows:
         ]
         if not named:
             raise StudyError(
-                f"No row's name begins with {' or '.join(beginnings)}.", "--list shows their names."
+                f"There is no row whose name begins with {' or '.join(beginnings)}.",
+                "--list shows the names.",
             )
         return named

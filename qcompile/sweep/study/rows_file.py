@@ -1,7 +1,7 @@
-"""Rows as data: a TOML file of figures, each with its environment and its rows.
+"""Read a study from a TOML file of figures, each with an environment and rows.
 
-A row is named FIGURE-MODEL-VARIANT-PRESET. Its settings are the preset's for its model, its layout
-and the environment of its figure, with what its own `settings` change.
+A row is named FIGURE-MODEL-VARIANT-PRESET. Its settings are those of the preset for its model, its
+layout and the environment of its figure, changed by its own `settings`.
 """
 
 from __future__ import annotations
@@ -35,30 +35,32 @@ _MOST_SEEDS = 1000
 _PRESET_OF = ("model", "layout")
 _WORDS = {
     "extra_forbidden": "there is no such key",
-    "missing": "this key is needed",
-    "dict_type": "a table is needed",
-    "model_type": "a table is needed",
-    "list_type": "a list is needed",
+    "missing": "this key is required",
+    "dict_type": "must be a table",
+    "model_type": "must be a table",
+    "list_type": "must be a list",
 }
 
 
 def _file_name(name: str) -> str:
-    """A name that may be a part of one of a file."""
+    """Check that a name can be part of a file name."""
     if name and not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,59}", name):
         raise ValueError(
-            "files are named after it: up to 60 letters, digits, ., - and _, a letter or digit "
-            "first"
+            "used in file names: up to 60 letters, digits, '.', '-' and '_', with a letter or "
+            "digit first"
         )
     return name
 
 
 def _seeds(seeds: Any) -> tuple[int, ...]:
-    """The seeds that a number of them, or a list, stands for."""
+    """The seeds of a number of seeds, or of a list."""
     if type(seeds) is int and 1 <= seeds <= _MOST_SEEDS:
         return tuple(range(seeds))
     whole = isinstance(seeds, list) and all(type(s) is int and 0 <= s < 2**63 for s in seeds)
     if not whole or not 1 <= len(set(seeds)) == len(seeds) <= _MOST_SEEDS:
-        raise ValueError(f"a number from 1 to {_MOST_SEEDS}, or a list of different seeds from 0")
+        raise ValueError(
+            f"must be a number from 1 to {_MOST_SEEDS}, or a list of different seeds of 0 or more"
+        )
     return tuple(seeds)
 
 
@@ -106,11 +108,11 @@ class _File(_Table):
 
 
 def read_rows(path: Path, name: str) -> Rows:
-    """The study in a file, which the command line calls `name`.
+    """Read the study in a file; `name` is its name on the command line.
 
     Raises:
-        StudyError: the file cannot be read, a row of it holds no settings, or two of its rows
-            cannot be told apart.
+        StudyError: the file cannot be read, the settings of a row are invalid, or two rows have the
+            same name or label.
     """
     try:
         file = _File.model_validate(read_toml(path))
@@ -137,7 +139,7 @@ def read_rows(path: Path, name: str) -> Rows:
 
 
 def _faults(error: ValidationError) -> list[str]:
-    """What is wrong in the file, and which keys the table has of the first key that it lacks."""
+    """The errors in the file, with the nearest valid key for the first unknown one."""
     lines = [line.replace(".[key]:", ":") for line in explain(error, words=_WORDS)]
     for fault in error.errors(include_url=False):
         if fault["type"] == "extra_forbidden":
@@ -155,15 +157,15 @@ def _row(path: Path, figure: str, shared: _FigureTable, table: _RowTable) -> Row
         settings = preset.changed(**from_toml(changes))
     except TrainingError as error:
         lines = [line.strip() for line in str(error).splitlines()]
-        raise StudyError(f"{path}: the row {name} does not hold settings.", *lines) from error
+        raise StudyError(f"{path}: the settings of row {name} are invalid.", *lines) from error
     layout = "" if table.layout == "parallel" else table.layout
     title = table.title or ", ".join(filter(None, (table.model, layout, table.variant)))
     target = shared.target if table.target is None else table.target
     claimed = table.claim_episodes
     if claimed is not None and target is None:
         raise StudyError(
-            f"{path}: the row {name} has claim_episodes and no target.",
-            "They are the episodes to a target: set target in the row or in its figure.",
+            f"{path}: the row {name} has claim_episodes but no target.",
+            "claim_episodes counts episodes to a target: set target in the row or in its figure.",
         )
     return Row(
         name=name,
@@ -186,10 +188,10 @@ def _row(path: Path, figure: str, shared: _FigureTable, table: _RowTable) -> Row
 
 
 def _changes(table: _RowTable) -> dict[str, Any]:
-    """What a row changes in its preset.
+    """The changes that a row makes to its preset.
 
     Raises:
-        TrainingError: settings hold a key of the row.
+        TrainingError: the settings have a key that belongs to the row.
     """
     budget = {"episodes": table.episodes, "steps": table.steps}
     if budget == {"episodes": None, "steps": None}:
@@ -206,16 +208,17 @@ def _changes(table: _RowTable) -> dict[str, Any]:
 
 
 def _check_names(path: Path, study: Rows) -> None:
-    """Raise StudyError where rows, or figures, share files or cannot be told apart."""
+    """Raise StudyError if two rows or figures have the same name, or the same label."""
     names = [row.name for row in study.rows]
     if twice := _twice(names):
         raise StudyError(
             f"{path}: two rows are named {twice}.",
-            "A row is named FIGURE-MODEL-VARIANT-PRESET: give each a variant of its own.",
+            "A row is named FIGURE-MODEL-VARIANT-PRESET: give each another variant.",
         )
     if twice := _twice(study.figures):
         raise StudyError(
-            f"{path}: two figures are named {twice}.", "Their files need different letters."
+            f"{path}: two figures are named {twice}.",
+            "File names must differ in more than upper and lower case.",
         )
     for figure, shown in study.figures.items():
         for other in shown.also:
@@ -228,11 +231,11 @@ def _check_names(path: Path, study: Rows) -> None:
         if twice := _twice(labels):
             raise StudyError(
                 f"{path}: figures.{figure} has two rows {twice!r}.",
-                "Its table tells rows apart by title and preset: give each a title of its own.",
+                "In its table rows must differ in title or preset: give each another title.",
             )
 
 
 def _twice(names: Iterable[str]) -> str | None:
-    """A name that is there twice, letter case aside, as it is in file systems."""
+    """A name that occurs twice, ignoring case, as some file systems do."""
     counts = Counter(name.casefold() for name in names)
     return next((name for name, count in counts.items() if count > 1), None)

@@ -23,10 +23,10 @@ from qcompile.sweep.study.write_up import summaries, write_up
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """What a study's folder holds: a summary for each row with trainings, those of before included.
+    """The result of a study: a summary for each row with trainings, including earlier ones.
 
-    `trained` counts the trainings done now, `there` those asked for that the folder had; `files`
-    are what was written besides the trainings.
+    `trained` is the number of trainings done now, `there` of those that the folder already had;
+    `files` are the files written, without those of the trainings.
     """
 
     request: StudyRequest
@@ -46,37 +46,36 @@ class Study:
 
 
 def run_study(request: StudyRequest, pool: Pool, on_progress: OnProgress = no_progress) -> Study:
-    """Train what the folder lacks of a study, and write up all that it holds.
+    """Train the cells that the folder lacks, and write up everything in it.
 
     Raises:
-        QcompileError: no such study, figure, row or environment; an output that cannot be written;
-            a training that fails; a cluster that is not there; Ctrl-C, after which the folder holds
-            what is finished.
+        QcompileError: there is no such study, figure, row, environment or cluster; an output cannot
+            be written; a training fails; Ctrl-C, after which finished trainings are in the folder.
     """
-    every = request.cells()
+    cells = request.cells()
     check_writable(request.page_path)
     folder = folder_of(request.folder, request.evaluation)
     folder.check_writable()
     request.check_replaces_nothing()
-    _check_environments(folder.missing(every))
+    _check_environments(folder.missing(cells))
     completed = complete(
-        every,
+        cells,
         folder,
         partial(run_cell, evaluation=request.evaluation),
         pool,
         on_progress,
         describe=_description,
-        environments=[cell.row.environment for cell in every],
+        environments=[cell.row.environment for cell in cells],
         noun="training",
     )
-    # What was trained before is written up as well.
+    # Earlier trainings are written up too.
     stored = summaries(request.changed(request.study.rows), request.folder)
     files = write_up(request, stored)
     return Study(request, tuple(stored), completed.run, completed.there, tuple(files))
 
 
 def _check_environments(cells: Sequence[Cell]) -> None:
-    """Raise EnvironmentMismatchError where a training has an environment that cannot be made."""
+    """Raise EnvironmentMismatchError if the environment of a training cannot be made."""
     rows: dict[tuple[str, str], Row] = {}
     for cell in cells:
         rows.setdefault((cell.row.environment, repr(cell.row.arguments)), cell.row)
@@ -84,7 +83,7 @@ def _check_environments(cells: Sequence[Cell]) -> None:
         try:
             environments = make_environments(row.environment, 1, arguments=row.arguments)
         except EnvironmentMismatchError as error:
-            raise error.with_hints(f"Row {row.name} of the study trains in it.") from error
+            raise error.with_hints(f"It is the environment of row {row.name}.") from error
         close_environments(environments)
 
 

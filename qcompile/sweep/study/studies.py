@@ -1,4 +1,4 @@
-"""Which studies there are: those shipped beside this file, and TOML files of one's own."""
+"""The studies: those shipped beside this file, and the user's TOML files."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from qcompile.sweep.study.rows import Rows
 from qcompile.sweep.study.rows_file import read_rows
 
 BUILT_IN = {path.stem: path for path in sorted(Path(__file__).parent.glob("*.toml"))}
-"""Files by the names of the studies that are shipped."""
+"""The files of the shipped studies, by name."""
 
 _SUFFIX = ".toml"
 
@@ -22,7 +22,7 @@ def open_study(name: Name) -> Rows:
     """The study of a name, or in a .toml file.
 
     Raises:
-        StudyError: there is no such study, or the file does not hold one.
+        StudyError: there is no such study, or the file is not one.
     """
     text = os.fspath(name)
     if text in BUILT_IN:
@@ -34,17 +34,17 @@ def open_study(name: Name) -> Rows:
         study: study for study in BUILT_IN
     }
     near = [known[stem] for stem in close_names(path.stem, known)]
-    found = [f"The file {text} does not end with {_SUFFIX}."] * os.path.lexists(text)
+    wrong_suffix = [f"The file {text} does not end with {_SUFFIX}."] * os.path.lexists(text)
     raise StudyError(
         f"There is no study {text!r}.",
-        *found,
+        *wrong_suffix,
         f"A study is {' or '.join(BUILT_IN)}, or a {_SUFFIX} file of rows.",
         *([f"Did you mean {' or '.join(near)}?"] if near else []),
     )
 
 
 def default_folder(name: Name) -> Path:
-    """Where a study is kept when nothing else is said: a folder of its file's name."""
+    """The default folder of a study: "study", or the name of its file."""
     text = os.fspath(name)
     return Path("study") if text in BUILT_IN else Path(Path(text).stem)
 

@@ -1,4 +1,4 @@
-"""What the cells of a row say together."""
+"""The summary of a row over its seeds."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ _CURVE_POINTS = 200
 class RowSummary:
     """A row with the results of its seeds, in the order of the seeds.
 
-    An average is over the last 20 episodes, in the order in which they began; `mean_curve` is that
-    of the seeds' averages, after each episode until the shortest training ends.
+    An average is over the last 20 episodes, in the order in which they began. `mean_curve` is the
+    mean of the seeds' averages after each episode, up to the end of the shortest training.
     """
 
     row: Row
@@ -53,7 +53,7 @@ class RowSummary:
 
     @property
     def each_first(self) -> list[int | None]:
-        """The same for each seed alone."""
+        """The first episode at the target for each seed."""
         target = self.row.target
         return [None if target is None else result.first_at(target) for result in self.results]
 
@@ -64,7 +64,7 @@ class RowSummary:
 
     @property
     def median_first(self) -> float | None:
-        """The median seed's first episode at the target; None where half the seeds or more fail."""
+        """The median of `each_first`; None if half the seeds or more do not reach the target."""
         median = float(np.median([np.inf if f is None else f for f in self.each_first]))
         return median if np.isfinite(median) else None
 
@@ -86,24 +86,24 @@ class RowSummary:
 
     @property
     def best(self) -> NDArray[np.float64]:
-        """The best average of each seed, (seeds,); nan where it has fewer than 20 episodes."""
+        """The best average of each seed, (seeds,); nan if it has fewer than 20 episodes."""
         return np.array([result.best_average for result in self.results], dtype=np.float64)
 
     @property
     def final(self) -> NDArray[np.float64]:
-        """The last average of each seed, (seeds,); nan where it has fewer than 20 episodes."""
+        """The last average of each seed, (seeds,); nan if it has fewer than 20 episodes."""
         return np.array([result.last_average for result in self.results], dtype=np.float64)
 
     @property
     def evaluation(self) -> NDArray[np.float64]:
-        """The mean reward of each seed's final model over fresh episodes, (seeds,)."""
+        """The mean reward of each seed's trained model in new episodes, (seeds,)."""
         return np.array([np.mean(result.evaluation) for result in self.results])
 
 
 def spread(values: NDArray[np.float64]) -> str:
-    """Mean ± standard deviation over the seeds, in words; values (seeds,), nan where one has none.
+    """Mean ± standard deviation over the seeds as text; values (seeds,), nan if a seed has none.
 
-    One seed has no deviation.
+    A single seed has no deviation.
     """
     if np.isnan(values).any():
         return TOO_FEW
@@ -113,7 +113,7 @@ def spread(values: NDArray[np.float64]) -> str:
 
 
 def results_csv(summaries: Sequence[RowSummary]) -> str:
-    """A line for each training: row, seed, and the figures of the tables."""
+    """A line for each training: row, seed, and the numbers of the tables."""
     lines = [
         [
             summary.row.name,
@@ -142,7 +142,7 @@ def results_csv(summaries: Sequence[RowSummary]) -> str:
 
 
 def curves_csv(summaries: Sequence[RowSummary]) -> str:
-    """The curves of the figures: the averages after an episode, over the seeds."""
+    """The curves of the figures: mean, std and range over the seeds after each episode."""
     lines = []
     for summary in summaries:
         averages = summary.averages
@@ -154,5 +154,5 @@ def curves_csv(summaries: Sequence[RowSummary]) -> str:
 
 
 def curve_episodes(count: int) -> NDArray[np.intp]:
-    """The episodes of a training of `count` that a curve is drawn through, evenly spread."""
+    """The episodes out of `count` that a curve is drawn through, evenly spread."""
     return np.unique(np.linspace(1, count, min(count, _CURVE_POINTS)).round().astype(np.intp))

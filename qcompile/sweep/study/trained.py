@@ -1,4 +1,4 @@
-"""What was trained beside what a study asks for, in words for its page."""
+"""Text for a study's page: which trainings are missing or shorter than in the study."""
 
 from __future__ import annotations
 
@@ -20,29 +20,32 @@ def from_to(numbers: Collection[int], noun: str) -> str:
 
 
 def trained_words(study: Rows, summaries: Sequence[RowSummary]) -> str:
-    """Which rows were trained with fewer seeds or episodes than the study has, and which are not.
+    """Which rows have fewer seeds or episodes than the study asks for, and which are missing.
 
-    "" where every row is there with all of its seeds and episodes.
+    "" if every row has all its seeds and episodes.
     """
     rows = {row.name: row for row in study.rows}
     short = [s for s in summaries if _is_short(s, rows[s.row.name])]
     missing = [name for name in rows if name not in {s.row.name for s in summaries}]
     if not short and not missing:
         return ""
-    parts = ["This page shows a part of the study.\n"]
+    parts = ["This page shows only a part of the study.\n"]
     if short:
         parts += [
-            "These rows were trained with less than the study asks for:\n",
+            "These rows have fewer seeds or episodes than in the study:\n",
             markdown_table(_COLUMNS, [_line(s, rows[s.row.name]) for s in short]),
         ]
     if missing:
         names = ", ".join(f"`{name}`" for name in missing)
-        parts.append(f"These rows are missing, not trained or with other settings: {names}.\n")
+        parts.append(
+            f"These rows are missing, because they were not trained, or with other settings: "
+            f"{names}.\n"
+        )
     return "\n".join(parts)
 
 
 def repeat_words(summaries: Sequence[RowSummary], repeated: Collection[str]) -> str:
-    """Which trainings on the page a command that trains the cells `repeated` leaves out."""
+    """Which trainings on the page are not repeated by a command that trains `repeated`."""
     others = {
         s.row.name: [seed for seed in s.seeds if f"{s.row.name}-seed{seed}" not in repeated]
         for s in summaries
@@ -54,7 +57,7 @@ def repeat_words(summaries: Sequence[RowSummary], repeated: Collection[str]) -> 
     ]
     if not rows:
         return ""
-    return f"The folder held other trainings too, which it does not repeat: {', '.join(rows)}. "
+    return f"This command does not repeat the other trainings in the folder: {', '.join(rows)}. "
 
 
 def _is_short(summary: RowSummary, row: Row) -> bool:

@@ -1,4 +1,4 @@
-"""What a study's folder holds, written up: CSV, a picture for each figure, and the page."""
+"""Write up a study's folder: CSV files, figures, and the page."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from qcompile.sweep.study.summary import RowSummary, curve_episodes, curves_csv,
 
 
 def summaries(rows: Sequence[Row], path: Path) -> list[RowSummary]:
-    """The rows of which the folder holds trainings, with all of these, in the order of seeds."""
+    """The rows that have trainings in the folder, with all of these in the order of seeds."""
     folder, stored = folder_of(path), []
     for row in rows:
         files = folder.cells.glob(f"{row.name}-seed*.json")
@@ -29,7 +29,7 @@ def summaries(rows: Sequence[Row], path: Path) -> list[RowSummary]:
 
 
 def write_up(request: StudyRequest, stored: Sequence[RowSummary]) -> list[Path]:
-    """Write results.csv, curves.csv, a picture for each figure and the page; their paths.
+    """Write results.csv, curves.csv, the figures and the page; their paths.
 
     Raises:
         OutputError: one of them cannot be written.
@@ -52,9 +52,9 @@ def write_up(request: StudyRequest, stored: Sequence[RowSummary]) -> list[Path]:
 
 
 def figure_panels(study: Rows, stored: Sequence[RowSummary]) -> dict[str, CurvePanel]:
-    """The learning curves of each figure that has trainings, by its name.
+    """The learning curves of each figure that has trainings, by figure name.
 
-    Curves of the preset of a figure's first row are solid, others dashed.
+    Curves with the same preset as the first row are solid, others dashed.
     """
     panels = {}
     for name, figure in study.figures.items():

@@ -159,9 +159,9 @@ def test_what_cannot_be_played_is_left_out(policy: Policy) -> None:
         ("qiskit:FakeLimaV2", 8, "response", 2),
     ]
     assert {*left_out(*sides).values()} == {
-        "level 1 on lima.json: a twin has the response curves of level 2 alone",
+        "level 1 on lima.json: a twin only supports level 2",
         "mitigation response at level 1: response curves are those of level 2",
-        "shots exact on qiskit:FakeLimaV2: it runs through a sampler, which only has shots",
+        "shots exact on qiskit:FakeLimaV2: it runs through a sampler, which needs shots",
     }
     with pytest.raises(StudyError, match=r"(?s)^No cell is left to play.*Left out: level 1 on"):
         grid([policy], [twin], [8], ["none"], [1])
@@ -192,7 +192,7 @@ def test_a_calibration_that_nothing_reads(policy: Policy) -> None:
 @pytest.mark.parametrize(
     ("changes", "missing"),
     [
-        ({"parts": ["response"]}, "The calibration holds no assignment matrices."),
+        ({"parts": ["response"]}, "The calibration has no assignment matrices."),
         ({"qubits": 2}, "Qubit 2 has no calibration."),
     ],
 )

@@ -167,7 +167,11 @@ REFUSED = [
     ('title = "small"', 'title = "a\\nb"', r"rows\.0\.title: string should match"),
     ('"paper"', '"best"', r"the row pole-fcn-small-best does not.*\n  Unknown preset 'best'"),
     ("hidden = [3]", "hiden = [3]", r"does not hold settings\.\n  Unknown setting 'hiden'"),
-    ("hidden = [3]", "reuse = 2", r"does not hold settings\.\n  Model 'fcn' has no 'reuse'"),
+    (
+        "hidden = [3]",
+        "reuse = 2",
+        r"does not hold settings\.\n  Model 'fcn' does not have the setting 'reuse'",
+    ),
     ("hidden = [3]", 'model = "cnn"', r"settings\.\n  settings has 'model', which is a key of the"),
     (
         "steps = 1000",
@@ -194,7 +198,7 @@ REFUSED = [
         r"also names 'pool-surrogate-tuned'.*\n  Did you mean pole-s",
     ),
     # What could load code, or is not a plain value.
-    ("{sutton_barto_reward = true}", '{a = "os:system"}', r"pole\.env: a has the text 'os:"),
+    ("{sutton_barto_reward = true}", '{a = "os:system"}', r"pole\.env: a has the string 'os:"),
     (
         "{sutton_barto_reward = true}",
         '{render_mode = "human"}',

@@ -1,0 +1,62 @@
+"""Pages that are typed along, in one folder each: their commands answer what the page prints.
+
+Blocks `console` are typed, `cat` among them, and blocks `py` run; a block `text` right after one of
+Python is what that prints. A block whose first line is a comment with a file's name is that file.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from sessions import WIDTH, Transcript, blocks, matches, typed
+
+PAGES = ("start/getting-started.md", "howto/paper-figure.md")
+FILE = re.compile(r"# ([\w-]+\.\w+)\n")
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", str(WIDTH))
+    monkeypatch.setattr("click.formatting.FORCED_WIDTH", WIDTH)
+    return tmp_path
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_a_page_prints_what_its_commands_answer(
+    page: str, folder: Path, qcompile: Callable[..., Any], capsys: pytest.CaptureFixture[str]
+) -> None:
+    transcript, printed = Transcript(page, folder), None
+    for language, block in blocks(page):
+        if named := FILE.match(block):
+            Path(named[1]).write_text(block)
+        elif language == "console":
+            for line, expected in typed(block):
+                name, *words = shlex.split(line)
+                if name == "cat":
+                    now = Path(*words).read_text()
+                else:
+                    assert name == "qcompile", line
+                    answer = qcompile(*words)
+                    assert answer.code == 0, answer.err
+                    now = answer.out + answer.err
+                transcript.compare(line, expected, now)
+        elif language == "py":
+            exec(compile(block, page, "exec"), {"__name__": "__main__"})
+            printed = capsys.readouterr().out
+        elif language == "text" and printed is not None:
+            assert matches(block, printed), printed
+            printed = None
+    transcript.check()
+
+
+def test_another_answer_would_be_noticed() -> None:
+    assert matches("a\n...\nd\n", "a\nb\nc\nd\n")
+    assert matches("a\n...\n", "a\n")
+    assert not matches("a\n...\nd\n", "a\nb\nc\n")
+    assert not matches("mean 500.0\n", "mean 499.0\n")
