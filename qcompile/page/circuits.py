@@ -63,9 +63,8 @@ def circuits_section(compiled: Sequence[Compiled]) -> Section:
 def _drawing(compiled: Compiled, executable: Executable) -> Iterator[Block]:
     circuits, level = len(executable.source), compiled.level
     gates = " ".join(compiled.device.native.gates)
-    yield Prose(
-        f"{plural(circuits, 'circuit')}, compiled to {gates} at level {level}: {LEVELS[level]}."
-    )
+    count = plural(circuits, "circuit")
+    yield Prose(f"{count}, compiled to {gates}. Level {level}: {LEVELS[level]}.")
     shown = None
     drawing = executable.draw("svg")
     if len(drawing) > _MOST_LETTERS:

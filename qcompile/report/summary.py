@@ -35,15 +35,14 @@ def print_run(summary: dict[str, Any]) -> None:
     grid = Table.grid(padding=(0, 2))
     grid.add_column(style="dim", no_wrap=True)
     grid.add_column()
-    for name, value in _run_lines(summary):
+    for name, value in (*_reward_lines(summary), *_setting_lines(summary)):
         grid.add_row(name, value)
     out.print(grid)
 
 
 def run_facts(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """The lines that `print_run` prints, but for those on the rewards, as plain text."""
-    lines = [(name, Text.from_markup(words).plain) for name, words in _run_lines(summary)]
-    return [(name, words) for name, words in lines if name not in ("mean reward", "each episode")]
+    """The lines of `print_run` below those on the rewards, as plain text."""
+    return [(name, Text.from_markup(words).plain) for name, words in _setting_lines(summary)]
 
 
 def kind_words(kind: str) -> str:
@@ -51,7 +50,7 @@ def kind_words(kind: str) -> str:
     return _KINDS.get(kind, kind)
 
 
-def _run_lines(summary: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
+def _reward_lines(summary: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
     from qcompile.deploy.intervals import unseen_share
 
     rewards = [episode["reward"] for episode in summary["episodes"]]
@@ -71,6 +70,9 @@ def _run_lines(summary: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
                 "all equal",
                 f"but up to {share} of all episodes may have other rewards, with 95 % confidence",
             )
+
+
+def _setting_lines(summary: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
     if summary["solved"] is not None:
         yield "solved", "yes" if summary["solved"] else "no"
     if arguments := summary.get("environment_kwargs"):

@@ -65,7 +65,7 @@ def test_a_page_takes_no_other_file_of_the_command(qcompile: Call) -> None:
     words = ("calibrate", "--backend", "ibm_lima", "--out", "a.html", "--report", "./a.html")
     answer = qcompile(*words)
     assert answer.code == 2
-    assert "a.html is the file of report and of out." in answer.err
+    assert "report and out are the same file, a.html." in answer.err
 
 
 def test_an_interrupted_run_says_so(
@@ -74,7 +74,7 @@ def test_an_interrupted_run_says_so(
     ctrl_c(2)
     answer = qcompile("run", policy(), "--episodes", 5, "--report", "a.html")
     assert answer.code == 1
-    warning = "interrupted: 2 of 5 episodes were finished"
+    warning = "interrupted: 2 of 5 episodes finished"
     assert f'<p class="warning"><strong>Note</strong> {warning}</p>' in Path("a.html").read_text()
 
 

@@ -84,6 +84,10 @@ CUT_OFF = """() => {
   return found;
 }"""
 
+OUT_OF_REACH = """() => [...document.querySelectorAll('*')].filter(element =>
+  element.scrollWidth > element.clientWidth + 1 && element.tabIndex < 0
+  && ['auto', 'scroll'].includes(getComputedStyle(element).overflowX)).length"""
+
 FOCUSABLE = """() => [...document.querySelectorAll('a, summary, video, [tabindex="0"]')]
   .filter(element => element.checkVisibility() && !element.closest('details:not([open]) > div'))
   .length"""
@@ -96,6 +100,7 @@ def check_that_nothing_is_cut_off(page: Any) -> None:
         page.set_viewport_size({"width": width, "height": 900})
         assert page.evaluate("document.scrollingElement.scrollWidth") <= width
         assert page.evaluate(CUT_OFF) == []
+        assert page.evaluate(OUT_OF_REACH) == 0
 
 
 def check_that_a_keyboard_reaches_everything_once(page: Any) -> None:

@@ -19,7 +19,7 @@ def test_circuits_are_drawn_before_and_after() -> None:
     policy, device = qcompile.load_policy("lunarlander"), load_device("ibm_lima")
     prose, picture = circuits_section([Compiled(policy, device), Compiled(policy, device)]).blocks
     assert isinstance(prose, Prose)
-    assert prose.text.startswith("24 circuits, compiled to rz sx x at level 2: ")
+    assert prose.text.startswith("24 circuits, compiled to rz sx x. Level 2: ")
     assert isinstance(picture, Picture)
     assert picture.svg.count("<rect") == 9, "h ry rz ry M, and sx rz sx M"
     assert "circuit 0  |0>─ h ─ ry(x0) ─ rz(x0) ─ ry(theta0) ─ M" in picture.spoken
