@@ -198,5 +198,5 @@ def _check_value(name: str, value: Any) -> None:
 
 
 def _one_line(error: ValueError) -> str:
-    words = " ".join(str(error).split()).rstrip(".")
+    words = " ".join(str(error).split()).removeprefix("Key ").rstrip(".")
     return words if len(words) <= 200 else f"{words[:197]}..."

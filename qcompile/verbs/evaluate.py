@@ -86,7 +86,8 @@ class EvaluationResult(Reported):
         ]
         episodes = plural(len(self.cells[0]["episodes"]), "episode")
         environments = {cell["environment"] for cell in self.cells if cell["policy"] in shown}
-        title = f"{' and '.join(sorted(environments))}, {episodes}"
+        greedy = ", greedy" * self.cells[0]["greedy"]
+        title = f"{' and '.join(sorted(environments))}, {episodes}{greedy}"
         return draw_intervals(title, drawing, style)
 
     def document(self, command: str) -> Document:

@@ -182,7 +182,7 @@ def plan(
         what = "keep needs" if len(names) == 1 else f"{len(names)} policies need"
         raise OptionError(f"{what} within, a limit of QPU seconds.")
     import_modules(several(imports))
-    policies = [with_arguments(load_circuits(name), env, kept=True) for name in names]
+    policies = [with_arguments(load_circuits(name), env, for_file=True) for name in names]
     opened = _opened(backend, account, instance, live=live)
     given = {
         "shots": shots,

@@ -216,7 +216,7 @@ def run(
         greedy=greedy,
     )
     import_modules(several(imports))
-    loaded = with_arguments(load_policy(policy), env, kept=live is not None)
+    loaded = with_arguments(load_policy(policy), env, for_file=live is not None)
     settings = RunSettings.of(settings, **calibration_settings(calibration, on_note))
     if live is not None:
         circuits, explicit = load_circuits(loaded), explicit_only(plannable)

@@ -116,7 +116,7 @@ def test_an_old_calibration_is_reported(qcompile: Call, policy: Call, calibratio
     answer = qcompile(*words)
     assert answer.code == 0
     assert answer.err.startswith("old.json is ")
-    assert " hours old; `qcompile calibrate " in answer.err
+    assert " hours old; check it with `qcompile calibrate " in answer.err
 
 
 REFUSED = {

@@ -71,7 +71,7 @@ def test_an_old_calibration_is_reported(qcompile: Call, policy: Call, calibratio
     answer = qcompile("run", policy(), *LIMA, "--calibration", "old.json", "--json")
     assert answer.code == 0
     assert answer.err.startswith("old.json is ")
-    assert " hours old; `qcompile calibrate " in answer.err
+    assert " hours old; check it with `qcompile calibrate " in answer.err
     assert answer.json()["calibration"] == "old.json"
 
 

@@ -1,0 +1,164 @@
+"""Figures as files, and the styles they are drawn in."""
+
+from __future__ import annotations
+
+import re
+from io import BytesIO
+from pathlib import Path
+from xml.etree import ElementTree
+
+import matplotlib as mpl
+import pytest
+from PIL import Image
+
+from qcompile.errors import FigureError, OutputError
+from qcompile.report.figure import Figure
+from qcompile.report.rewards import draw_rewards
+from qcompile.report.style import HOUSE, Style
+
+SUMMARY = {
+    "policy": "a $b$ <c> & d",
+    "backend": "ibm_lima",
+    "episodes": [{"reward": float(reward)} for reward in (1, 5, 3)],
+    "mean_reward": 3.0,
+    "ci95": None,
+}
+
+
+def figure(style: Path | None = None) -> Figure:
+    return draw_rewards(SUMMARY, style)
+
+
+@pytest.mark.parametrize(
+    ("name", "start"), [("a.png", b"\x89PNG"), ("a.svg", b"<svg"), ("a.pdf", b"%PDF")]
+)
+def test_the_suffix_says_what_a_file_is(tmp_path: Path, name: str, start: bytes) -> None:
+    """Drawn twice, it is the same file: it holds no date, and its names do not change."""
+    first, second = tmp_path / name, tmp_path / f"second-{name}"
+    figure().save(first)
+    figure().save(second)
+    assert first.read_bytes().startswith(start)
+    assert first.read_bytes() == second.read_bytes()
+    assert b"2026" not in first.read_bytes()
+
+
+@pytest.mark.parametrize("name", ["a.jpg", "a", "a.PNG", "a.svg.gz"])
+def test_other_suffixes_are_refused_in_words(tmp_path: Path, name: str) -> None:
+    with pytest.raises(FigureError, match=r"must end with \.png, \.svg or \.pdf\.$"):
+        figure().save(tmp_path / name)
+    assert not [*tmp_path.iterdir()]
+
+
+def test_a_file_that_cannot_be_written_is_an_error_of_the_output(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(OutputError):
+        figure().save(tmp_path / "file" / "a.png")
+
+
+def test_a_notebook_shows_the_png() -> None:
+    shown = figure()
+    assert shown._repr_png_() == shown.png
+    with Image.open(BytesIO(shown.png)) as picture:
+        assert picture.width == 1020, "3.4 inches at 300 dots an inch"
+        assert "Software" not in picture.info
+
+
+def test_svg_keeps_its_words_and_no_names_of_its_own() -> None:
+    """Words stay words, as they are; two figures on one page share no id of a group."""
+    text = figure().svg()
+    root = ElementTree.fromstring(text)
+    words = ["".join(node.itertext()) for node in root.iter("{http://www.w3.org/2000/svg}text")]
+    assert "a $b$ <c> & d on ibm_lima" in words
+    assert not re.search(r'id="(figure|axes|patch|text|line2d)_\d', text)
+
+
+def test_the_fonts_of_a_pdf_are_embedded_as_true_type() -> None:
+    """Journals refuse fonts of type 3."""
+    assert b"/Type3" not in figure().pdf()
+    assert b"/FontFile2" in figure().pdf()
+
+
+def test_no_font_of_the_house_is_below_seven_points_in_print() -> None:
+    for name, size in Style.of(None).settings.items():
+        if "size" in name and name.split(".")[0] in ("font", "axes", "legend", "xtick", "ytick"):
+            assert isinstance(size, list) or size >= 7 or "major" in name, name
+
+
+def write(folder: Path, text: str) -> Path:
+    path = folder / "own.mplstyle"
+    path.write_text(text)
+    return path
+
+
+def test_a_style_file_replaces_what_it_names(tmp_path: Path) -> None:
+    style = write(
+        tmp_path,
+        "# a journal\nfigure.figsize: 2, 2  # inches\nsavefig.dpi: 100\n"
+        'axes.facecolor: "#ff0000"\naxes.prop_cycle: cycler("color", ["00ff00"])\n',
+    )
+    with Image.open(BytesIO(figure(style).png)) as picture:
+        assert picture.width == 200
+        colours = {colour for _, colour in picture.convert("RGB").getcolors(1 << 20) or []}
+    assert {(255, 0, 0), (0, 255, 0)} <= colours
+    assert Style.of(style).settings["legend.fontsize"] == Style.of(None).settings["legend.fontsize"]
+
+
+def test_wide_figures_take_two_columns_and_their_gap(tmp_path: Path) -> None:
+    assert Style.of(None).column_in == 3.4
+    assert Style.of(None).page_in == 7.0
+    page = Style.of(write(tmp_path, "figure.figsize: 6.5, 4\n"))
+    assert page.page_in == page.column_in == 6.5, "that is a page's width already"
+
+
+def test_nothing_that_matplotlib_was_told_before_matters() -> None:
+    plain = figure().png
+    with mpl.rc_context({"axes.facecolor": "red", "font.size": 30, "savefig.dpi": 10}):
+        assert figure().png == plain
+        assert mpl.rcParams["axes.facecolor"] == "red", "and it stays as it was"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("text.usetex: True\n", "line 1: text.usetex does not say how a figure looks: remove it."),
+        ("\nbackend: module://own\n", "line 2: backend does not say how a figure looks"),
+        ("figure.hooks: own:hook\n", "figure.hooks does not say how a figure looks"),
+        ("font.sise: 7\n", "line 1: matplotlib has no setting 'font.sise'."),
+        ("font.size: big\n", "line 1: font.size: Could not convert 'big' to float."),
+        ("font.size 7\n", "line 1: it is not NAME: VALUE."),
+        ("figure.figsize: 1000, 2\n", "figures are between 0.5 and 40 inches."),
+        ("savefig.dpi: 100000\n", "savefig.dpi is between 30 and 1200."),
+        ("axes.prop_cycle: ().__class__\n", "a cycle is made with cycler(...) alone."),
+        ("axes.prop_cycle: cycler(color=print(1))\n", "a cycle has plain values in lists."),
+        ("axes.prop_cycle: cycler(nosuch=[1])\n", "line 1: "),
+    ],
+)
+def test_what_is_wrong_with_a_style_is_told_in_words(
+    tmp_path: Path, text: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = write(tmp_path, text)
+    with pytest.raises(FigureError) as error:
+        figure(path)
+    assert str(error.value).startswith(f"{path}, line ")
+    assert words in str(error.value)
+    assert capsys.readouterr() == ("", ""), "nothing ran, and matplotlib said nothing itself"
+
+
+def test_a_style_that_is_not_there_or_no_style(tmp_path: Path) -> None:
+    with pytest.raises(FigureError, match=r"^Cannot read .*\.mplstyle\.\n  No such file"):
+        figure(tmp_path / "no.mplstyle")
+    with pytest.raises(FigureError, match=r"must end with \.mplstyle\.$"):
+        figure(tmp_path / "no.txt")
+    (tmp_path / "own.mplstyle").write_bytes(b"\xff\n")
+    with pytest.raises(FigureError, match="is not a style file"):
+        figure(tmp_path / "own.mplstyle")
+
+
+def test_a_style_without_room_is_told_in_words(tmp_path: Path) -> None:
+    style = write(tmp_path, "figure.figsize: 0.5, 0.5\nfont.size: 40\naxes.labelsize: 40\n")
+    with pytest.raises(FigureError, match=r"^The style leaves no room"):
+        figure(style).save(tmp_path / "a.png")
+
+
+def test_the_house_style_is_a_style_file_as_others_are() -> None:
+    assert Style.of(HOUSE).settings == Style.of(None).settings

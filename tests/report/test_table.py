@@ -1,0 +1,90 @@
+"""Tables as Markdown, CSV and LaTeX, read back."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import pytest
+
+from qcompile.errors import FigureError
+from qcompile.report.table import Cell, Column, Table, latex_text
+
+TABLE = Table(
+    [
+        Column("policy", right=False),
+        Column("mean ± std", parts=("mean", "standard deviation")),
+        Column("time", "s"),
+    ],
+    [
+        ["a_b|c & <d>", Cell("12.3 ± 4.5", (12.3456, 4.5678)), Cell("1.2e-05", (1.2e-05,))],
+        ["100 % \\x{y}~^#$", Cell("-", (None, None)), Cell("-3", (-3,))],
+    ],
+    "a 100 %\ntitle",
+)
+
+
+def test_markdown_has_a_row_for_each_row() -> None:
+    assert TABLE.markdown() == (
+        "| policy | mean ± std | time, s |\n"
+        "| --- | ---: | ---: |\n"
+        "| a\\_b\\|c & \\<d\\> | 12.3 ± 4.5 | 1.2e-05 |\n"
+        "| 100 % \\\\x{y}~^#$ | - | -3 |\n"
+    )
+
+
+def test_csv_has_the_numbers_apart_and_not_rounded() -> None:
+    header, first, second = csv.reader(TABLE.csv().splitlines())
+    assert header == ["policy", "mean", "standard deviation", "time, s"]
+    assert first == ["a_b|c & <d>", "12.3456", "4.5678", "1.2e-05"]
+    assert second == ["100 % \\x{y}~^#$", "", "", "-3"]
+
+
+def test_latex_is_a_tabular_with_the_rules_of_booktabs() -> None:
+    assert TABLE.latex() == (
+        "% a 100 % title\n"
+        "\\begin{tabular}{lrr}\n"
+        "\\toprule\n"
+        "policy & mean $\\pm$ std & time, s \\\\\n"
+        "\\midrule\n"
+        "a\\_b\\textbar{}c \\& \\textless{}d\\textgreater{} & 12.3 $\\pm$ 4.5 & "
+        "$1.2 \\times 10^{-5}$ \\\\\n"
+        "100 \\% \\textbackslash{}x\\{y\\}\\textasciitilde{}\\textasciicircum{}\\#\\$ & "
+        "- & $-3$ \\\\\n"
+        "\\bottomrule\n"
+        "\\end{tabular}\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("+0.25", "$+0.25$"),
+        ("-1,234.5 to -3", "$-1{,}234.5$ to $-3$"),
+        ("ibm_lima-2", "ibm\\_lima-2"),
+        ("2026-11-27", "2026-11-27"),
+        ("a\nb", "a b"),
+        ("−5", "$-$5"),
+        ("\\input{x}", "\\textbackslash{}input\\{x\\}"),
+    ],
+)
+def test_text_for_latex(text: str, expected: str) -> None:
+    assert latex_text(text) == expected
+
+
+@pytest.mark.parametrize("name", ["a.txt", "a.html", "a", "a.TEX"])
+def test_other_suffixes_are_refused_in_words(tmp_path: Path, name: str) -> None:
+    with pytest.raises(FigureError, match=r"must end with \.md, \.csv or \.tex\.$"):
+        TABLE.save(tmp_path / name)
+
+
+@pytest.mark.parametrize("name", ["a.md", "a.csv", "a.tex"])
+def test_the_suffix_says_what_is_saved(tmp_path: Path, name: str) -> None:
+    TABLE.save(tmp_path / name)
+    forms = {"a.md": TABLE.markdown(), "a.csv": TABLE.csv(), "a.tex": TABLE.latex()}
+    assert (tmp_path / name).read_text() == forms[name]
+
+
+def test_a_notebook_shows_a_table_and_a_terminal_its_columns() -> None:
+    assert "<td>a_b|c &amp; &lt;d&gt;</td>" in TABLE._repr_html_()
+    assert str(TABLE).splitlines()[0].split() == ["policy", "mean", "±", "std", "time,", "s"]
