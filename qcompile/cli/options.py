@@ -275,6 +275,7 @@ split_option: Decorator = click.option(
 max_steps_option: Decorator = click.option(
     "--max-steps",
     type=Integer(1, 1_000_000),
+    metavar="N",
     help="Stop each episode after N environment steps.  [default: play to the end]",
 )
 import_option: Decorator = click.option(

@@ -49,10 +49,12 @@ def left_out_words(reasons: Mapping[int, str]) -> str:
 
 def _lines(values: dict[str, Any], weighed: bool) -> Iterator[str]:
     if weighed:
-        yield "importance: variance of the circuit's weights over the actions, as a share of all"
-    yield (
-        f"error of <Z>: root mean square at {REFERENCE_SHOTS} shots, with readout mitigation; "
-        f"{PERFECT:.4f} on a perfect qubit"
+        yield "importance: variance of a circuit's weights over actions, as a share of all"
+    yield textwrap.fill(
+        f"error of <Z>: root mean square at {REFERENCE_SHOTS} shots, readout mitigated "
+        f"({PERFECT:.4f} if perfect)",
+        80,
+        subsequent_indent="  ",
     )
     if values["left_out"]:
         yield left_out_words({row["qubit"]: row["reason"] for row in values["left_out"]})

@@ -92,7 +92,7 @@ def test_a_snapshot_of_an_unknown_backend(qcompile: Call, left: Call) -> None:
 def test_a_snapshot_cannot_take_the_name_of_the_ideal_backend(qcompile: Call, left: Call) -> None:
     answer = qcompile("backends", "add", "FakeLimaV2", "--name", "ideal")
     assert (answer.code, answer.out) == (2, "")
-    assert answer.err.endswith("'--name': 'ideal' is the backend without noise.\n")
+    assert answer.err.endswith("'--name': 'ideal' is the name of the noiseless backend.\n")
     assert left() == []
 
 

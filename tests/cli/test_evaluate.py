@@ -226,7 +226,7 @@ def test_what_cannot_be_done_is_refused(
         (("--mitigation", "none,magic"), "'magic' is not one of none, readout"),
         (("--episodes", 0), "0 is not in the range"),
         (("--shots", "1024,many"), "'many' is neither a number nor 'exact'"),
-        (("--shots", 0), "0 shots cannot be run"),
+        (("--shots", 0), "0 is not in the range 1 to 10000000"),
         (("--level", "0,3"), "3 is not in the range"),
         (("--workers", 0), "0 is not in the range"),
         (("--shots", "8,,16"), "'8,,16' has nothing before or after a comma"),

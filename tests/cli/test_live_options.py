@@ -41,7 +41,7 @@ def test_live_needs_a_limit(qcompile: Call, commands: dict[str, Any], name: str)
     answer = qcompile(*commands[name], "--live", "--yes")
     assert (answer.code, answer.out) == (2, "")
     assert "--live needs --max-qpu-seconds" in answer.err
-    assert "`qcompile plan` says how many it takes." in answer.err
+    assert "`qcompile plan` estimates how much it needs." in answer.err
 
 
 @pytest.mark.parametrize("name", ["run", "calibrate", "validate"])

@@ -78,7 +78,7 @@ def test_a_full_disk_is_explained() -> None:
     with Path("/dev/full").open("w") as full:
         ended = run("backends", "--json", stdout=full)
     assert ended.returncode == 1
-    assert ended.stderr == "Error: The answer cannot be written: no space left on device.\n"
+    assert ended.stderr == "Error: Cannot write the output: no space left on device.\n"
 
 
 def test_a_terminal_without_the_signs_of_tables_gets_others(policy: Call) -> None:

@@ -56,7 +56,7 @@ def journal(kind: Any = "run", runs: str = "runs") -> Journal:
 
 def test_an_empty_folder(qcompile: Call) -> None:
     answer = qcompile("runs")
-    assert (answer.code, answer.out, answer.err) == (0, "There is no live run in runs.\n", "")
+    assert (answer.code, answer.out, answer.err) == (0, "There are no live runs in runs.\n", "")
     assert qcompile("runs", "--json").json() == []
 
 

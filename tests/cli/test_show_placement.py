@@ -33,9 +33,9 @@ def test_the_placement_of_a_small_policy(qcompile: Call, policy: Call) -> None:
         "0    14.3 %          3       1   0.0269",
         "1    14.3 %          4       0   0.0279",
         "3    14.3 %          4       1   0.0279",
-        "importance: variance of the circuit's weights over the actions, as a share of all",
-        "error of <Z>: root mean square at 1024 shots, with readout mitigation; 0.0255 on a "
-        "perfect qubit",
+        "importance: variance of a circuit's weights over actions, as a share of all",
+        "error of <Z>: root mean square at 1024 shots, readout mitigated (0.0255 if",
+        "perfect)",
         "unused qubits (at least 0.8 of <Z> must be left): 0 keeps 0.66 of <Z>, 1 keeps",
         "0.73 of <Z>, 2 keeps 0.07 of <Z>, 5 keeps 0.48 of <Z>, 6 keeps 0.30 of <Z>",
         "the device is too small for all circuits at once: they are run in 2 rounds",
@@ -105,4 +105,4 @@ def test_qubits_left_out_by_the_file_are_named(qcompile: Call, policy: Call) -> 
     values = json.loads(load_device("fake_lima").to_json()) | {"name": "mine", "left_out": [2, 3]}
     Path("mine.json").write_text(json.dumps(values))
     lines = placement(qcompile("show", policy(), "--backend", "mine.json").out)
-    assert lines[-2].endswith("qubit 2 is in left_out, 3 is in left_out")
+    assert lines[-2].endswith("2 is in left_out, 3 is in left_out")

@@ -435,7 +435,7 @@ def test_words_of_a_file_stay_in_their_cells(summary: Make) -> None:
     assert "# &lt;script>\n" in text
     assert "| a \\| b &lt;i> | `paper` | 1,234 | about \\| 30 |" in text
     panels = figure_panels(study, [summary(AT_30, title="$x_{$ and $y$")])
-    assert draw_curves([panels["cartpole"]]).png.startswith(b"\x89PNG"), "a dollar is not a formula"
+    assert draw_curves([panels["cartpole"]]).png().startswith(b"\x89PNG"), "a dollar is plain text"
 
 
 # What a folder holds.
