@@ -170,7 +170,7 @@ REFUSED = [
     (
         "hidden = [3]",
         "reuse = 2",
-        r"does not hold settings\.\n  Model 'fcn' does not have the setting 'reuse'",
+        r"does not hold settings\.\n  Model 'fcn' has no setting 'reuse'",
     ),
     ("hidden = [3]", 'model = "cnn"', r"settings\.\n  settings has 'model', which is a key of the"),
     (
