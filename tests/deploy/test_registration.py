@@ -192,11 +192,11 @@ def test_an_environment_without_spaces_is_refused() -> None:
 @pytest.mark.parametrize(
     ("environment", "words"),
     [
-        ("module:Door-v0", r"would import a module\.\n  Use --import module, and"),
+        ("module:Door-v0", r"would import a module\.\n  Use --import module and"),
         (lambda: 1 / 0, "does not make an environment.\n  ZeroDivisionError: division by zero"),
-        (lambda: None, "does not make an environment.\n  It makes an object of type NoneType"),
-        (3, r"a class, a function\), found int\."),
-        (gymnasium.make("CartPole-v1"), "found TimeLimit"),
+        (lambda: None, "does not make an environment.\n  It returns an object of type NoneType"),
+        (3, r"a class or function that makes one, not int\."),
+        (gymnasium.make("CartPole-v1"), "not TimeLimit"),
     ],
 )
 def test_what_makes_none_is_refused(environment: Any, words: str) -> None:

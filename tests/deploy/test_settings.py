@@ -47,9 +47,9 @@ def test_the_default_mitigation(
         ({"mitigation": "magic"}, CalibrationError, "Unknown mitigation 'magic'"),
         ({"predistort": True, "mitigation": "readout"}, OptionError, "cannot be combined"),
         ({"mitigation": "response", "level": 1}, CalibrationError, "level"),
-        ({"copies": 0}, CircuitError, "0 copies"),
+        ({"copies": 0}, CircuitError, "copies cannot be 0"),
         ({"shots": 0}, CountsError, "0 shots"),
-        ({"max_steps": 0}, CountsError, "0 steps"),
+        ({"max_steps": 0}, CountsError, "max_steps cannot be 0"),
     ],
 )
 def test_contradictions(changes: dict[str, Any], error: type[Exception], words: str) -> None:

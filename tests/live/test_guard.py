@@ -196,8 +196,8 @@ def test_the_plan_of_ibm_is_a_limit_as_well(runs: Runs) -> None:
     answer = runs.run()
     assert answer.code == 1
     assert (
-        "Error: The run needs 6.5 QPU seconds, IBM's plan has 6 left: its jobs would wait in the "
-        "queue. Nothing was sent.\n"
-        "  The Open Plan gives 600 in 28 days; --instance names another instance.\n"
+        "Error: The run needs 6.5 QPU seconds, but IBM's plan has only 6 left: its jobs would "
+        "stay in the queue. Nothing was sent.\n"
+        "  The Open Plan gives 600 in 28 days. To use another instance, add --instance.\n"
     ) in answer.err
     assert nothing_sent(runs)

@@ -57,8 +57,8 @@ def test_a_copy_in_another_folder_asks_before_it_sends(
     asked = stopped.call("resume", "last", "--runs", "copy")
     assert asked.code == 1
     assert IN_FOLDER in asked.err
-    assert "It would run on fake_lima with the usual account, instance crn:v1:" in asked.err
-    assert "within 60 QPU seconds, of which 0.0 are charged or may be.\n" in asked.err
+    assert "It would run on fake_lima with the default account, instance crn:v1:" in asked.err
+    assert "with a limit of 60 QPU seconds, of which up to 0.0 are used.\n" in asked.err
     assert f"{NOBODY}.\n" in asked.err
     assert sent(stopped) == before
     found = stopped.call("resume", "last", "--runs", "copy", "--yes", "--json")

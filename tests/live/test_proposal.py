@@ -56,5 +56,5 @@ def test_where_nothing_fits_the_guard_refuses(runs: Runs) -> None:
     assert answer.code == 1
     assert "Planned settings: nothing fits the limit. The nearest are --shots" in answer.err
     assert "more than the limit of 3. Nothing was sent." in answer.err
-    assert "`qcompile plan` shows cheaper ways" in answer.err
+    assert "finds cheaper settings" in answer.err
     assert not runs.service.ledger().jobs

@@ -46,7 +46,7 @@ def test_runs_tell_what_a_sampler_has_and_what_it_costs(runs: Runs) -> None:
             f"{row['run']}, sampler on fake_lima: finished\n"
             "Jobs done: 1; everything is kept.\n"
             f"{charged_s:.1f} QPU seconds charged; the limit is 50\n"
-            "Run its program again to continue. `qcompile resume mine` fetches what was sent.\n"
+            "To continue, run its program again. `qcompile resume mine` fetches what was sent.\n"
         )
     exported = runs.call("runs", "export", "mine").json()
     assert exported["settings"]["backend"] == "fake_lima"
@@ -92,7 +92,7 @@ def test_resume_finds_a_job_that_the_program_does_not_know_of(runs: Runs) -> Non
     answer = runs.call("resume", "mine")
     assert answer.code == 0, answer.err
     assert answer.out.startswith(
-        "fake_lima: 1 job done, 0 open\nRun its program again to continue.\n"
+        "fake_lima: 1 job done, 0 open\nTo continue, run its program again.\n"
     )
     found = runs.call("resume", "mine", "--json").json()
     assert (found["jobs_done"], found["jobs_open"], found["jobs_in_doubt"]) == (1, 0, 0)

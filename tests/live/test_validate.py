@@ -66,8 +66,8 @@ def test_a_moved_qubit_is_named_live_and_offline(runs: Runs, machine: str) -> No
         answer = runs.call("validate", machine, *words, *live)
         assert answer.code == 1
         assert (
-            f"Error: The twin of {machine} is not its machine any more: qubit {placed[1]}.\n"
-            "  Calibrate anew: `qcompile calibrate`. If a new one fails too, "
+            f"Error: The twin of {machine} no longer matches the machine on qubit {placed[1]}.\n"
+            "  Calibrate again with `qcompile calibrate`. If the new calibration fails "
         ) in answer.err
         assert answer.out.count("fails") == 1
 

@@ -65,7 +65,7 @@ def test_random_bytes_are_refused(tmp_path: Path) -> None:
         for length in range(1, 200, 3):
             path.write_bytes(rng.bytes(length))
             with pytest.raises(
-                PolicyError, match=rf"p\{suffix} (cannot be read|holds more|is not a policy)"
+                PolicyError, match=rf"p\{suffix} (cannot be read|contains more|is not a policy)"
             ):
                 load_policy(path)
 

@@ -141,7 +141,7 @@ def test_the_same_generator_makes_the_same_model() -> None:
 
 def test_too_many_qubits_are_refused() -> None:
     assert make(replace(BASE, scales=(1.0,)), 12).theta.shape == (2, 12, 2)
-    with pytest.raises(TrainingError, match="found 13 features"):
+    with pytest.raises(TrainingError, match="there are 13 features"):
         make_model(BASE, 13, 2, torch.Generator())
 
 

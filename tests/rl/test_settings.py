@@ -127,7 +127,7 @@ def test_settings_that_contradict_each_other_are_refused() -> None:
 )
 def test_a_setting_of_another_model_is_refused(model: str, name: str, value: Any) -> None:
     message = refused(model=model, **{name: value})
-    assert message.startswith(f"Model '{model}' has no '{name}', found {value!r}.\n  It is a ")
+    assert message.startswith(f"Model '{model}' has no setting '{name}' (found {value!r}).\n  It ")
 
 
 @pytest.mark.parametrize("model", get_args(Model))
@@ -200,7 +200,10 @@ def test_a_layout_without_a_preset_of_its_own_changes_that_of_the_environment() 
     [
         (("best", "CartPole-v1"), "Unknown preset 'best'.\n  Known: hardware, paper, tuned."),
         (("paper", "CartPole-v1", "gnn"), "Preset 'paper' has no settings for model 'gnn'."),
-        (("paper", "CartPole-v1", "fcn", "single"), "Model 'fcn' has no 'layout', found 'single'."),
+        (
+            ("paper", "CartPole-v1", "fcn", "single"),
+            "Model 'fcn' has no setting 'layout' (found 'single').",
+        ),
         (("paper", "CartPole-v1", "svqc", "ring"), "'parallel', 'serial', 'single' or 'own'"),
     ],
 )

@@ -170,7 +170,7 @@ REFUSED = [
     (
         "hidden = [3]",
         "reuse = 2",
-        r"are invalid\.\n  Model 'fcn' does not have the setting 'reuse'",
+        r"are invalid\.\n  Model 'fcn' has no setting 'reuse'",
     ),
     ("hidden = [3]", 'model = "cnn"', r"invalid\.\n  settings has 'model', which is a key of the"),
     (
