@@ -17,6 +17,7 @@ import pytest
 from PIL import Image
 
 from qcompile.errors import StudyError
+from qcompile.report.curves import draw_curves
 from qcompile.rl.settings import Settings, plain
 from qcompile.sweep.study import StudyRequest
 from qcompile.sweep.study.cell import folder_of
@@ -25,7 +26,7 @@ from qcompile.sweep.study.rows import Cell, Claim, Figure, Row, Rows, cells
 from qcompile.sweep.study.studies import open_study
 from qcompile.sweep.study.summary import RowSummary, curve_episodes, curves_csv, results_csv
 from qcompile.sweep.study.verdict import verdict
-from qcompile.sweep.study.write_up import draw_figures, summaries, write_up
+from qcompile.sweep.study.write_up import figure_panels, summaries, write_up
 
 Make = Callable[..., RowSummary]
 DOCS = Path(__file__).parents[3] / "docs"
@@ -433,8 +434,8 @@ def test_words_of_a_file_stay_in_their_cells(summary: Make) -> None:
     text = paged(several, study)
     assert "# &lt;script>\n" in text
     assert "| a \\| b &lt;i> | `paper` | 1,234 | about \\| 30 |" in text
-    pictures = draw_figures(study, [summary(AT_30, title="$x_{$ and $y$")])
-    assert pictures["cartpole"].startswith(b"\x89PNG"), "a dollar is no formula"
+    panels = figure_panels(study, [summary(AT_30, title="$x_{$ and $y$")])
+    assert draw_curves([panels["cartpole"]]).png.startswith(b"\x89PNG"), "a dollar is not a formula"
 
 
 # What a folder holds.
