@@ -25,7 +25,7 @@ LIMA = ("calibrate", "--backend", "fake_lima", "--seed", 1)
         (("--qubits", "0,x"), "'0,x' is not a list of qubits such as 0,1,5."),
         (("--qubits", "-1"), "'-1' is not a list of qubits such as 0,1,5."),
         (("--parts", "all"), "'all' is neither readout nor response."),
-        (("--plot", "a.pdf"), "a.pdf must end with .png."),
+        (("--plot", "a.jpg"), "a.jpg must end with .png, .svg or .pdf."),
         (("--check", "a.json", "--shots", "exact"), "shots exact has none"),
         (("--shots", "0"), "0 shots cannot be run"),
         (("--max-age-hours", "0"), "0.0 is not in the range x>0"),

@@ -54,7 +54,7 @@ CASES = (
     f"{LIMA} --policy nosuch",
     f"{LIMA} --parts all",
     f"{LIMA} --shots 0",
-    f"{LIMA} --plot a.pdf",
+    f"{LIMA} --plot a.jpg",
     f"{LIMA} --check lima.json --shots exact",
     f"{LIMA} --check lima.json --force",
     f"{LIMA} --check cut.json",
@@ -93,7 +93,7 @@ CASES = (
             "--policy tiny.json",
             "--max-age-hours 3",
             "--live --max-qpu-seconds 9",
-            "--plot a.pdf",
+            "--plot a.jpg",
             "--out there.json",
             "--out a.png --plot a.png",
         )
