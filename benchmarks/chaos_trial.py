@@ -65,7 +65,7 @@ _ENVIRONMENT = {
     "USAGE_DATA_OPT_OUT": "True",
 }
 _SETTLED = {"QCOMPILE_DOUBT_SECONDS": "0"}
-_TRIES_IN_TROUBLE, _MOST_TRIES = 4, 30
+_TRIES_IN_TROUBLE, _MAX_TRIES = 4, 30
 _LONGEST_S = 60.0
 HUNG = 99
 """The exit code of a process that had to be killed after _LONGEST_S."""
@@ -181,7 +181,7 @@ class Trial:
 
         `moments` kills processes: a generator, and how long the live part of a run takes.
         """
-        for attempt in range(_MOST_TRIES):
+        for attempt in range(_MAX_TRIES):
             if self.result is not None:
                 return
             if attempt == _TRIES_IN_TROUBLE and moments is None:

@@ -54,7 +54,7 @@ def test_counts_are_read_without_fits(tmp_path: Path) -> None:
     bare = LIMA.model_copy(update={"readout": None, "response": None})
     contents["response"]["curves"][0] = [0, 0, 0]
     (tmp_path / "a.json").write_text(json.dumps(contents))
-    with pytest.raises(CalibrationError, match="shows less than"):
+    with pytest.raises(CalibrationError, match="preserves less than"):
         load_calibration(tmp_path / "a.json")
     assert load_counts(tmp_path / "a.json") == bare
     twice = json.dumps(contents)[:-1] + ', "created": "2020-01-01T00:00:00Z"}'
@@ -74,7 +74,7 @@ def test_a_contrast_whose_sign_is_not_known_needs_more_shots() -> None:
     times = math.ceil(10 * (fit.error[0] / (0.2 / 3)) ** 2) / 10
     assert "the readout of qubit 1 (0.0" in first
     assert first.endswith("is not known to a third of its contrast.")
-    assert second == f"Take {times:g} times the shots."
+    assert second == f"Use at least {times:g} times the shots."
 
 
 def test_a_calibration_of_the_ideal_device_is_a_file_too(tmp_path: Path) -> None:
@@ -118,12 +118,12 @@ DAMAGES: dict[str, Change] = {
     "qubits must not be empty or repeated": lambda c: c.update(qubits=[1, 1, 4]),
     "has no qubit 5": lambda c: c.update(qubits=[1, 2, 5]),
     "a fit needs one entry for each of 2 qubits": lambda c: c.update(qubits=[1, 2]),
-    "a row of counts has not one": lambda c: [
+    "a row of counts needs one": lambda c: [
         row.pop() for name in ("prepared", "ones") for row in c["readout_counts"][name]
     ],
-    "a row of angles_rad has not one angle": lambda c: c["response_counts"]["angles_rad"][2].pop(),
+    "a row of angles_rad needs one angle": lambda c: c["response_counts"]["angles_rad"][2].pop(),
     "one row for each angle": lambda c: c["response_counts"]["ones"].pop(),
-    "not the same shape": lambda c: c["readout_counts"]["ones"][0].pop(),
+    "have different shapes": lambda c: c["readout_counts"]["ones"][0].pop(),
     "1001 ones in 1000 shots": lambda c: c["readout_counts"]["ones"][0].__setitem__(0, 1001),
     "readout_counts.prepared.0.0": lambda c: c["readout_counts"]["prepared"][0].__setitem__(0, 2),
     "readout.p10.1": lambda c: c["readout"]["p10"].__setitem__(1, 1.5),
@@ -147,7 +147,7 @@ DAMAGES: dict[str, Change] = {
     ),
     "prepared in both": lambda c: c["readout_counts"].update(prepared=[], ones=[]),
     "was not prepared in both": lambda c: c["readout_counts"].update(prepared=[[0, 0, 1]] * 6),
-    "one row for each angle, of which there is one at least": lambda c: c["response_counts"].update(
+    "one row for each angle, and at least one angle": lambda c: c["response_counts"].update(
         angles_rad=[], ones=[]
     ),
     "a covariance is not symmetric": lambda c: c["response"]["covariance"][1][0].__setitem__(2, 1),
@@ -155,16 +155,18 @@ DAMAGES: dict[str, Change] = {
     "or gives a negative": lambda c: c["response"]["covariance"].__setitem__(
         1, [[1e-4, 2e-4, 0], [2e-4, 1e-4, 0], [0, 0, 1e-4]]
     ),
-    "response of qubit 2 \\(0.0141\\) shows less": lambda c: c["response"]["curves"].__setitem__(
+    "response of qubit 2 \\(0.0141\\) preserves": lambda c: c["response"]["curves"].__setitem__(
         1, [0, 0.01, 0.01]
     ),
     "response of qubit 4 .* is not known": lambda c: c["response"]["covariance"].__setitem__(
         2, [[0.04, 0, 0], [0, 0, 0], [0, 0, 0]]
     ),
     "its device is 'fake_lima'": lambda c: c.update(backend="ibm_lima"),
-    "fit has not one entry": lambda c: c["readout"]["chi_square"].append(0),
+    "fit needs one entry": lambda c: c["readout"]["chi_square"].append(0),
     "leaves \\[-1, 1\\]": lambda c: c["response"]["curves"][0].__setitem__(0, 0.5),
-    "response of qubit 1 \\(0\\) shows": lambda c: c["response"]["curves"].__setitem__(0, [0] * 3),
+    "response of qubit 1 \\(0\\) preserves": lambda c: c["response"]["curves"].__setitem__(
+        0, [0] * 3
+    ),
     "response.covariance.0": lambda c: c["response"]["covariance"][0].pop(),
     "neither readout nor response": lambda c: c.update(
         readout=None, response=None, readout_counts=None, response_counts=None

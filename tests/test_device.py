@@ -74,7 +74,7 @@ def test_ideal_has_no_qubits_of_its_own() -> None:
 
 
 def test_a_machine_is_distinguished_from_its_snapshot() -> None:
-    with pytest.raises(DeviceError, match=r"machine of IBM's.*\n.*fake_fez is IBM's snapshot"):
+    with pytest.raises(DeviceError, match=r"IBM machine.*\n.*Use fake_fez, IBM's snapshot"):
         load_device("ibm_fez")
 
 

@@ -56,5 +56,7 @@ def test_compile_suggests_how_to_load_a_device() -> None:
 
 
 def test_load_device_names_load_backend() -> None:
-    with pytest.raises(DeviceError, match=r"a Qiskit backend\.\n  load_backend\(backend\)\.device"):
+    with pytest.raises(
+        DeviceError, match=r"a Qiskit backend\.\n  Use load_backend\(backend\)\.device"
+    ):
         qcompile.load_device(find_backend("fake_lima"))

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from sessions import WIDTH, Transcript, blocks, matches, typed
+from sessions import DOCS, WIDTH, Transcript, blocks, matches, typed
 
 PAGES = ("start/getting-started.md", "howto/paper-figure.md")
 FILE = re.compile(r"# ([\w-]+\.\w+)\n")
@@ -53,6 +53,11 @@ def test_a_page_prints_what_its_commands_answer(
             assert matches(block, printed), printed
             printed = None
     transcript.check()
+
+
+def test_the_readme_shows_the_first_run_as_the_page_does() -> None:
+    _, first = next(typed(blocks("start/getting-started.md")[2][1]))
+    assert f"```\n{first}```\n" in (DOCS.parent / "README.md").read_text()
 
 
 def test_another_answer_would_be_noticed() -> None:

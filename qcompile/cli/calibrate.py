@@ -113,7 +113,8 @@ def command(
 
     outputs = Outputs(plot, style, table)
     outputs.check()
-    check_report(report, out=out, plot=plot, check=check, **{"from": from_file})
+    others = {"check": check, "from": from_file}
+    check_report(report, out=out, plot=plot, table=table, **others)
     if from_file is not None:
         _refuse_measuring(ctx)
         refitted = refit(from_file, qubits, out=out, force=force, plot=plot, style=style)

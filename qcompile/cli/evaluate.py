@@ -179,7 +179,7 @@ def command(
         )
     if page is not None and not paper:
         raise click.UsageError("--page needs --paper.")
-    check_report(report, page=page)
+    check_report(report, page=page, plot=outputs.plot, table=outputs.table)
     shared: dict[str, Any] = {
         "episodes": episodes,
         "seed": seed,

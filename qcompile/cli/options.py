@@ -153,11 +153,11 @@ class Parts(click.ParamType["tuple[Part, ...]"]):
     ) -> tuple[Part, ...]:
         from qcompile.mitigation.measure import PARTS
 
-        named = [part.strip() for part in str(value).split(",")]
-        for part in named:
+        parts = [part.strip() for part in str(value).split(",")]
+        for part in parts:
             if part not in PARTS:
                 self.fail(f"{part!r} is neither readout nor response.", param, ctx)
-        return tuple(part for part in PARTS if part in named)
+        return tuple(part for part in PARTS if part in parts)
 
 
 class MarkdownPath(click.Path):

@@ -22,7 +22,7 @@ style_option: Decorator = click.option(
     "--style",
     type=_FILE,
     metavar="FILE.mplstyle",
-    help="Style of --plot: fonts, sizes and colours, as in a style file of matplotlib.",
+    help="Fonts, sizes and colours of --plot: a matplotlib style file.",
 )
 table_option: Decorator = click.option(
     "--table", type=_FILE, help="Save the table; .md, .csv or .tex, overwritten."
@@ -30,7 +30,7 @@ table_option: Decorator = click.option(
 
 
 class Shown(Protocol):
-    """What a command found."""
+    """The result of a command."""
 
     def plot(self, *, style: Any = None) -> Figure: ...
 
@@ -39,22 +39,22 @@ class Shown(Protocol):
 
 @dataclass(frozen=True)
 class Outputs:
-    """Where a figure and a table are saved; nothing where none is asked for."""
+    """The files for a figure and a table, None if they are not requested."""
 
     plot: Path | None = None
     style: Path | None = None
     table: Path | None = None
 
     def check(self) -> None:
-        """Nothing, if they can be saved and the style can be read: before anything long is run.
+        """Check that the files can be written and the style can be read, before anything is run.
 
         Raises:
-            QcompileError: they cannot.
+            QcompileError: a file cannot be written, or the style cannot be read.
         """
         from qcompile.output import check_writable
 
         if self.style is not None and self.plot is None:
-            raise click.UsageError("--style is the style of --plot: name a file to draw to.")
+            raise click.UsageError("--style needs --plot.")
         if self.plot is not None:
             from qcompile.report.figure import check_figure_path
             from qcompile.report.style import Style
@@ -69,7 +69,7 @@ class Outputs:
             check_writable(self.table)
 
     def save(self, result: Shown) -> None:
-        """Save them, and say where.
+        """Save the figure and the table, and print where they are.
 
         Raises:
             QcompileError: there is nothing to draw; a file cannot be written.
@@ -85,7 +85,7 @@ class Outputs:
 
 
 def plot_option(figure: str) -> Decorator:
-    """The option --plot; `figure` says what is drawn."""
+    """The option --plot; `figure` describes the figure."""
     words = f"Draw {figure}; .png, .svg or .pdf, overwritten."
     return click.option("--plot", type=_FILE, help=words)
 
@@ -93,7 +93,7 @@ def plot_option(figure: str) -> Decorator:
 def output_options(figure: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """The options --plot, --style and --table, checked; the function gets them as `outputs`.
 
-    `figure` says what is drawn.
+    `figure` describes the figure.
     """
 
     def decorate(function: Callable[..., None]) -> Callable[..., None]:

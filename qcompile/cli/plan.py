@@ -169,7 +169,7 @@ def command(
     from qcompile.report.tables import plural, print_table
     from qcompile.verbs.plan import plan
 
-    check_report(report, calibration=calibration)
+    check_report(report, calibration=calibration, plot=outputs.plot, table=outputs.table)
     planned = plan(
         policy,
         backend,

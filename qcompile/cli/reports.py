@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class _PagePath(click.Path):
-    """Where a page of HTML is written."""
+    """The path of an HTML page to write."""
 
     def __init__(self) -> None:
         super().__init__(dir_okay=False, path_type=Path)
@@ -36,15 +36,15 @@ class _PagePath(click.Path):
 report_option: Decorator = click.option(
     "--report",
     type=_PagePath(),
-    help="Write a page with scores, figures, circuits and settings; .html, overwritten.",
+    help="Write an HTML page with scores, figures, circuits and settings; .html, overwritten.",
 )
 
 
 def check_report(report: Path | None, **others: Path | None) -> None:
-    """Nothing, if the page can be written beside the files of the other options.
+    """Check that the page can be written and is none of the other files.
 
     Raises:
-        OptionError: it is one of them.
+        OptionError: it is one of the other files.
         OutputError: it cannot be written.
     """
     if report is None:
@@ -58,7 +58,7 @@ def check_report(report: Path | None, **others: Path | None) -> None:
 
 
 def write_report(result: Reported, report: Path | None) -> None:
-    """Write the page of a result, if one is wanted, with the command line that was typed.
+    """Write the page of a result, if requested, with the command line that was typed.
 
     Raises:
         OutputError: it cannot be written.
@@ -68,4 +68,4 @@ def write_report(result: Reported, report: Path | None) -> None:
     from qcompile.page.words import command_line
 
     result.report(report, command=command_line(sys.argv[1:]))
-    echo_note(f"report in {report}")
+    echo_note(f"report written to {report}")

@@ -142,7 +142,8 @@ def command(
     from qcompile.report.summary import print_run
     from qcompile.verbs.run import run
 
-    check_report(report, video=video, calibration=calibration_file)
+    others = {"video": video, "calibration": calibration_file}
+    check_report(report, **others, plot=outputs.plot, table=outputs.table)
     result = run(
         policy,
         backend,

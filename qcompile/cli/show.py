@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING
 import click
 from click.core import ParameterSource
 
-from qcompile.cli.options import backend_option, echo_json, echo_note, json_option, level_option
+from qcompile.cli.options import (
+    Integer,
+    backend_option,
+    echo_json,
+    echo_note,
+    json_option,
+    level_option,
+)
 from qcompile.output import write_file
 
 if TYPE_CHECKING:
@@ -27,14 +34,14 @@ if TYPE_CHECKING:
 @click.option(
     "--draw",
     type=click.Path(dir_okay=False, path_type=Path),
-    help="Draw the circuits before and after compilation, one of each shape; .txt, .svg or .tex "
+    help="Draw the circuits before and after compilation, one of each kind; .txt, .svg or .tex "
     "(quantikz), overwritten.",
 )
 @click.option(
     "--circuit",
-    type=click.IntRange(0),
+    type=Integer(0),
     metavar="N",
-    help="Draw this circuit alone.",
+    help="With --draw: draw only circuit N.",
 )
 @json_option
 @click.pass_context
@@ -55,7 +62,7 @@ def command(
     that is a neural network, its layers are shown.
     """
     if circuit is not None and draw is None:
-        raise click.UsageError("--circuit is the circuit of --draw: name a file to draw to.")
+        raise click.UsageError("--circuit needs --draw.")
     if surrogate:
         _check_surrogate(ctx, subject)
         _show_surrogate(subject, as_json)

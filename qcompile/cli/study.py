@@ -108,7 +108,7 @@ def command(
             columns = ["row", "environment", "seeds", "to do"]
             print_table(columns, [[*row.values()] for row in members])
         return
-    check_report(report, page=choice["page"])
+    check_report(report, page=choice["page"], plot=outputs.plot, table=outputs.table)
     result = study(**choice, engine=engine, address=address, workers=workers, on_note=echo_note)
     if as_json:
         echo_json(result.to_dict())

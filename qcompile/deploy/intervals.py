@@ -6,10 +6,10 @@ import numpy as np
 
 from qcompile.arrays import FloatArray
 
-_MOST_DRAWN = 1_000_000
+_MAX_DRAWN = 1_000_000
 """Rewards drawn at a time."""
 _PERCENT = (2.5, 97.5)
-_MOST_PARTS = 20
+_MAX_PARTS = 20
 
 
 def bootstrap_ci95(rewards: FloatArray, seed: int, resamples: int = 10_000) -> list[float] | None:
@@ -30,7 +30,7 @@ def bootstrap_ci95(rewards: FloatArray, seed: int, resamples: int = 10_000) -> l
     from scipy.stats import bootstrap, t
 
     mean, variance = rewards.mean(), rewards.var(ddof=1)
-    error, least = np.sqrt(variance / count), variance / min(count, _MOST_PARTS)
+    error, least = np.sqrt(variance / count), variance / min(count, _MAX_PARTS)
 
     def pull(drawn: FloatArray, axis: int) -> FloatArray:
         """The deviation of each resample's mean, in its standard errors."""
@@ -41,7 +41,7 @@ def bootstrap_ci95(rewards: FloatArray, seed: int, resamples: int = 10_000) -> l
         (rewards,),
         pull,
         n_resamples=resamples,
-        batch=max(_MOST_DRAWN // count, 1),
+        batch=max(_MAX_DRAWN // count, 1),
         method="percentile",
         rng=np.random.default_rng(seed),
     ).bootstrap_distribution

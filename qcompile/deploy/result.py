@@ -15,7 +15,7 @@ from qcompile.deploy.player import Player
 from qcompile.deploy.rows import Rows
 from qcompile.execution import Workload
 
-_LEAST_FOR_SOLVED = 100
+_MIN_FOR_SOLVED = 100
 
 
 @dataclass
@@ -122,6 +122,6 @@ class Run:
 
 def is_solved(rewards: FloatArray, threshold: float | None) -> bool | None:
     """Whether the mean reward reaches the threshold; None without one, or with too few rewards."""
-    if threshold is None or len(rewards) < _LEAST_FOR_SOLVED:
+    if threshold is None or len(rewards) < _MIN_FOR_SOLVED:
         return None
     return float(rewards.mean()) >= threshold

@@ -151,8 +151,7 @@ class RunSettings(BaseModel):
         """
         if not self.split and self.copies is not None and self.copies > episodes:
             raise OptionError(
-                f"copies {self.copies} exceeds the {count(episodes, 'episode')} that share an "
-                "execution.",
+                f"{self.copies} copies are more than the {count(episodes, 'episode')} there are.",
                 "--split spreads the shots of an episode over copies.",
             )
 

@@ -26,7 +26,7 @@ from qcompile.policy.policy import NO_THETA
 
 _EPISODES = 4
 _STEPS = 500
-_MOST_PLAYED = 200
+_MAX_PLAYED = 200
 _STRETCHES = (1, 3, 10, 30)
 
 
@@ -141,7 +141,7 @@ def wide_observations(policy: Policy, calibration: Calibration, seed: int) -> Fl
     play(deployment, _EPISODES, recorder=recorder)
     played = np.concatenate(recorder.observations)
     rng = np.random.default_rng(seed)
-    played = played[rng.choice(len(played), min(_MOST_PLAYED, len(played)), replace=False)]
+    played = played[rng.choice(len(played), min(_MAX_PLAYED, len(played)), replace=False)]
     mixtures = [factor * rng.permuted(played, axis=0) for factor in _STRETCHES]
     return np.concatenate([played, *mixtures])
 

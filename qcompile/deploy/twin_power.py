@@ -28,11 +28,11 @@ EFFECT = 0.05
 """The default increase of a qubit's p01 that validation should detect."""
 POWER = 0.9
 """The default probability of detecting it on any one qubit."""
-_LEAST_ROWS, _MOST_ROWS = 4, 16
-_LEAST_SHOTS = 256
-_MOST_SHOTS = 4
+_MIN_ROWS, _MAX_ROWS = 4, 16
+_MIN_SHOTS = 256
+_MAX_SHOTS = 4
 """A multiple of the calibration's shots, beyond which its own errors dominate."""
-_MOST_EXECUTIONS = 60_000
+_MAX_EXECUTIONS = 60_000
 """Executions of a round, 21 seconds; more are never chosen automatically."""
 _WITHIN_REACH = 0.95
 
@@ -152,21 +152,21 @@ def choose_check(
     """Choose observations (rows, features) from `candidates`, and shots, that detect `effect`.
 
     They reach `power` on every qubit with the fewest executions; given rows or shots are kept. If
-    _MOST_EXECUTIONS or the calibration's own errors rule out that power, they come close to the
+    _MAX_EXECUTIONS or the calibration's own errors rule out that power, they come close to the
     most possible. The third value is their power on the qubit where it is smallest.
 
     Raises:
         CalibrationError: the calibration or a circuit has no response curve.
     """
     visibility = TwinPrediction.of(calibration, policy, candidates).visibility()
-    order = choose_rows(visibility, rows or min(_MOST_ROWS, len(candidates)))
+    order = choose_rows(visibility, rows or min(_MAX_ROWS, len(candidates)))
     prediction = TwinPrediction.of(calibration, policy, candidates[order])
-    fewest = min(_LEAST_ROWS, len(order)) if rows is None else rows
+    fewest = min(_MIN_ROWS, len(order)) if rows is None else rows
     row_counts = np.arange(fewest, len(order) + 1)
     shot_counts = np.array([shots]) if shots is not None else _shot_counts(calibration)
     executions = shot_counts[:, None] * row_counts
     powers = np.array([prediction.powers(int(n), effect).min(axis=1) for n in shot_counts])
-    affordable = executions <= max(_MOST_EXECUTIONS, executions.min())
+    affordable = executions <= max(_MAX_EXECUTIONS, executions.min())
     powers = np.where(affordable, powers[:, row_counts - 1], -1.0)
     most = float(powers.max())
     enough = powers >= (power if most >= power else _WITHIN_REACH * most)
@@ -179,8 +179,8 @@ def _shot_counts(calibration: Calibration) -> IntArray:
     """The numbers of shots to choose from, each a tenth more than the last."""
     counts = calibration.response_counts
     measured = CALIBRATION_SHOTS if counts is None or counts.shots is None else counts.shots
-    most = max(min(_MOST_SHOTS * measured, MAX_SHOTS), _LEAST_SHOTS)
-    return np.unique(np.ceil(np.geomspace(_LEAST_SHOTS, most, 60) / 16).astype(int) * 16)
+    most = max(min(_MAX_SHOTS * measured, MAX_SHOTS), _MIN_SHOTS)
+    return np.unique(np.ceil(np.geomspace(_MIN_SHOTS, most, 60) / 16).astype(int) * 16)
 
 
 def _check_curves(executable: Executable) -> None:

@@ -118,12 +118,12 @@ def read_observations(path: Path, policy: Policy) -> FloatArray:
             values = np.atleast_2d(np.asarray(values, dtype=float))
     except (OSError, ContentsError, ValidationError) as error:
         raise PolicyError(
-            f"{path} does not contain observations.",
+            f"{path} holds no observations.",
             *explain(error)[0].splitlines()[:1],
             "It needs one row of numbers for each observation, as .npy, .csv or .json.",
         ) from error
     if not np.isfinite(values).all() or not values.size:
-        raise PolicyError(f"{path} contains no observation, or a number that is not finite.")
+        raise PolicyError(f"{path} holds no observations, or a number that is not finite.")
     _encoded(policy, values)
     return values
 

@@ -21,7 +21,7 @@ from qcompile.terminal import one_line
 
 _RAN_TOO_LONG = 1305
 """IBM's code for a job that it stopped at its `max_execution_time`."""
-_MOST_OF_CAP = 10
+_MAX_OF_CAP = 10
 """A charge above this multiple of the job's cap is ignored as impossible."""
 
 T = TypeVar("T", bound=BaseModel)
@@ -133,7 +133,7 @@ class Metrics(BaseModel):
         if self.usage is None or self.usage.status.lower() != "complete":
             return None
         seconds = self.usage.qpu_charge_time_seconds
-        if seconds is None or not 0 <= seconds <= _MOST_OF_CAP * max(cap_s, 1):
+        if seconds is None or not 0 <= seconds <= _MAX_OF_CAP * max(cap_s, 1):
             return None
         return float(seconds) if math.isfinite(seconds) else None
 

@@ -12,7 +12,7 @@ from qcompile.live.records import Charge
 from qcompile.live.remote import RemoteJobs
 
 _CHARGE_PAUSES_S = (0.1, 0.3, 1.0, 3.0)
-_MOST_UNCHARGED = 20
+_MAX_UNCHARGED = 20
 
 
 class Billing:
@@ -29,7 +29,7 @@ class Billing:
         Raises:
             BudgetError: actual and possible charges leave no room for it.
         """
-        if len(self._charges.uncharged()) >= _MOST_UNCHARGED:
+        if len(self._charges.uncharged()) >= _MAX_UNCHARGED:
             self._wait(0.0)
         for pause_s in _CHARGE_PAUSES_S:
             try:

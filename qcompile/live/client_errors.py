@@ -19,9 +19,9 @@ NOT_FOUND, TOO_MANY_REQUESTS, UNAVAILABLE = 404, 429, 503
 _LONGEST_S = 86_400.0
 _REFUSED = frozenset(range(400, 500)) - {408, TOO_MANY_REQUESTS}
 _SAVE = (
-    'Save one: python -c "from qiskit_ibm_runtime import QiskitRuntimeService as S; '
-    "S.save_account(token='...', instance='...')\"",
-    "or set QISKIT_IBM_TOKEN and QISKIT_IBM_INSTANCE. docs/howto/hardware.md has the steps.",
+    'Save one: python -c "from getpass import getpass; from qiskit_ibm_runtime import '
+    "QiskitRuntimeService as S; S.save_account(token=getpass('API key: '), instance='CRN')\"",
+    "or set QISKIT_IBM_TOKEN and QISKIT_IBM_INSTANCE. docs/start/first-hardware.md has the steps.",
 )
 _TOKEN = re.compile(r"\beyJ[\w-]{5,}\.[\w-]+(?:\.[\w-]*)?|\b(?:Bearer|apikey) [\w.~+/=-]{16,}")
 """An access token, or the authorization header of a request."""

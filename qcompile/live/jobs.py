@@ -21,8 +21,8 @@ from qcompile.live.request import Request, is_same, measured
 from qcompile.live.sender import Sender
 
 _SLOWEST_POLL_S = 2.0
-_MOST_ATTEMPTS = 3
-_MOST_FETCHES = 4
+_MAX_ATTEMPTS = 3
+_MAX_FETCHES = 4
 _FETCH_PAUSE_S = 0.2
 
 
@@ -230,7 +230,7 @@ class Jobs:
             )
         if job.is_cancelled:
             raise LiveError(f"Job {job_id} was cancelled.", charge)
-        if charged_s != 0 or submission.attempt + 1 >= _MOST_ATTEMPTS:
+        if charged_s != 0 or submission.attempt + 1 >= _MAX_ATTEMPTS:
             raise LiveError(f"Job {job_id} failed: {job.reason}", charge)
         self._say(f"job {job_id} failed, uncharged; sending it again")
 
@@ -269,7 +269,7 @@ class Jobs:
         Raises:
             LiveError: the service does not answer, or its result stays unreadable.
         """
-        for fetch in range(_MOST_FETCHES):
+        for fetch in range(_MAX_FETCHES):
             try:
                 return measured(registers, self._remote.result(job_id))
             except UnreadableAnswerError as error:
@@ -280,7 +280,7 @@ class Jobs:
                 last = error
             time.sleep(_FETCH_PAUSE_S * 2**fetch)
         raise LiveError(
-            f"The result of job {job_id} could not be read in {_MOST_FETCHES} attempts.",
+            f"The result of job {job_id} could not be read in {_MAX_FETCHES} attempts.",
             "It is paid for and is not sent again: resuming fetches it once more.",
         ) from last
 

@@ -14,7 +14,7 @@ from qcompile.live.connection import Connection
 
 T = TypeVar("T")
 
-_PAGE, _MOST_PAGES = 200, 500
+_PAGE, _MAX_PAGES = 200, 500
 
 
 class JobGoneError(LiveError):
@@ -132,7 +132,7 @@ def _all_pages(client: Any, tag: str, since: datetime | None) -> dict[str, Remot
     """
     jobs: dict[str, RemoteJob] = {}
     skip = 0
-    for _ in range(_MOST_PAGES):
+    for _ in range(_MAX_PAGES):
         answer = client.jobs_get(limit=_PAGE, skip=skip, job_tags=[tag], created_after=since)
         page = read(Listing, answer, "the list of jobs")
         before = len(jobs)

@@ -26,7 +26,7 @@ from qcompile.live.request import Request, tag_of
 
 SETTLE_S = 10.0
 """The seconds that IBM gets to list a job it may have accepted, before it is sent again."""
-_MOST_SENDS = 3
+_MAX_SENDS = 3
 """Attempts in a row at one job: each may be accepted, and counts until that is known."""
 
 
@@ -71,9 +71,7 @@ class Sender:
             job_id = self.finder.find(submission)
             if job_id is not None:
                 return job_id
-            if error is not None and not (
-                sends < _MOST_SENDS and self._may_repeat(error, remedies)
-            ):
+            if error is not None and not (sends < _MAX_SENDS and self._may_repeat(error, remedies)):
                 raise explain_error(error) from error
             error = None
             request.check_runs_on(self._connection.name, self._connection.target())

@@ -23,7 +23,7 @@ DEPTHS: tuple[int, ...] = (1, 2, 4, 8, 16, 32, MOST_AHEAD)
 _AUTO_MARGIN = 1.15
 """`auto` is chosen if it costs at most this factor more than the best depth: it adapts on the
 machine, where predictions may fail more often than on the model."""
-_MOST_CUT = 0.02
+_MAX_CUT = 0.02
 """The largest share of episodes that a recommended cut may shorten."""
 
 
@@ -112,7 +112,7 @@ class Point:
     def shortened(self) -> Point | None:
         """The point with the shortest cut affecting at most 2 % of episodes; None if useless."""
         steps = np.sort(self.simulated.steps)
-        cut = int(steps[len(steps) - 1 - int(_MOST_CUT * len(steps))])
+        cut = int(steps[len(steps) - 1 - int(_MAX_CUT * len(steps))])
         return replace(self, cut=cut) if cut < steps[-1] else None
 
     def with_episodes(self, episodes: int) -> Point:

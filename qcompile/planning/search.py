@@ -116,7 +116,7 @@ def search(
     seconds, or if nothing fits otherwise.
 
     Raises:
-        OptionError: the policies have different environments, or are no better than random.
+        OptionError: the policies have different environments, or do not beat random actions.
     """
     _check(policies)
     show(0, "random actions")

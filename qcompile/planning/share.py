@@ -9,7 +9,7 @@ import numpy as np
 from qcompile.arrays import FloatArray
 from qcompile.errors import OptionError
 
-_LEAST_ERRORS = 3.0
+_MIN_ERRORS = 3.0
 """The least gap between ideal and random rewards, in standard errors, for a meaningful share."""
 _NORMAL = 1.96
 
@@ -29,7 +29,7 @@ class Baseline:
 
     def __post_init__(self) -> None:
         error = np.sqrt(_variance_of_mean(self.random) + _variance_of_mean(self.ideal))
-        if not self.gap > _LEAST_ERRORS * error:
+        if not self.gap > _MIN_ERRORS * error:
             raise OptionError(
                 f"Without noise the mean reward is {self.ideal.mean():.4g}, with random actions "
                 f"{self.random.mean():.4g}: there is nothing to keep.",

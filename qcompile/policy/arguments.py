@@ -24,23 +24,23 @@ RESERVED = ("id", "render_mode", "disable_env_checker")
 _WORDS = re.compile(r"[A-Za-z0-9 _-]{0,200}")
 
 
-def with_arguments(policy: P, env: Mapping[str, Any] | None, *, kept: bool = False) -> P:
+def with_arguments(policy: P, env: Mapping[str, Any] | None, *, for_file: bool = False) -> P:
     """The policy with `env` merged over its environment's arguments.
 
     Raises:
-        OptionError: an argument is reserved or not a plain value, or with `kept` not allowed in a
-            policy file.
+        OptionError: an argument is reserved, not a plain value, or with `for_file` not allowed
+            there.
     """
     if not env:
         return policy
-    check_env(env, kept=kept)
+    check_env(env, for_file=for_file)
     return replace(policy, environment_kwargs={**policy.environment_kwargs, **env})
 
 
-def check_env(env: Mapping[str, Any], *, kept: bool = False) -> None:
+def check_env(env: Mapping[str, Any], *, for_file: bool = False) -> None:
     """Raise OptionError if a user's arguments are reserved or not plain values.
 
-    With `kept` they must also be allowed in a policy file.
+    With `for_file` they must also be allowed in a policy file.
     """
     for name, value in env.items():
         if name in RESERVED or not name.isidentifier():
@@ -58,7 +58,7 @@ def check_env(env: Mapping[str, Any], *, kept: bool = False) -> None:
                 "An argument is a number, a string, true, false, null, or a list or dict of these; "
                 "use gymnasium.register for any other.",
             )
-    if kept:
+    if for_file:
         try:
             check_arguments(env)
         except ValueError as error:

@@ -55,7 +55,8 @@ class BlockFile(BaseModel):
         count = 2 if name in COUPLINGS else 1
         angle, qubits = rest[:-count], rest[-count:]
         if len(qubits) < count or len(set(map(str, qubits))) < count:
-            raise CircuitError(f"Gate {name!r} must end with {count} different qubits.")
+            needed = "a qubit" if count == 1 else "two different qubits"
+            raise CircuitError(f"Gate {name!r} must end with {needed}.")
         for qubit in qubits:
             if not isinstance(qubit, int) or qubit >= self.qubits:
                 raise CircuitError(

@@ -89,6 +89,8 @@ def draw_intervals(title: str, panels: Sequence[Panel], style: AnyStyle = None) 
                 _name_columns(axes, panel, letters // len(_columns(panel)))
                 axes.sharey(scales.setdefault(panel.scale, axes))
             _write_scales(part.axes, row)
+        for axes in scales.values():
+            axes.autoscale_view(scalex=False)  # to the intervals of all panels that share it
         found = labelled(*drawing.axes)
         order = [*(label for label in labels if label in found), *_LINES.values()]
         legend_below(drawing, {label: found[label] for label in order if label in found})

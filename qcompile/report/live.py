@@ -182,7 +182,7 @@ def print_validation(check: dict[str, Any]) -> None:
             [*row, "fails" if row[0] in check["failed"] else "holds"]
             for row in zip(*(check[column] for column in columns), strict=True)
         ],
-        f"Twin of {check['file']} compared with fresh counts, {check['shots']} shots",
+        f"Twin of {check['file']} against fresh counts, {check['shots']} shots",
     )
     if "power" in check:
         click.echo(

@@ -139,7 +139,10 @@ def _cut_lines(summary: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
     interval = interval_words(summary, "ci95_completed")
     interval = f" (95 % interval {interval})" if interval else ""
     on = " on the noise model" * (summary["kind"] == "hardware")
-    yield "uncut", f"mean reward {reward_text(mean)}{interval} with all episodes played out{on}"
+    yield (
+        "uncut",
+        f"mean reward {reward_text(mean)}{interval} with all episodes played to the end{on}",
+    )
 
 
 def _circuit_settings(summary: Mapping[str, Any]) -> str:

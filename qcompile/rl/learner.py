@@ -21,7 +21,7 @@ from qcompile.rl.memory import Memory
 from qcompile.rl.rollout import Collector, Rollout
 from qcompile.rl.settings import Settings
 
-_LEAST_RATE = 0.02
+_MIN_RATE = 0.02
 
 
 class Learner:
@@ -59,8 +59,8 @@ class Learner:
         settings = self._settings
         numbers = [flat.parameter.detach().clone() for flat in self._learned]
         actor, critic = self._optimiser.param_groups
-        actor["lr"] = settings.actor_lr * max(left, _LEAST_RATE)
-        critic["lr"] = settings.critic_lr * max(left, _LEAST_RATE)
+        actor["lr"] = settings.actor_lr * max(left, _MIN_RATE)
+        critic["lr"] = settings.critic_lr * max(left, _MIN_RATE)
         if settings.decision_cost:
             rollout = replace(rollout, rewards=rollout.rewards - settings.decision_cost)
         scale = self._scale.update(rollout.rewards, rollout.done) if settings.scale_rewards else 1.0

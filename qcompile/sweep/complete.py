@@ -78,7 +78,7 @@ def complete(
 ) -> Completed[R]:
     """Run the cells that the folder lacks, and return the results of all.
 
-    A cell that returns a `CellFailure` is not written, and the others go on. `describe` gives a few
+    A cell that returns a `CellFailure` is not written, and the others still run. `describe` gives a few
     words about a result; `noun` is what messages call a cell. Workers get the registrations of
     `environments`.
 

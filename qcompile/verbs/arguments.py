@@ -41,18 +41,21 @@ _RANGES: dict[str, tuple[float, float]] = {
 }
 """The ranges of arguments that are not checked elsewhere; the command line has the same ranges."""
 
-_WORDS = {
-    "None": "None",
-    "bool": "True or False",
-    "int": "a whole number",
-    "float": "a number",
-    "str": "a string",
-    "Name": "a name or a path",
-    "Engine": "a string",
-    "Shots": "a whole number, 'exact' or None",
-    "Live": "a qcompile.Live",
-    "Words": "a function",
-    "Callback": "a function of scalars and steps",
+_WORDS: Mapping[str, tuple[str, ...]] = {
+    "bool": ("True", "False"),
+    "int": ("a whole number",),
+    "float": ("a number",),
+    "str": ("a string",),
+    "Name": ("a name", "a path"),
+    "Engine": ("a string",),
+    "Shots": ("a whole number", "'exact'", "None"),
+    "Live": ("a qcompile.Live",),
+    "Planned": (),
+    "Words": ("a function",),
+    "Callback": ("a function of scalars and steps",),
+    "Callable[[str], None]": ("a function",),
+    "Literal['exact']": ("'exact'",),
+    "Literal['auto']": ("'auto'",),
 }
 
 
@@ -99,8 +102,7 @@ def calibration_settings(calibration: Name | Calibration | None, on_note: Words)
 def _argument(name: str, value: Any, annotation: str) -> Any:
     plain, fits = _plain(value, annotation)
     if not fits:
-        kinds = dict.fromkeys(_words(atom) for atom in _atoms(annotation))
-        raise OptionError(f"{name} cannot be {_shown(value)}.", f"It must be {' or '.join(kinds)}.")
+        raise OptionError(f"{name} cannot be {_shown(value)}.", f"It must be {_words(annotation)}.")
     least, most = _RANGES.get(name, (-math.inf, math.inf))
     if isinstance(plain, int | float) and not least <= plain <= most:
         limit = f"in [{least}, {most}]" if most < math.inf else f"{least} or more"
@@ -192,10 +194,14 @@ def _atoms(annotation: str) -> tuple[str, ...]:
     return tuple("Sequence[int]" if atom == "IntArray" else atom for atom in words)
 
 
-def _words(atom: str) -> str:
-    if atom.startswith("Sequence["):
-        return "a list"
-    return _WORDS.get(atom, atom.replace("Callable[[str], None]", "a function"))
+def _words(annotation: str) -> str:
+    """The types of an annotation for a message, as in "a string, a path or None"."""
+    words: dict[str, None] = {}
+    for atom in _atoms(annotation):
+        kinds = ("a list",) if atom.startswith("Sequence[") else _WORDS.get(atom, (atom,))
+        words |= dict.fromkeys(kinds)
+    *first, last = words
+    return f"{', '.join(first)} or {last}" if first else last
 
 
 def _shown(value: Any) -> str:

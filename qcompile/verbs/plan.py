@@ -177,12 +177,12 @@ def plan(
     for option, value in (("account", account), ("instance", instance)):
         if value is not None and not live:
             raise OptionError(f"{option} needs live.")
-    named = several(policy)
-    if within is None and (len(named) != 1 or keep != KEEP):
-        what = "keep needs" if len(named) == 1 else f"{len(named)} policies need"
+    names = several(policy)
+    if within is None and (len(names) != 1 or keep != KEEP):
+        what = "keep needs" if len(names) == 1 else f"{len(names)} policies need"
         raise OptionError(f"{what} within, a limit of QPU seconds.")
     import_modules(several(imports))
-    policies = [with_arguments(load_circuits(name), env, kept=True) for name in named]
+    policies = [with_arguments(load_circuits(name), env, for_file=True) for name in names]
     opened = _opened(backend, account, instance, live=live)
     given = {
         "shots": shots,
@@ -222,7 +222,7 @@ def plan(
         "strategies": [way.values(usd_per_second) for way in strategies(task, forecasted)],
     }
     if searched is not None:
-        words = dict(zip(map(id, policies), named, strict=True))
+        words = dict(zip(map(id, policies), names, strict=True))
         spend = {"max-qpu-seconds": within, "account": account, "instance": instance}
 
         def command(point: Point) -> str | None:
@@ -245,8 +245,8 @@ def _opened(
     """The simulation that stands in for the machine: its noise model, or its twin."""
     if live and not isinstance(backend, str):
         raise OptionError("A live plan needs the name of an IBM machine.")
-    asked = Connection(backend, account, instance).device() if live else backend
-    opened: Backend | Executor = load_backend(asked)
+    source = Connection(backend, account, instance).device() if live else backend
+    opened: Backend | Executor = load_backend(source)
     if opened.calibration is None:  # not a twin
         opened = DeviceBackend(opened.device)
     if opened.device.is_ideal:

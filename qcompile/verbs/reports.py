@@ -11,19 +11,19 @@ from qcompile.verbs.results import Result
 
 
 class Reported(Result):
-    """A result with a report. `call` is how its verb was called in Python, where that is known."""
+    """A result with a report. `call` is the Python call that made it, if known."""
 
     call: str = ""
 
     def document(self, command: str) -> Document:
-        """What the report says; `command` is how the result was made."""
+        """The contents of the report; `command` is the command or call that made the result."""
         raise NotImplementedError
 
     def report(self, path: Name, *, command: str | None = None) -> None:
-        """Write a page of HTML with scores, figures, tables, circuits, settings and versions.
+        """Write an HTML page with scores, figures, tables, circuits, settings and versions.
 
-        Everything is in this one file, which opens offline; a file that is there is overwritten.
-        The page shows `command`, by default the call in Python.
+        Everything is in this one file, which opens offline; an existing file is overwritten. The
+        page shows `command`, by default the Python call.
 
         Raises:
             OptionError: the file does not end with .html.

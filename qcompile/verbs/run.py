@@ -62,7 +62,7 @@ class RunResult(Reported):
         film: Clip | None = None,
     ):
         super().__init__(values)
-        self._asked, self._compiled, self.film = episodes, compiled, film
+        self._requested, self._compiled, self.film = episodes, compiled, film
 
     @property
     def episodes(self) -> list[dict[str, Any]]:
@@ -125,7 +125,7 @@ class RunResult(Reported):
 
     @property
     def remark(self) -> str:
-        interrupted = f"interrupted: {len(self.episodes)} of {self._asked} episodes finished"
+        interrupted = f"interrupted: {len(self.episodes)} of {self._requested} episodes finished"
         return interrupted if self.to_dict()["interrupted"] else ""
 
     def check_complete(self) -> None:
@@ -139,7 +139,7 @@ class RunResult(Reported):
             if self.to_dict()["speculate"] != 1:
                 bias = "Which ones finished depends on the predictions, so no mean is reported."
             raise QcompileError(
-                f"Interrupted: {len(self.episodes)} of {self._asked} episodes finished.",
+                f"Interrupted: {len(self.episodes)} of {self._requested} episodes finished.",
                 *([bias] if self.episodes else []),
                 "For a shorter run, use fewer --episodes.",
             )
@@ -216,7 +216,7 @@ def run(
         greedy=greedy,
     )
     import_modules(several(imports))
-    loaded = with_arguments(load_policy(policy), env, kept=live is not None)
+    loaded = with_arguments(load_policy(policy), env, for_file=live is not None)
     settings = RunSettings.of(settings, **calibration_settings(calibration, on_note))
     if live is not None:
         circuits, explicit = load_circuits(loaded), explicit_only(plannable)

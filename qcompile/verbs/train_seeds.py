@@ -125,7 +125,7 @@ def train_seeds(
     return Trainings(
         ordered,
         policy=None if policy is None else seeds_request.outputs.named(policy),
-        asked=len(cells),
+        requested=len(cells),
         failures=dict(sorted(failures.items())),
         out=seeds_request.outputs.out,
         interrupted=interrupted,

@@ -65,7 +65,7 @@ class TrainingRequest:
         from qcompile.rl.models import NetworkModel
         from qcompile.rl.ppo import Trainer
 
-        check_env(self.env, kept=True)
+        check_env(self.env, for_file=True)
         start = None if self.init is None else load_policy(self.init)
         self._check_start(start)
         ansatz, env = None, self.env

@@ -55,7 +55,7 @@ class Trainings(Training):
         scored: Sequence[Scored],
         *,
         policy: AnyPolicy | None,
-        asked: int,
+        requested: int,
         failures: Mapping[int, str],
         out: Path | None,
         interrupted: bool,
@@ -83,7 +83,7 @@ class Trainings(Training):
         self.stopped, self.trainings = False, [one.training for one in scored]
         self.model = best.training.model
         self._copy_episodes(best.training)
-        self._asked = asked
+        self._requested = requested
 
     def plot(self, style: AnyStyle = None) -> Figure:
         """The learning curves of all: average rewards of the last 20 episodes.
@@ -145,7 +145,7 @@ class Trainings(Training):
         """
         values = self.to_dict()
         out, count = values["out"], len(values["seeds"])
-        finished = f"{count} of {self._asked} trainings finished."
+        finished = f"{count} of {self._requested} trainings finished."
         hints = [f"Seed {one['seed']}: {one['words']}" for one in values["failures"]]
         has_failed = bool(hints)
         if out is not None:

@@ -118,7 +118,7 @@ def validate(
     if shots is not None:
         check_shots(shots)
     import_modules(several(imports))
-    loaded = with_arguments(load_circuits(policy), env, kept=live is not None)
+    loaded = with_arguments(load_circuits(policy), env, for_file=live is not None)
     least_power = POWER if power is None else power
     rows, shots, reached = choose_check(
         known,

@@ -60,7 +60,7 @@ def test_a_snapshot_is_known_by_its_name(qcompile: Call, left: Call) -> None:
     pytest.importorskip("qiskit_ibm_runtime")
     answer = qcompile("backends", "add", "FakeLimaV2", "--name", "mine")
     assert (answer.code, answer.err) == (0, "")
-    assert answer.out.startswith("mine with 5 qubits in hardware/mine.json\n")
+    assert answer.out.startswith("mine, 5 qubits, written to hardware/mine.json\n")
     assert left() == ["hardware", "hardware/mine.json"]
     assert qcompile("backends", "show", "mine", "--json").json()["name"] == "mine"
     again = qcompile("backends", "add", "FakeLimaV2", "--name", "mine")
@@ -68,7 +68,7 @@ def test_a_snapshot_is_known_by_its_name(qcompile: Call, left: Call) -> None:
     assert (
         again.err
         == """\
-Error: hardware/mine.json is there already.
+Error: hardware/mine.json already exists.
   Choose another with --out or --name.
 """
     )

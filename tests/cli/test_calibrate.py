@@ -29,7 +29,9 @@ def test_a_calibration_is_shown_and_written(qcompile: Call, left: Call) -> None:
     assert (answer.code, answer.err) == (0, "")
     # 2 + 2 ceil(log2(5)) patterns and 8 angles, 8192 shots each
     assert answer.out.startswith("fake_lima: 8192 shots of each circuit, 131,072 executions")
-    assert answer.out.endswith("calibration in fake_lima-calibration.json\npicture in a.png\n")
+    assert answer.out.endswith(
+        "calibration written to fake_lima-calibration.json\nfigure written to a.png\n"
+    )
     assert left() == ["a.png", "fake_lima-calibration.json"]
     assert Path("a.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
     rows = [line.split() for line in answer.out.splitlines() if "±" in line]
@@ -161,11 +163,11 @@ def test_counts_whose_fits_failed_are_fitted_anew(
 def test_kept_counts_of_some_qubits(qcompile: Call) -> None:
     assert qcompile(*LIMA, "--out", "a.json").code == 0
     words = ("calibrate", "--from", "a.json", "--qubits", "1,4")
-    assert qcompile(*words, "--out", "b.json").out.endswith("calibration in b.json\n")
+    assert qcompile(*words, "--out", "b.json").out.endswith("calibration written to b.json\n")
     assert load_calibration(Path("b.json")).qubits == (1, 4)
     answer = qcompile(*words, "--out", "a.json")
     assert (answer.code, answer.out) == (1, "")
-    assert answer.err.startswith("Error: a.json is there already.\n")
+    assert answer.err.startswith("Error: a.json already exists.\n")
     assert qcompile(*words, "--out", "a.json", "--force").code == 0
     assert load_calibration(Path("a.json")) == load_calibration(Path("b.json"))
     answer = qcompile("calibrate", "--from", "a.json", "--qubits", "2", "--out", "c.json")

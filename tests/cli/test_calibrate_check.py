@@ -75,7 +75,9 @@ def test_a_qubit_that_moved_is_found(qcompile: Call) -> None:
     answer = qcompile(*words, "--out", "new.json")
     assert answer.code == 1
     assert answer.json()["check"]["drifted"] == [3]
-    assert answer.err.startswith("Error: old.json no longer holds.\n  Drifted: 3 (")
+    assert answer.err.startswith(
+        "Error: old.json no longer holds.\n  Drifted qubits and their chi-square, "
+    )
     assert load_calibration(Path("new.json")).qubits == (0, 1, 2, 3, 4)
 
 
@@ -84,7 +86,7 @@ def test_an_old_calibration_does_not_pass(qcompile: Call) -> None:
     words = ("calibrate", "--backend", "fake_lima", "--check", aged("old.json", 30), "--seed", 2)
     answer = qcompile(*words)
     assert answer.code == 1
-    assert "\n  It is 30.0 hours old, more than 24.\n" in answer.err
+    assert "\n  It is 30.0 hours old; the limit is 24.\n" in answer.err
     assert qcompile(*words, "--max-age-hours", 31).code == 0
 
 
@@ -93,7 +95,7 @@ def test_a_calibration_from_the_future_does_not_pass(qcompile: Call) -> None:
     words = ("calibrate", "--backend", "fake_lima", "--check", aged("old.json", -3), "--seed", 2)
     answer = qcompile(*words)
     assert answer.code == 1
-    assert "\n  It is from the future, by 3.0 hours: a clock is wrong.\n" in answer.err
+    assert "\n  It is dated 3.0 hours in the future: a clock is wrong.\n" in answer.err
 
 
 @pytest.mark.parametrize(

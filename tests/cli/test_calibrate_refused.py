@@ -21,7 +21,7 @@ LIMA = ("calibrate", "--backend", "fake_lima", "--seed", 1)
 @pytest.mark.parametrize(
     ("words", "text"),
     [
-        (("--qubits", "0", "--policy", "x"), "qubits and policy exclude each other"),
+        (("--qubits", "0", "--policy", "x"), "qubits and policy cannot be combined"),
         (("--qubits", "0,x"), "'0,x' is not a list of qubits such as 0,1,5."),
         (("--qubits", "-1"), "'-1' is not a list of qubits such as 0,1,5."),
         (("--parts", "all"), "'all' is neither readout nor response."),
@@ -32,8 +32,8 @@ LIMA = ("calibrate", "--backend", "fake_lima", "--seed", 1)
         (("--max-age-hours", "nan"), "'nan' is not a number of hours."),
         (("--max-age-hours", "2"), "--max-age-hours is for --check"),
         (("--check", "a.json", "--force"), "a check writes none unless out names one"),
-        (("--out", "a.png", "--plot", "x/../a.png"), "x/../a.png is the file of out and of plot."),
-        (("--check", "a.png", "--plot", "a.png"), "a.png is the file of check and of plot."),
+        (("--out", "a.png", "--plot", "x/../a.png"), "out and plot are the same file, x/../a.png."),
+        (("--check", "a.png", "--plot", "a.png"), "check and plot are the same file, a.png."),
     ],
 )
 def test_wrong_usage(qcompile: Call, words: tuple[str, ...], text: str) -> None:
@@ -50,7 +50,7 @@ def test_a_file_that_is_there_is_kept(qcompile: Call) -> None:
     assert (
         answer.err
         == """\
-Error: fake_lima-calibration.json is there already.
+Error: fake_lima-calibration.json already exists.
   It may have been paid for: choose another with --out, or overwrite it with --force.
 """
     )
@@ -89,7 +89,7 @@ def test_what_cannot_work_is_explained_at_once(
 def test_too_few_shots_are_refused_and_kept(qcompile: Call, left: Call) -> None:
     answer = qcompile(*LIMA, "--shots", 2)
     assert (answer.code, answer.out) == (1, "")
-    assert answer.err.startswith("Error: Not everything could be fitted. The counts are in fake_")
+    assert answer.err.startswith("Error: Some fits failed. The counts are in fake_")
     assert "\n  Too few shots: the readout of qubit 0 (0." in answer.err
     assert "\n  Too few shots: the response of qubit 0 (0." in answer.err
     assert left() == ["fake_lima-calibration.json"]

@@ -83,7 +83,7 @@ Error: in.qasm:7: cx q[0], q[1] entangles two qubits.
     "measures nothing": (
         PROGRAM.replace("c = measure q;", ""),
         """\
-Error: in.qasm:6: The program measures nothing, and level 2 keeps what is measured alone.
+Error: in.qasm:6: The program measures nothing, and level 2 keeps only measured qubits.
   Add a measurement, or compile it with --level 1.
 """,
     ),
@@ -91,7 +91,7 @@ Error: in.qasm:6: The program measures nothing, and level 2 keeps what is measur
         PROGRAM.replace("[2]", "[6]"),
         """\
 Error: in.qasm:7: The program does not fit ibm_lima.
-  It needs 6 qubits at once; ibm_lima has 5 qubits, 5 of them worth using.
+  It needs 6 qubits at once; ibm_lima has 5 qubits, 5 of them good enough to use.
   Take a larger device, --backend ideal, or split the program.
 """,
     ),
@@ -194,8 +194,8 @@ def test_registers_and_physical_qubits_do_not_mix(qcompile: Call, left: Call) ->
         assert (
             answer.err
             == """\
-Error: in.qasm:4: The program names qubits of a register and physical qubits.
-  Use one kind of them.
+Error: in.qasm:4: The program mixes qubits of a register with physical qubits.
+  Use only one kind.
 """
         )
     assert left() == ["in.qasm"]

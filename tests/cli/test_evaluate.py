@@ -46,7 +46,7 @@ def test_a_tiny_grid(qcompile: Call, policy: Call, left: Call) -> None:
     assert (answer.code, answer.err) == (0, "")
     assert "tiny in CartPole-v1, 2 episodes, level 2" in answer.out
     assert answer.out.endswith(
-        "5 cells played, 0 were there; written: e/results.json, e/results.csv, e/tiny.png\n"
+        "5 cells played, 0 loaded; written: e/results.json, e/results.csv, e/tiny.png\n"
     )
     objects = json.loads(Path("e/results.json").read_text())["results"]
     assert [(o["backend"], o["shots"], o["mitigation"], o["reference"]) for o in objects] == [
@@ -83,7 +83,7 @@ def test_greedy_cells_are_what_run_plays_greedily(qcompile: Call, policy: Call) 
     _, cell = qcompile("evaluate", name, *FEW, *settings).json()["results"]
     table = qcompile("evaluate", name, *FEW, *settings[:-1]).out
     assert "tiny in CartPole-v1, 2 episodes, level 2, greedy" in table
-    assert "0 cells played, 2 were there" in table
+    assert "0 cells played, 2 loaded" in table
     run = qcompile("run", name, "--backend", "ibm_lima", "--episodes", 2, *settings)
     assert cell["greedy"] is True
     assert without_time(run.json()).items() <= cell.items()
@@ -92,7 +92,7 @@ def test_greedy_cells_are_what_run_plays_greedily(qcompile: Call, policy: Call) 
 def test_a_cluster_that_is_not_there(qcompile: Call, policy: Call) -> None:
     answer = qcompile("evaluate", policy(), *FEW, "--address", "tcp://127.0.0.1:1")
     assert (answer.code, answer.out) == (1, "")
-    assert answer.err.startswith("Error: The engine 'processes' has no address, found 'tcp://")
+    assert answer.err.startswith("Error: The engine 'processes' takes no address, found 'tcp://")
 
 
 def test_what_is_there_is_not_played_again(
@@ -105,13 +105,13 @@ def test_what_is_there_is_not_played_again(
         assert qcompile(*words, "--json").out == first.out
     Path("e/cells", TINY.format("none")).write_text("{")
     answer = qcompile(*words)
-    assert "1 cells played, 2 were there" in answer.out
+    assert "1 cell played, 2 loaded" in answer.out
     again = json.loads(Path("e/results.json").read_text())["results"]
     assert [*map(without_time, again)] == [*map(without_time, first.json()["results"])]
     policy(bias=[0.5, 0.0])
-    assert "3 cells played, 0 were there" in qcompile(*words).out
+    assert "3 cells played, 0 loaded" in qcompile(*words).out
     smaller = qcompile(*words, "--mitigation", "none")
-    assert "0 cells played, 2 were there" in smaller.out
+    assert "0 cells played, 2 loaded" in smaller.out
     assert Path("e/cells", TINY.format("readout")).exists()
     assert len(json.loads(Path("e/results.json").read_text())["results"]) == 2
 
@@ -125,14 +125,14 @@ def test_an_interrupted_grid_keeps_what_is_finished(
     assert (answer.code, answer.out) == (1, "")
     assert answer.err == (
         "Error: Interrupted: 2 of 3 cells are finished.\n"
-        "  What is finished is in e; the same command resumes from there.\n"
+        "  They are in e; the same command resumes with the others.\n"
     )
     assert [name for name in left() if name.startswith("e/")] == [
         "e/cells",
         "e/cells/" + TINY.format("none"),
         "e/cells/tiny-ideal-exact-none-level2-episodes2-seed0.json",
     ]
-    assert "1 cells played, 2 were there" in qcompile(*words).out
+    assert "1 cell played, 2 loaded" in qcompile(*words).out
 
 
 def test_a_cell_that_fails_is_named_and_the_others_are_kept(
@@ -161,12 +161,12 @@ def test_the_ideal_is_not_mitigated(qcompile: Call, policy: Call) -> None:
     answer = qcompile(*words)
     assert answer.code == 0
     why = "mitigation readout on ideal: it has no errors to mitigate.\n"
-    assert answer.err == f"left out: {why}"
+    assert answer.err == f"Left out: {why}"
     assert [o["mitigation"] for o in answer.json()["results"]] == ["none", "none"]
     refused = qcompile(*words, "--mitigation", "readout")
     assert (refused.code, refused.out) == (1, "")
     assert refused.err == (
-        f"Error: No cell is left to play.\n  Left out: {why}"
+        f"Error: There is no combination to play.\n  Left out: {why}"
         "  Add a --backend, --shots, --mitigation or --level that goes with the others.\n"
     )
 
@@ -238,7 +238,7 @@ def test_what_cannot_be_done_is_refused(
         (("--paper", "--calibration", "lima.json"), "--paper has its own policies"),
         (("--calibration", "."), "'.' is a directory"),
         (("--paper", "--page", "devices.txt"), "devices.txt must end with .md"),
-        (("--page", "devices.md"), "--page is the page of --paper"),
+        (("--page", "devices.md"), "--page needs --paper"),
     ],
 )
 def test_wrong_usage(qcompile: Call, words: tuple[Any, ...], text: str) -> None:

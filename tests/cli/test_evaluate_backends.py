@@ -42,7 +42,7 @@ def test_a_twin_beside_its_device(qcompile: Call, policy: Call, calibration: str
         assert comparable(run, "backend").items() <= cell.items()
         assert run["backend"] == cell["device"]
     table = qcompile("evaluate", name, *backends, *FEW)
-    assert "0 cells played, 5 were there" in table.out
+    assert "0 cells played, 5 loaded" in table.out
     assert table.out.count(" lima.json ") == 2
 
 
@@ -62,10 +62,10 @@ def test_a_twin_is_played_again_when_it_was_measured_again(
     qcompile: Call, policy: Call, calibration: str
 ) -> None:
     words = ("evaluate", policy(), "--backend", calibration, *FEW)
-    assert "3 cells played, 0 were there" in qcompile(*words).out
+    assert "3 cells played, 0 loaded" in qcompile(*words).out
     words_again = ("calibrate", "--backend", "fake_lima", "--out", calibration, "--force")
     assert qcompile(*words_again, "--seed", 2).code == 0
-    assert "2 cells played, 1 were there" in qcompile(*words).out
+    assert "2 cells played, 1 loaded" in qcompile(*words).out
 
 
 def test_a_given_calibration_is_not_measured_again(
@@ -88,7 +88,7 @@ def test_a_given_calibration_is_not_measured_again(
     assert comparable(run).items() <= given[2].items()
     unchanged = [comparable(values) for index, values in enumerate(plain) if index != 2]
     assert unchanged == [comparable(v) for index, v in enumerate(given) if index != 2]
-    assert "0 cells played, 5 were there" in qcompile(*words[:-1]).out, "both kinds are kept"
+    assert "0 cells played, 5 loaded" in qcompile(*words[:-1]).out, "both kinds are kept"
 
 
 def test_a_sampler_has_shots_alone(qcompile: Call, policy: Call) -> None:
@@ -97,7 +97,7 @@ def test_a_sampler_has_shots_alone(qcompile: Call, policy: Call) -> None:
     answer = qcompile("evaluate", name, *few, "--shots", "exact", "--json")
     assert answer.code == 0
     why = "shots exact on qiskit:FakeLimaV2: it runs through a sampler, which needs shots.\n"
-    assert answer.err == f"left out: {why}"
+    assert answer.err == f"Left out: {why}"
     (_, cell) = answer.json()["results"]
     assert (cell["backend"], cell["device"]) == ("qiskit:FakeLimaV2", "fake_lima")
     settings = ("--mitigation", "none", "--shots", 16, "--episodes", 2, "--json")
@@ -106,7 +106,7 @@ def test_a_sampler_has_shots_alone(qcompile: Call, policy: Call) -> None:
     words = ("evaluate", name, "--backend", "qiskit:FakeLimaV2", "--shots", "exact")
     refused = qcompile(*words, "--mitigation", "none", "--out", "f")
     assert (refused.code, refused.out) == (1, "")
-    assert refused.err.startswith(f"Error: No cell is left to play.\n  Left out: {why}")
+    assert refused.err.startswith(f"Error: There is no combination to play.\n  Left out: {why}")
 
 
 def test_an_old_calibration_is_reported(qcompile: Call, policy: Call, calibration: str) -> None:
@@ -116,20 +116,20 @@ def test_an_old_calibration_is_reported(qcompile: Call, policy: Call, calibratio
     answer = qcompile(*words)
     assert answer.code == 0
     assert answer.err.startswith("old.json is ")
-    assert " hours old; `qcompile calibrate " in answer.err
+    assert " hours old; check it with `qcompile calibrate " in answer.err
 
 
 REFUSED = {
     "of no backend": (
         ("--backend", "ibm_lima", "--calibration", "lima.json"),
-        "lima.json is of fake_lima, on which nothing is played.\n"
+        "lima.json is of fake_lima, which is not in this grid.\n"
         "  Devices of this grid: ibm_lima.\n"
-        "  Leave it out, or add --backend fake_lima.\n",
+        "  Remove it, or add --backend fake_lima.\n",
     ),
     "not needed": (
         ("--mitigation", "none", "--calibration", "lima.json"),
         "lima.json is not needed: nothing on fake_lima is mitigated.\n"
-        "  Leave it out, or add --mitigation readout or response.\n",
+        "  Remove it, or add --mitigation readout or response.\n",
     ),
     "two of one device": (
         ("--calibration", "lima.json,two.json"),

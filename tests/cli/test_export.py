@@ -69,7 +69,7 @@ REFUSED: dict[str, tuple[tuple[str, ...], str]] = {
     ),
     "not a number": (
         ("--out", "new", "--observations", "nan.csv"),
-        "Error: nan.csv contains no observation, or a number that is not finite.\n",
+        "Error: nan.csv holds no observations, or a number that is not finite.\n",
     ),
 }
 

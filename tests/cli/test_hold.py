@@ -50,7 +50,7 @@ def test_a_cut_run_is_told_with_its_completed_mean(qcompile: Call, policy: Call)
     said = qcompile(*words, "--max-steps", 9).out
     mean = f"{whole['mean_reward']:.1f}"
     assert "after 9 steps: " in said
-    assert f"completed      mean reward {mean} (95 % interval" in said
+    assert f"uncut          mean reward {mean} (95 % interval" in said
 
 
 def test_every_frame_is_in_the_film(qcompile: Call, policy: Call) -> None:
@@ -79,7 +79,7 @@ def test_a_grid(qcompile: Call, policy: Call) -> None:
     values["summary"]["decisions"] += 1  # damaged: not that of its episodes
     cell.write_text(json.dumps(values))
     mended = qcompile(*words, "--episodes", 3, "--workers", 1, "--out", "e")
-    assert "1 cells played, 1 were there" in mended.out
+    assert "1 cell played, 1 loaded" in mended.out
 
 
 def test_show_and_export(qcompile: Call, policy: Call) -> None:

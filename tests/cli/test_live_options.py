@@ -62,7 +62,7 @@ def test_options_of_live_runs_need_live(
 ) -> None:
     answer = qcompile(*commands[name], *words)
     assert (answer.code, answer.out) == (2, "")
-    assert f"{words[0]} is for --live." in answer.err
+    assert f"{words[0]} needs --live." in answer.err
 
 
 @pytest.mark.parametrize("seconds", ["0", "-1", "nan", "some", "1e7", "inf"])

@@ -137,7 +137,7 @@ def test_a_grid_has_a_network_beside_circuits(qcompile: Call, net: str, policy: 
     answer = qcompile("evaluate", net, policy(), *grid, "--workers", 1, "--json")
     assert answer.code == 0
     assert answer.err.startswith(
-        "left out: net on anything but ideal with exact expectations: a network has no circuits.\n"
+        "Left out: net except on ideal with exact expectations: a network has no circuits.\n"
     )
     cells = answer.json()["results"]
     found = [(cell["policy"], cell["backend"], cell["shots"]) for cell in cells]
@@ -150,14 +150,14 @@ def test_a_grid_has_a_network_beside_circuits(qcompile: Call, net: str, policy: 
     assert cells[0]["episodes"] == run["episodes"]
     assert Path("evaluation/net.png").exists()
     again = qcompile("evaluate", net, policy(), *grid, "--workers", 1)
-    assert "0 cells played, 3 were there" in again.out
+    assert "0 cells played, 3 loaded" in again.out
 
 
 def test_nothing_is_left_out_where_nothing_else_is_asked(qcompile: Call, net: str) -> None:
     grid = ("--backend", "ideal", "--shots", "exact", "--mitigation", "none", "--episodes", 2)
     answer = qcompile("evaluate", net, *grid, "--workers", 1)
     assert answer.code == 0
-    assert "left out" not in answer.err + answer.out
+    assert "Left out" not in answer.err + answer.out
     assert "net in CartPole-v1, 2 episodes\n" in "\n".join(map(str.rstrip, answer.out.split("\n")))
 
 

@@ -107,4 +107,6 @@ def test_nothing_fits_in_a_second(qcompile: Call) -> None:
     planned = answer.json()
     assert planned["recommended"] is None
     assert planned["nearest"]["within"] > 1
-    assert "Nothing keeps 97 % within 1 QPU seconds. What would fit: " in answer.err
+    assert (
+        "No settings keep 97 % of the reward within 1 QPU seconds. It would fit with " in answer.err
+    )

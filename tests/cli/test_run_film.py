@@ -46,8 +46,8 @@ def test_without_a_frame_there_is_no_film(
     answer = qcompile("run", policy(), "--video", "a.gif")
     assert answer.code == 1
     first, second, *_ = answer.err.splitlines()
-    assert first == "no step was played: there is no film"
-    assert second == "Error: Interrupted: 0 of 20 episodes were finished."
+    assert first == "no film: no step was played"
+    assert second == "Error: Interrupted: 0 of 20 episodes finished."
     assert left() == ["tiny.json"]
 
 
@@ -74,7 +74,7 @@ def test_ctrl_c_in_the_middle_keeps_what_was_filmed(
     assert answer.code == 1
     assert answer.err.splitlines()[:2] == [
         f"film of the first episode in {name}",
-        "Error: Interrupted: 0 of 20 episodes were finished.",
+        "Error: Interrupted: 0 of 20 episodes finished.",
     ]
     frames, seconds = imageio_ffmpeg.count_frames_and_secs(name)
     if name.endswith(".gif"):  # of 50 in a second every other, and the last
@@ -90,8 +90,8 @@ def test_ctrl_c_within_the_first_frame_leaves_no_film(
     answer = qcompile("run", policy(), "--video", "a.gif")
     assert answer.code == 1
     assert answer.err.splitlines()[:2] == [
-        "no step was played: there is no film",
-        "Error: Interrupted: 0 of 20 episodes were finished.",
+        "no film: no step was played",
+        "Error: Interrupted: 0 of 20 episodes finished.",
     ]
     assert left() == ["tiny.json"]
 

@@ -22,7 +22,7 @@ def test_an_interrupted_run_reports_what_is_finished(
     assert (
         answer.err
         == """\
-Error: Interrupted: 2 of 50 episodes were finished.
+Error: Interrupted: 2 of 50 episodes finished.
   These are the shortest ones: their mean does not estimate the policy's score.
   Fewer --episodes end sooner.
 """
@@ -64,5 +64,5 @@ def test_a_process_interrupted_before_any_episode_is_finished(policy: Call) -> N
     assert found["interrupted"] is True
     assert found["episodes"] == []
     assert [found[key] for key in ("mean_reward", "std_reward", "ci95")] == [None] * 3
-    assert "Interrupted: 0 of 20 episodes were finished." in ended.stderr
+    assert "Interrupted: 0 of 20 episodes finished." in ended.stderr
     assert "Traceback" not in ended.stderr

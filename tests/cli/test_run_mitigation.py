@@ -59,7 +59,10 @@ def test_copies_share_executions(qcompile: Call, policy: Call) -> None:
     assert (found["copies"], found["rounds_per_step"]) == (2, 1)
     longest = max(episode["length"] for episode in found["episodes"])
     assert found["executions"] == 100 * longest
-    assert "side by side  2 episodes" in qcompile(*words, "--copies", 2).out
+    assert (
+        "copies       2 on the device at once, each with its own episode"
+        in qcompile(*words, "--copies", 2).out
+    )
 
 
 def test_an_old_calibration_is_reported(qcompile: Call, policy: Call, calibration: str) -> None:
@@ -68,7 +71,7 @@ def test_an_old_calibration_is_reported(qcompile: Call, policy: Call, calibratio
     answer = qcompile("run", policy(), *LIMA, "--calibration", "old.json", "--json")
     assert answer.code == 0
     assert answer.err.startswith("old.json is ")
-    assert " hours old; `qcompile calibrate " in answer.err
+    assert " hours old; check it with `qcompile calibrate " in answer.err
     assert answer.json()["calibration"] == "old.json"
 
 
@@ -111,7 +114,7 @@ def test_what_is_not_in_use_is_not_told(qcompile: Call, policy: Call, calibratio
     doubt(calibration, [0, 1, 2, 3, 4])
     words = ("run", policy(), *LIMA, "--calibration", calibration, "--max-steps", 2)
     assert qcompile(*words, "--mitigation", "readout", "--json").json()["calibration_misfits"] == []
-    assert "doubtful" not in qcompile(*words, "--mitigation", "readout").out
+    assert "warning" not in qcompile(*words, "--mitigation", "readout").out
 
 
 @pytest.mark.parametrize("words", [("response",), ("readout",), ("none", "--predistort")])

@@ -49,7 +49,7 @@ Error: bad.pt cannot be read as a .pt file: it is a bare pickle, and was not loa
         """\
 Error: bad.pt cannot be read as a .pt file.
   It is not a complete file of torch.save.
-  Copy or train it again.
+  Copy it again, or train the policy again.
 """,
     ),
 }
@@ -123,7 +123,7 @@ Error: Policy 'tiny' has 2 actions; Acrobot-v1 has 3.
         """\
 Error: tiny.json is not a policy file.
   encoder.scale has an entry of 1.7e+308.
-    Scales lie within 1e+09: more turns every angle into noise.
+    Scales must lie within 1e+09: larger ones turn every angle into noise.
 """,
     ),
     "no numbered actions": (
@@ -147,7 +147,7 @@ def test_an_environment_that_names_a_module_is_refused(
         answer.err
         == """\
 Error: Environment 'trojan:CartPole-v1' would import a module.
-  A file may not load code; register the environment and give its plain name.
+  A file may not load code: register the environment and use its plain name.
 """
     )
     assert not Path("ran").exists()

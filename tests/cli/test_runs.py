@@ -104,8 +104,8 @@ def test_jobs_in_doubt_are_told_with_when_they_can_be_settled(
     assert last.sent_at is not None
     due = last.sent_at + timedelta(hours=1)
     assert (
-        "2.2 QPU seconds charged, 17.2 at most (2 jobs not charged yet, 2 jobs in doubt); 9 "
-        "allowed\n"
+        "2.2 QPU seconds charged, 17.2 at most (2 jobs not charged yet, 2 jobs in doubt); the "
+        "limit is 9\n"
         "IBM may have accepted 2 more jobs, at most 6 s; "
         f"`qcompile resume {made.id}` after {due:%H:%M} UTC finds out.\n"
     ) in qcompile("runs", "show", "last").out
@@ -133,7 +133,7 @@ def test_where_an_unfinished_run_stands(qcompile: Call) -> None:
     assert answer.out == (
         f"{made.id}, run on somewhere: unfinished\n"
         "Jobs done: 1, steps played: 2; everything is kept.\n"
-        "2.2 QPU seconds charged, 11.2 at most (2 jobs not charged yet); 9 allowed\n"
+        "2.2 QPU seconds charged, 11.2 at most (2 jobs not charged yet); the limit is 9\n"
         f"`qcompile resume {made.id}` resumes it.\n"
     )
     values = qcompile("runs", "show", made.id, "--json").json()
@@ -154,7 +154,7 @@ def test_a_finished_run_is_shown_again_without_asking_anybody(
     for words in (("runs", "show"), ("resume",)):
         answer = qcompile(*words, "last")
         assert answer.code == 0, answer.err
-        assert "pass; the largest difference of a <Z> is 0.020" in answer.out
+        assert "pass; the largest difference in <Z> is 0.020" in answer.out
         assert answer.out.endswith(f"run {made.id}: 2.2 QPU seconds charged\n")
     found = qcompile("resume", "last", "--json").json()
     assert found == {

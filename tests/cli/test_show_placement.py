@@ -33,18 +33,19 @@ def test_the_placement_of_a_small_policy(qcompile: Call, policy: Call) -> None:
         "0    14.3 %          3       1   0.0269",
         "1    14.3 %          4       0   0.0279",
         "3    14.3 %          4       1   0.0279",
-        "importance: variance over actions of the circuit's weights, as a share of all",
-        "error: root mean square at 1024 shots, readout mitigated; 0.0255 if perfect",
-        "left out (0.8 of <Z> is the least): qubit 0 keeps 0.66 of <Z>, 1 keeps 0.73 of",
-        "<Z>, 2 keeps 0.07 of <Z>, 5 keeps 0.48 of <Z>, 6 keeps 0.30 of <Z>",
-        "no second episode fits beside the first in one round",
+        "importance: variance of the circuit's weights over the actions, as a share of all",
+        "error of <Z>: root mean square at 1024 shots, with readout mitigation; 0.0255 on a "
+        "perfect qubit",
+        "unused qubits (at least 0.8 of <Z> must be left): 0 keeps 0.66 of <Z>, 1 keeps",
+        "0.73 of <Z>, 2 keeps 0.07 of <Z>, 5 keeps 0.48 of <Z>, 6 keeps 0.30 of <Z>",
+        "the device is too small for all circuits at once: they are run in 2 rounds",
     ]
 
 
 def test_the_rest_of_a_large_device_is_for_other_episodes(qcompile: Call, policy: Call) -> None:
     lines = placement(qcompile("show", policy(), "--backend", "fake_toronto").out)
     assert lines[0] == "Placement on fake_toronto, in 1 round"
-    assert lines[-1] == "6 episodes fit side by side in one round"
+    assert lines[-1] == "6 copies of the circuits fit on the device at once (--copies)"
 
 
 def test_twenty_four_circuits_stay_readable(qcompile: Call) -> None:

@@ -70,7 +70,7 @@ def test_rows_are_listed_as_json(qcompile: Call) -> None:
 def test_a_tiny_study_is_written_up_and_not_trained_again(qcompile: Call, left: Call) -> None:
     answer = qcompile(*ONE, "--out", "s")
     assert (answer.code, answer.err) == (0, "")
-    assert answer.out.endswith("1 trainings done, 0 were there; written up in s/reproduction.md\n")
+    assert answer.out.endswith("1 training done, 0 loaded; results written to s/reproduction.md\n")
     files = left()
     names = {"results.csv", "curves.csv", "cartpole.png", "reproduction.md", "cells"}
     assert {f"s/{name}" for name in names} | {"s/cells/cartpole-svqc-paper-seed0.json"} <= {*files}
@@ -93,7 +93,7 @@ def test_a_tiny_study_is_written_up_and_not_trained_again(qcompile: Call, left: 
     assert before == {name: Path(name).read_bytes() for name in left() if Path(name).is_file()}
 
     more = qcompile(*ROW, *FEW, "--seeds", 2, "--workers", 1, "--out", "s")
-    assert "1 trainings done, 1 were there;" in more.out
+    assert "1 training done, 1 loaded;" in more.out
     listed = qcompile(*ROW, *FEW, "--seeds", 3, "--out", "s", "--list", "--json").json()
     assert (listed[0]["seeds"], listed[0]["left"]) == (3, 1)
 
@@ -119,7 +119,7 @@ def test_an_interrupted_study_keeps_what_is_finished(
     assert (answer.code, answer.out) == (1, "")
     assert answer.err == (
         "Error: Interrupted: 1 of 2 trainings are finished.\n"
-        "  What is finished is in s; the same command resumes from there.\n"
+        "  They are in s; the same command resumes with the others.\n"
     )
     assert left() == ["s", "s/cells", "s/cells/cartpole-svqc-paper-seed0.json"]
     more = qcompile(*ROW, *FEW, "--seeds", 2, "--out", "s", "--workers", 1, "--json")
@@ -130,12 +130,12 @@ def test_what_the_engine_says_goes_to_standard_error(
     qcompile: Call, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def run_all(cells: Any, run: Any, on_result: Any, *, on_loss: Any, **_: Any) -> None:
-        on_loss("workers were lost")
+        on_loss("Workers stopped")
         on_result(cells[0], run(cells[0]))
 
     monkeypatch.setattr("qcompile.sweep.complete.run_all", run_all)
     answer = qcompile(*ONE, "--out", "s", "--json")
-    assert (answer.code, answer.err) == (0, "workers were lost\n")
+    assert (answer.code, answer.err) == (0, "Workers stopped\n")
     assert answer.json()["trained"] == 1
 
 
@@ -213,7 +213,7 @@ def test_wrong_usage(qcompile: Call, words: tuple[Any, ...], text: str) -> None:
     [
         (
             ("--address", "tcp://127.0.0.1:1"),
-            "Error: The engine 'processes' has no address, found 'tcp://127.0.0.1:1'.\n"
+            "Error: The engine 'processes' takes no address, found 'tcp://127.0.0.1:1'.\n"
             "  Say --engine dask or --engine ray.\n",
         ),
         (

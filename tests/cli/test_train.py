@@ -64,7 +64,7 @@ def test_an_interrupted_training_keeps_the_policy(
         answer.err
         == """\
 Error: Interrupted.
-  The policy as it was by then is in mine.pt.
+  The policy trained so far is in mine.pt.
 """
     )
     if as_json:
@@ -125,7 +125,7 @@ def test_an_output_that_cannot_be_written_is_refused(qcompile: Call, left: Call,
         (("--out", "folder.pt"), "File 'folder.pt' is a directory."),
         (
             ("--out", "mine.json", "--log", "./mine.json"),
-            "mine.json is the file of out and of log.",
+            "out and log are the same file, mine.json.",
         ),
         (("--out", "mine.pt", "--reuse", "0"), "0 is not in the range 1<=x<=1000."),
         (("--out", "mine.pt", "--steps", "0"), "0 is not in the range x>=1."),

@@ -27,7 +27,7 @@ def test_a_file_that_is_there_is_kept(
     assert (answer.code, answer.out) == (1, "")
     advice = f"hoose another with {option}, or overwrite it with --force.\n"
     why = "C" if option == "--out" else "It can be resumed with --resume: c"
-    assert answer.err == f"Error: {name} is there already.\n  {why}{advice}"
+    assert answer.err == f"Error: {name} already exists.\n  {why}{advice}"
     assert Path(name).read_text() == "good"
     assert qcompile(*words, "--force").code == 0
     assert Path(name).read_bytes() != b"good"
@@ -55,7 +55,7 @@ def test_of_a_model_without_a_policy_it_overwrites_its_own_checkpoint(
     resumed = ("train", "CartPole-v1", "--resume", "state", "--out")
     assert qcompile(*resumed, "m.pt").code == 0
     assert qcompile(*words, "--seed", 1, "--out", "other.pt").code == 0
-    assert "other.pt is there already." in qcompile(*resumed, "other.pt").err
+    assert "other.pt already exists." in qcompile(*resumed, "other.pt").err
 
 
 @pytest.mark.parametrize(
@@ -76,7 +76,7 @@ def test_a_resumed_training_keeps_what_is_another_training_s(
     resumed = ("train", "CartPole-v1", "--resume", "state", "--out", "other.pt")
     answer = qcompile(*resumed)
     assert answer.code == 1
-    assert answer.err.startswith("Error: other.pt is there already.\n")
+    assert answer.err.startswith("Error: other.pt already exists.\n")
     assert Path("other.pt").read_bytes() == before
     assert qcompile(*resumed, "--force").code == 0
 

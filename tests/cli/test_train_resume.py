@@ -83,7 +83,7 @@ def test_a_model_without_a_policy_goes_on_from_its_own_file(qcompile: Call, ctrl
         answer.err
         == """\
 Error: Interrupted.
-  The model as it was by then is in net.pt.
+  The model trained so far is in net.pt.
   Resume with: qcompile train CartPole-v1 --resume net.pt --out net.pt
 """
     )
@@ -183,7 +183,7 @@ def test_a_finished_training_is_written_once_more(qcompile: Call) -> None:
     again = ("--resume", "state", "--out", "again/p.json", "--log", "again/log.csv")
     answer = qcompile("train", "CartPole-v1", *again)
     assert answer.code == 0
-    assert answer.err == "The training of state was finished; only its outputs are made.\n"
+    assert answer.err == "The training in state is finished; only its output files are written.\n"
     assert answer.out.startswith("8 episodes, ")
     for name in ("p.json", "log.csv"):
         assert Path("first", name).read_bytes() == Path("again", name).read_bytes()
@@ -234,8 +234,8 @@ def test_what_the_checkpoint_says_too_may_be_named(qcompile: Call, state: str) -
 
 
 CONTRADICTIONS = {
-    "environment": (("Acrobot-v1",), "the environment 'CartPole-v1', found 'Acrobot-v1'"),
-    "model": (("CartPole-v1", "--model", "fcn"), "the model 'svqc', found 'fcn'"),
+    "environment": (("Acrobot-v1",), "environment 'CartPole-v1', not 'Acrobot-v1'"),
+    "model": (("CartPole-v1", "--model", "fcn"), "model 'svqc', not 'fcn'"),
     "seed": (("CartPole-v1", "--seed", "4"), "the seed 0, found 4"),
 }
 
@@ -268,7 +268,9 @@ def test_settings_beside_a_checkpoint_are_refused(
     answer = qcompile("train", "CartPole-v1", "--resume", state, *words, "--out", "p.pt")
     assert (answer.code, answer.out) == (2, "")
     option = {"--set": "settings"}.get(words[0], words[0].removeprefix("--"))
-    wanted = f"Error: {option} cannot be given with resume: the checkpoint has the settings.\n"
+    wanted = (
+        f"Error: {option} cannot be combined with resume: the settings come from the checkpoint.\n"
+    )
     assert answer.err == wanted
 
 
@@ -299,11 +301,11 @@ def test_no_file_and_a_policy_are_refused(qcompile: Call, state: str) -> None:
     ("words", "text"),
     [
         (("--out", "./state"), "state must end with .pt or .json."),
-        (("--out", "p.pt", "--log", "state"), "state is the file of checkpoint and of log."),
-        (("--out", "p.pt", "--checkpoint", "p.pt"), "p.pt is the file of out and of checkpoint."),
+        (("--out", "p.pt", "--log", "state"), "checkpoint and log are the same file, state."),
+        (("--out", "p.pt", "--checkpoint", "p.pt"), "out and checkpoint are the same file, p.pt."),
         (
             ("--out", "p.pt", "--checkpoint", "b", "--log", "b"),
-            "b is the file of checkpoint and of log.",
+            "checkpoint and log are the same file, b.",
         ),
     ],
 )

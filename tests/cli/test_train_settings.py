@@ -57,12 +57,15 @@ def test_set_reads_lists_of_lists_and_none(settings: Call) -> None:
     [
         (("--set", "clp=1"), "Unknown setting 'clp'.\n  Did you mean clip?"),
         (("--set", "clip"), "'clip' is not NAME=VALUE, such as clip=0.2."),
-        (("--set", "model=fcn"), "'model' decides which preset is taken."),
-        (("--set", "layout=serial"), "'layout' decides which preset is taken."),
+        (("--set", "model=fcn"), "'model' cannot be changed as a setting"),
+        (("--set", "layout=serial"), "'layout' cannot be changed as a setting"),
         (("--set", "clip=1", "--set", "clip=2"), "'clip' is set twice."),
-        (("--set", "reuse=3", "--reuse", "2"), "reuse is both an option and one of the settings."),
+        (
+            ("--set", "reuse=3", "--reuse", "2"),
+            "reuse is given twice, as an option and as a setting.",
+        ),
         (("--set", "hidden=[1"), "hidden=[1 is not a JSON list: "),
-        (("--evaluate-episodes", "3"), "evaluate-episodes needs evaluate-every:"),
+        (("--evaluate-episodes", "3"), "evaluate-episodes needs evaluate-every."),
         (("--model", "mvqc"), "p.json must end with .pt: model 'mvqc' is an entangling circuit"),
     ],
 )

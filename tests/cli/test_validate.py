@@ -48,9 +48,9 @@ def test_the_contract_of_json(qcompile: Call) -> None:
 def test_the_table(qcompile: Call) -> None:
     answer = qcompile(*WORDS)
     assert answer.code == 0
-    assert "Twin of lima.json against fresh counts of 500 shots" in answer.out
+    assert "Twin of lima.json against fresh counts, 500 shots" in answer.out
     assert answer.out.count("holds") == 4
-    assert "pass; the largest difference of a <Z> is 0." in answer.out
+    assert "pass; the largest difference in <Z> is 0." in answer.out
     assert "charged" not in answer.out
 
 
@@ -59,8 +59,11 @@ def test_the_defaults_have_the_power_that_is_wanted(qcompile: Call) -> None:
     found = qcompile(*words, "--json").json()
     assert found["least_power"] >= 0.9
     told = " ".join(qcompile(*words).out.split())
-    share = f"{100 * found['least_power']:.0f} % of the time or more"
-    assert f"observations: a p01 of one qubit raised by 0.05 is found {share}" in told
+    share = f"{100 * found['least_power']:.0f} %"
+    assert (
+        "observations: an increase of p01 by 0.05 on any one qubit is detected with a probability "
+        f"of at least {share}"
+    ) in told
     surer = qcompile(*words, "--power", 0.99, "--effect", 0.04, "--json").json()
     assert surer["least_power"] >= 0.99
     assert surer["effect"] == 0.04
@@ -76,7 +79,7 @@ def test_a_twin_that_is_turned_can_be_validated(qcompile: Call) -> None:
     answer = qcompile(*WORDS, "--json")
     assert answer.code == 1
     assert answer.json()["failed"]
-    assert "is not its machine any more" in answer.err
+    assert "no longer matches the machine" in answer.err
 
 
 def test_a_power_that_cannot_be_had_is_told(qcompile: Call) -> None:
@@ -84,8 +87,8 @@ def test_a_power_that_cannot_be_had_is_told(qcompile: Call) -> None:
     assert answer.code == 0
     share = f"{100 * answer.json()['least_power']:.0f} %"
     assert answer.err == (
-        f"A p01 raised by 0.01 is found {share} of the time at least: lima.json has too few shots "
-        "for more. Calibrate with more of them.\n"
+        f"An increase of p01 by 0.01 is detected with a probability of only {share}: lima.json has "
+        "too few shots. Calibrate with more.\n"
     )
 
 
@@ -112,7 +115,7 @@ def test_a_twin_that_does_not_hold_is_printed_and_ends_with_1(qcompile: Call) ->
     assert answer.code == 1
     assert answer.out.count("fails") == len(found["failed"])
     assert answer.out.count("holds") == 4 - len(found["failed"])
-    assert "fail; the largest difference of a <Z> is 0." in answer.out
+    assert "fail; the largest difference in <Z> is 0." in answer.out
     assert (
         "Error: The twin of lima.json is not its machine any more: qubit "
         f"{', '.join(map(str, found['failed']))}.\n"

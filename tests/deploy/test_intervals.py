@@ -84,7 +84,7 @@ def test_it_holds_the_mean_as_often_as_it_says(size: int, law: str) -> None:
 def test_blocks_change_nothing(monkeypatch: pytest.MonkeyPatch, block: int) -> None:
     rewards = np.random.default_rng(3).normal(200, 30, 37)
     whole = found(rewards, 9, 2000)
-    monkeypatch.setattr("qcompile.deploy.intervals._MOST_DRAWN", block)
+    monkeypatch.setattr("qcompile.deploy.intervals._MAX_DRAWN", block)
     np.testing.assert_allclose(found(rewards, 9, 2000), whole, rtol=1e-12)
 
 

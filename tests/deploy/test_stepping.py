@@ -206,9 +206,9 @@ def test_observations_other_than_declared(
 
 
 ANSWERS: dict[str, tuple[Any, str]] = {
-    "the API of gym": ((GOOD, 1.0, False, {}), "step gave"),
-    "three values": ((GOOD, 1.0, False), "step gave"),
-    "None": (None, "step gave"),
+    "the API of gym": ((GOOD, 1.0, False, {}), "step returned"),
+    "three values": ((GOOD, 1.0, False), "step returned"),
+    "None": (None, "step returned"),
     "flags": ((GOOD, 1.0, None, False, {}), "terminated and truncated must be true or false"),
     "an array of flags": (
         (GOOD, 1.0, np.array([True, False]), False, {}),

@@ -209,7 +209,7 @@ CASES = (
     Command(
         "train CartPole-v1 --preset paper --model mvqc --episodes 1 --out p.pt",
         "with 3 qubits at most",
-        setting("qcompile.rl.models.mvqc._MAX_QUBITS", 3),
+        setting("qcompile.rl.models.mvqc._MOST_QUBITS", 3),
     ),
     f"{TRAIN} --out 'bell\a.pt'",
     "train CartPole-v1 --preset paper --set steps=none --set episodes=none --out p.pt",

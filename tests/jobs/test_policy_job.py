@@ -167,7 +167,7 @@ def test_openqasm_2_needs_observations(tmp_path: Path) -> None:
 def test_a_folder_in_use_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "mine").write_text("keep")
     for folder in (tmp_path, tmp_path / "mine"):
-        with pytest.raises(OutputError, match="is in use"):
+        with pytest.raises(OutputError, match="already exists"):
             export_job(make(), load_device("ideal"), folder)
     with pytest.raises(OutputError, match=r"Cannot (write|make)"):
         export_job(make(), load_device("ideal"), tmp_path / "mine" / "job")
@@ -274,7 +274,7 @@ def test_observations_of_a_pipe_are_refused(tmp_path: Path, suffix: str) -> None
 
 def test_observations_that_are_not_there(tmp_path: Path) -> None:
     with pytest.raises(
-        PolicyError, match=r"does not contain observations\.\n  No such file or directory\n"
+        PolicyError, match=r"holds no observations\.\n  No such file or directory\n"
     ):
         read_observations(tmp_path / "a.csv", make())
 

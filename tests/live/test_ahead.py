@@ -141,11 +141,11 @@ def array(values: Any) -> bytes:
         (lambda rows: rows[:2], "The rows of a step are damaged"),
         (
             lambda rows: np.add(rows, [[0], [1], [0], [0]]),
-            "The rows of step 0 are not those recorded",
+            "The rows of step 0 differ from the recorded ones",
         ),
-        (lambda rows: np.add(rows, [[0], [0], [5], [0]]), "the actions of step 0 are wrong"),
-        (lambda rows: np.add(rows, [[0], [0], [0], [5]]), "the actions of step 0 are wrong"),
-        (lambda rows: rows * [[1], [1], [1], [0]], "not those recorded"),
+        (lambda rows: np.add(rows, [[0], [0], [5], [0]]), "the actions of step 0 are not valid"),
+        (lambda rows: np.add(rows, [[0], [0], [0], [5]]), "the actions of step 0 are not valid"),
+        (lambda rows: rows * [[1], [1], [1], [0]], "differ from the recorded ones"),
     ],
 )
 def test_rows_that_do_not_fit_are_explained(runs: Runs, change_it: Any, words: str) -> None:

@@ -103,7 +103,7 @@ def test_counts_that_cannot_be_fitted_are_kept(runs: Runs, monkeypatch: pytest.M
     monkeypatch.setattr("standin.service.draw", silent)
     answer = calibrated(runs, shots=100)
     assert answer.code == 1
-    assert "Error: Not everything could be fitted. The counts are in machine.json." in answer.err
+    assert "Error: Some fits failed. The counts are in machine.json." in answer.err
     assert len(runs.service.ledger().jobs) == 1
     kept = Calibration.model_validate(json.loads(Path("machine.json").read_text()))
     assert kept.response is None
@@ -126,7 +126,7 @@ def test_a_file_that_is_there_is_refused_before_anything_is_sent(runs: Runs) -> 
     Path("machine.json").write_text("paid for")
     answer = calibrated(runs)
     assert answer.code == 1
-    assert "machine.json is there already." in answer.err
+    assert "machine.json already exists." in answer.err
     assert not runs.service.ledger().jobs
 
 

@@ -93,7 +93,7 @@ def test_no_account_at_all_is_explained(runs: Runs, monkeypatch: pytest.MonkeyPa
     answer = runs.run()
     assert answer.code == 1
     assert answer.err.startswith("Error: No account of IBM Quantum is saved on this machine.\n")
-    assert "save_account(token='...', instance='...')" in answer.err
+    assert "save_account(token=getpass('API key: '), instance='CRN')" in answer.err
 
 
 def test_an_unknown_backend_is_answered_with_the_known_ones(runs: Runs) -> None:

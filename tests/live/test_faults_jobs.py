@@ -137,7 +137,7 @@ def test_a_charge_that_comes_late_is_not_guessed_and_learnt_later(
 def test_charges_are_learnt_in_between_before_there_are_too_many(
     runs: Runs, undisturbed: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("qcompile.live.billing._MOST_UNCHARGED", 2)
+    monkeypatch.setattr("qcompile.live.billing._MAX_UNCHARGED", 2)
     runs.service.settings.usage_lag_seconds = 3600
     real, told = Billing._wait, []
 

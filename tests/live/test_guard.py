@@ -17,15 +17,15 @@ def nothing_sent(runs: Runs) -> bool:
 
 @pytest.mark.parametrize("spare_s", [-0.1, 0.0, 0.99])
 def test_a_plan_above_the_limit_sends_nothing(runs: Runs, spare_s: float) -> None:
-    """IBM stops jobs at whole seconds: one second is to spare."""
+    """IBM stops jobs at whole seconds: one second is kept in reserve."""
     limit_s = 3 * STEP_S + spare_s
     answer = runs.run(max_qpu_seconds=limit_s)
     assert answer.code == 1
     assert (
-        "Error: The run needs 6.5 QPU seconds and one to spare, more than the "
-        f"{limit_s:g} allowed. Nothing was sent.\n"
-        "  Raise --max-qpu-seconds, or take fewer shots, episodes or steps; "
-        "`qcompile plan` shows cheaper ways.\n"
+        "Error: The run needs 6.5 QPU seconds and 1 in reserve, more than the limit of "
+        f"{limit_s:g}. Nothing was sent.\n"
+        "  Raise --max-qpu-seconds, or use fewer shots, episodes or steps. "
+        "`qcompile plan --within SECONDS` finds cheaper settings.\n"
     ) in answer.err
     assert nothing_sent(runs)
     assert runs.call("runs", "--json").json() == []
@@ -48,8 +48,11 @@ def test_a_declined_confirmation_sends_nothing(
     words = ("run", "cartpole", "--backend", "fake_lima", "--live", "--max-qpu-seconds", 60)
     declined = runs.call(*words, "--episodes", 1, "--max-steps", 1, "--mitigation", "none")
     assert declined.code == 1
-    assert "Spend them? [y/N]" in declined.err
-    assert "Error: Nobody said yes. Nothing was sent.\n  In a script say --yes." in declined.err
+    assert "Spend this QPU time? [y/N]" in declined.err
+    assert (
+        "Error: The question was not answered. Nothing was sent.\n  In a script, add --yes."
+        in declined.err
+    )
     assert nothing_sent(runs)
     assert runs.call("runs", "--json").json() == []
 

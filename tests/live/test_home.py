@@ -23,7 +23,7 @@ from qcompile.live.runs import find_journal
 RUNS = Path("runs")
 IN_FOLDER = "was last resumed in another folder: another copy of it may exist.\n"
 ON_MACHINE = "was last resumed on another machine: another copy of it may exist.\n"
-NOBODY = "Error: Nobody said yes. Nothing was sent.\n  In a script say --yes"
+NOBODY = "Error: The question was not answered. Nothing was sent.\n  In a script, add --yes"
 
 
 @pytest.fixture
@@ -100,7 +100,10 @@ def test_on_another_machine_a_script_says_the_limit_itself(
     assert f"{NOBODY} and --max-qpu-seconds S.\n" in asked.err
     short = stopped.call("resume", "last", "--yes")
     assert short.code == 1
-    assert "Error: Its limit of 60 QPU seconds was set elsewhere. Nothing was sent.\n" in short.err
+    assert (
+        "Error: The run's limit of 60 QPU seconds was set on another machine. Nothing was sent.\n"
+        in short.err
+    )
     assert sent(stopped) == before
     found = stopped.call("resume", "last", "--yes", "--max-qpu-seconds", 30, "--json")
     assert played(found.json()) == undisturbed

@@ -61,7 +61,7 @@ def test_a_damaged_journal_is_explained() -> None:
     journal.path.write_bytes(b"not a database, but long enough to be one" * 100)
     with pytest.raises(
         LiveError,
-        match=r"cannot be read: .*\n  Copy the run to a folder",
+        match=r"cannot be read: .*\n  Copy the run to a writable folder",
     ):
         Journal(journal.folder)
 

@@ -23,9 +23,9 @@ def test_the_plan_is_told_and_played(runs: Runs) -> None:
     assert answer.code == 0, answer.err
     result: dict[str, Any] = answer.json()
     told, question = answer.err.splitlines()[:2]
-    words = f"planned: --shots {result['shots']} --speculate auto --calibration-shots "
+    words = f"Planned settings: --shots {result['shots']} --speculate auto --calibration-shots "
     assert told.startswith(words)
-    assert told.endswith("% of the reward; other settings: give --shots")
+    assert told.endswith("% of the reward. To choose others, add --shots.")
     assert "QPU seconds by IBM's estimate; the limit is 60." in question
     assert result["shots"] in search.LADDER[:7]
     assert (result["speculate"], result["max_steps"]) == ("auto", 3)
@@ -54,7 +54,7 @@ def test_with_shots_nothing_is_planned(runs: Runs) -> None:
 def test_where_nothing_fits_the_guard_refuses(runs: Runs) -> None:
     answer = runs.call(*SMALL, "--live", "--yes", "--max-qpu-seconds", 3)
     assert answer.code == 1
-    assert "planned: nothing fits; the nearest is --shots" in answer.err
-    assert "more than the 3 allowed. Nothing was sent." in answer.err
+    assert "Planned settings: nothing fits the limit. The nearest are --shots" in answer.err
+    assert "more than the limit of 3. Nothing was sent." in answer.err
     assert "`qcompile plan` shows cheaper ways" in answer.err
     assert not runs.service.ledger().jobs

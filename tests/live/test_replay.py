@@ -98,7 +98,7 @@ def test_recorded_actions_are_taken(runs: Runs) -> None:
     changed_array("actions", 0, flip)
     answer = runs.call("resume", "last")
     assert answer.code == 1
-    assert "The observations of step 1 are not those recorded" in answer.err
+    assert "The observations of step 1 differ from the recorded ones" in answer.err
 
 
 @pytest.mark.parametrize(("by", "same"), [(1e-13, True), (-1e-13, True), (1e-8, False)])

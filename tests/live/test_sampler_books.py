@@ -45,7 +45,7 @@ def test_runs_tell_what_a_sampler_has_and_what_it_costs(runs: Runs) -> None:
         assert shown.out == (
             f"{row['run']}, sampler on fake_lima: finished\n"
             "Jobs done: 1; everything is kept.\n"
-            f"{charged_s:.1f} QPU seconds charged; 50 allowed\n"
+            f"{charged_s:.1f} QPU seconds charged; the limit is 50\n"
             "Run its program again to continue. `qcompile resume mine` fetches what was sent.\n"
         )
     exported = runs.call("runs", "export", "mine").json()
@@ -84,7 +84,7 @@ def test_resume_finds_a_job_that_the_program_does_not_know_of(runs: Runs) -> Non
     sampler = GuardedSampler("fake_lima")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Finder, "find", lambda self, submission: None)
-        patch.setattr("qcompile.live.sender._MOST_SENDS", 1)
+        patch.setattr("qcompile.live.sender._MAX_SENDS", 1)
         with pytest.raises(LiveError):
             sampler.run(PUBS, shots=SHOTS)
     sampler.close()
@@ -203,7 +203,7 @@ def test_a_clock_that_was_days_ahead_hides_no_job(service: StandIn) -> None:
     sampler = GuardedSampler("fake_lima")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Finder, "find", lambda self, submission: None)
-        patch.setattr("qcompile.live.sender._MOST_SENDS", 1)
+        patch.setattr("qcompile.live.sender._MAX_SENDS", 1)
         with pytest.raises(LiveError):
             sampler.run(PUBS, shots=SHOTS)
     database = sampler.journal._db

@@ -54,7 +54,7 @@ def test_a_true_twin_passes_live(runs: Runs, machine: str) -> None:
     assert f"1 job, {8 * found['shots']:,} executions, about" in answer.err
     text = runs.call("runs", "show", "last")
     assert text.code == 0
-    assert "pass; the largest difference of a <Z> is" in text.out
+    assert "pass; the largest difference in <Z> is" in text.out
 
 
 def test_a_moved_qubit_is_named_live_and_offline(runs: Runs, machine: str) -> None:

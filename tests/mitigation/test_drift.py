@@ -76,7 +76,7 @@ def test_incomparable_calibrations_are_refused() -> None:
     calibration = measured(1)
     lima = calibrate(OfflineExecutor(load_device("fake_lima"), 1), np.arange(5), 100)
     with pytest.raises(
-        CalibrationError, match="of fake_toronto, the fresh counts are from fake_lim"
+        CalibrationError, match="for fake_toronto, the fresh counts are from fake_lim"
     ):
         measure_drift(calibration, lima)
     with pytest.raises(CalibrationError, match="without shots"):

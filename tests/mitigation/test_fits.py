@@ -96,10 +96,12 @@ def test_probabilities_at_the_extremes(ones_of_0: int, ones_of_1: int) -> None:
 
 def test_no_contrast_is_refused() -> None:
     prepared, ones = pair([80, 4096], [8000, 4150])
-    with pytest.raises(CalibrationError, match=r"readout of qubit 9 \(0\.0\d+\) shows less than"):
+    with pytest.raises(
+        CalibrationError, match=r"readout of qubit 9 \(0\.0\d+\) preserves less than"
+    ):
         fit_readout(prepared, ones, SHOTS, np.array([4, 9]))
     flat = SHOTS / 2 * (1 + 0.0055 * np.cos(ANGLES))[:, None]
-    with pytest.raises(CalibrationError, match=r"response of qubit 6 \(0\.005\d\) shows less"):
+    with pytest.raises(CalibrationError, match=r"response of qubit 6 \(0\.005\d\) preserves less"):
         fit_response(ANGLES, flat, SHOTS, np.array([6]))
 
 
@@ -109,7 +111,7 @@ def test_too_few_shots_are_refused_with_how_many_would_do() -> None:
         fit_readout(prepared, ones, 10, np.array([4, 9]))
     errors = [np.sqrt((k + 0.5) * (10.5 - k)) / 11 / np.sqrt(10) for k in (2, 8)]
     wanted = (np.hypot(*errors) / MAX_ERROR) ** 2
-    assert f"Take {math.ceil(10 * wanted) / 10} times the shots" in str(caught.value)
+    assert f"Use at least {math.ceil(10 * wanted) / 10} times the shots" in str(caught.value)
     with pytest.raises(CalibrationError, match="Too few shots"):
         fit_response(ANGLES, np.round(5 * (1 - np.cos(ANGLES)))[:, None] / 2, 5, np.array([1]))
 
@@ -134,7 +136,7 @@ def test_exact_probabilities_give_the_curves_back() -> None:
 
 @pytest.mark.parametrize("angles", [ANGLES[:4], np.array([0.0, 2 * np.pi, 1.0, 1.0])])
 def test_angles_that_do_not_fix_a_curve_are_refused(angles: np.ndarray) -> None:
-    with pytest.raises(CalibrationError, match="do not fix a curve"):
+    with pytest.raises(CalibrationError, match="do not determine a curve"):
         fit_response(angles, np.ones((4, 1)), SHOTS, np.array([0]))
 
 

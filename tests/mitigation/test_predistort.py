@@ -83,7 +83,7 @@ def test_predistortion_is_refused_where_impossible(made: Callable[..., Calibrati
     with pytest.raises(CalibrationError, match="need level 2"):
         predistorted(compile(program, calibration.device, 1), calibration)
     changed = predistorted(compile(program, calibration.device), calibration)
-    with pytest.raises(CalibrationError, match="predistorted already"):
+    with pytest.raises(CalibrationError, match="already predistorted"):
         predistorted(changed, calibration)
     other = made(readout=([0.1] * 3, [0.1] * 3))
     executable = compile(program, other.device)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -94,10 +95,10 @@ KINDS: dict[str, Callable[[], Reported]] = {
 
 
 @pytest.fixture(scope="session")
-def report(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Callable[[str], Path]:
+def report(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
     """The file of a report, by its kind; processes that test side by side make each once."""
     base = tmp_path_factory.getbasetemp()
-    shared = base if worker_id == "master" else base.parent
+    shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
 
     def make(kind: str) -> Path:
         folder = shared / f"report-{kind}"

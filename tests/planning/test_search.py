@@ -184,7 +184,7 @@ def test_copies_that_are_given_have_a_shot_or_an_episode_each(scripted: Search) 
         found = scripted(rewards, fixed={"copies": 40, **split})
         assert {(p.settings.copies, p.settings.split) for p in found.points} == {(40, True)}
         assert min(p.settings.shots or 0 for p in found.points) == 64
-    with pytest.raises(OptionError, match="copies 40 exceeds the 10 episodes"):
+    with pytest.raises(OptionError, match="40 copies are more than the 10 episodes"):
         scripted(rewards, fixed={"copies": 40, "split": False})
-    with pytest.raises(OptionError, match="copies 40 exceeds the 10 episodes"):
+    with pytest.raises(OptionError, match="40 copies are more than the 10 episodes"):
         scripted(rewards, fixed={"copies": 40, "shots": 8})

@@ -119,7 +119,7 @@ def test_what_stands_for_circuits(tmp_path: Path) -> None:
     ("source", "words"),
     [
         ("cartpol", "There is no file or policy cartpol.\n  Did you mean cartpole"),
-        ("none.qasm", "There is no file none.qasm"),
+        ("none.qasm", "There is no file or policy none.qasm"),
         ("none.pt", "Unknown policy 'none.pt'"),
         (3, "circuits cannot be an object of type int"),
         (Program.parse("parameters a\n0: ry(a)"), "need an input: 1 circuit reads 0"),

@@ -82,9 +82,9 @@ def test_random_opcodes_are_refused(tmp_path: Path) -> None:
 def test_a_pt_file_of_something_else_is_refused(
     tmp_path: Path, values: Make, write_pt: Make
 ) -> None:
-    with pytest.raises(PolicyError, match="holds a list"):
+    with pytest.raises(PolicyError, match="contains a list"):
         load_policy(write_pt(tmp_path / "list.pt", [values()]))
-    with pytest.raises(PolicyError, match="holds a Tensor"):
+    with pytest.raises(PolicyError, match="contains a Tensor"):
         load_policy(write_pt(tmp_path / "tensor.pt", torch.zeros(3)))
 
 

@@ -137,14 +137,17 @@ def test_formulas_are_what_is_computed() -> None:
         (encoder(gain=[1e10] * 5), "encoder.gain has an entry of 1e\\+10"),
         (encoder(mean=[0.0] * 2), "encoder.mean has 2 numbers.\n  It needs .* 3 or more"),
         (encoder(std=[1.0] * 2), "encoder.std has 2 numbers"),
-        (encoder(mean=[0.0] * 3, std=[1.0] * 4), "encoder.mean has 3 numbers, encoder.std 4"),
+        (
+            encoder(mean=[0.0] * 3, std=[1.0] * 4),
+            "encoder.mean has 3 numbers, but encoder.std has 4",
+        ),
         (encoder(mean=[[0.0]] * 3), r"encoder.mean has shape \(3, 1\)"),
         (encoder(std=[1.0, 0.0, 1.0]), "encoder.std contains a number that is not positive"),
         (encoder(std=[1.0, 1.0, 1e-10]), "encoder.std contains a number that is too small"),
         (encoder(("bits",) * 4 + ("tanh",)), "encoder.function has bits and other functions"),
         (encoder("bits"), "needs scale 1, and no mean or std"),
         (encoder("bits", scale=[1] * 5, mean=[0.0]), "needs scale 1, and no mean or std"),
-        (encoder("bits", [53], [1.0]), "encoder.feature has an entry of 53.\n  .* 52 at most"),
+        (encoder("bits", [53], [1.0]), "encoder.feature has an entry of 53.\n  .* at most 52"),
     ],
 )
 def test_what_is_no_encoder_is_refused(made: Encoder, message: str) -> None:

@@ -153,7 +153,7 @@ def test_missing_folders_are_made(tmp_path: Path, awkward: Make) -> None:
 
 @pytest.mark.parametrize("name", ["p", "p.txt", "p.JSON", "p.pth"])
 def test_another_suffix_is_refused(tmp_path: Path, name: str, awkward: Make) -> None:
-    with pytest.raises(PolicyError, match=r"It ends with \.pt or \.json"):
+    with pytest.raises(PolicyError, match=r"It must end with \.pt or \.json"):
         save_policy(awkward(), tmp_path / name)
     assert not list(tmp_path.iterdir())
 

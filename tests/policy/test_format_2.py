@@ -204,11 +204,11 @@ def observables(*sets: list[int]) -> dict[str, Any]:
 
 
 WRONG: list[tuple[dict[str, Any], str]] = [
-    (gates(["cx", 0, 0]), "circuits.0.gates.0: Gate 'cx' needs 2 different qubits"),
-    (gates(["h", 0], ["cz", 1]), "circuits.0.gates.1: Gate 'cz' needs 2 different qubits"),
-    (gates(["h"]), "circuits.0.gates.0: Gate 'h' needs 1 different qubits"),
+    (gates(["cx", 0, 0]), "gates.0: Gate 'cx' must end with two different qubits"),
+    (gates(["h", 0], ["cz", 1]), "gates.1: Gate 'cz' must end with two different qubits"),
+    (gates(["h"]), "circuits.0.gates.0: Gate 'h' must end with a qubit"),
     (gates(["ecr", 0, 2]), "Gate 'ecr' acts on 2.\n    The block has qubits 0 to 1"),
-    (gates(["ry", 0, "x0"]), "Gate 'ry' acts on 'x0'.\n    The block has qubits 0 to 1, which"),
+    (gates(["ry", 0, "x0"]), "Gate 'ry' acts on 'x0'.\n    The block has qubits 0 to 1; a gate"),
     (gates(["h", 0.0]), "Gate 'h' acts on 0.0"),
     (gates(["cz", "x0", 0, 1]), "Gate 'cz' has 1 angles"),
     (gates(["swap", 0]), "Unknown gate 'swap'"),
@@ -269,9 +269,9 @@ def test_wrong_encoders_are_named(
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"hold": 1}, 'hold: unknown key .*\n  It is right in the other format: .*policy-2"'),
-        ({"encoder": ENCODER | {"function": "clip"}}, "\n  It is right in the other format"),
-        ({"hold": 1, "bias": 3}, 'bias: .*\n  hold: .*\n  hold is a key of format "qcompile-pol'),
+        ({"hold": 1}, 'hold: unknown key .*\n  It is valid in the other format: .*policy-2"'),
+        ({"encoder": ENCODER | {"function": "clip"}}, "\n  It is valid in the other format"),
+        ({"hold": 1, "bias": 3}, 'bias: .*\n  hold: .*\n  hold belongs to format "qcompile-pol'),
         (
             {"format": "qcompile-policy-3"},
             "should be 'qcompile-policy-1', 'qcompile-policy-2' or 'qcompile-network-1'",

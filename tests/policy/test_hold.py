@@ -69,7 +69,7 @@ def test_format_1_has_no_hold(tmp_path: Path, values: Make, write_json: Make) ->
     assert str(caught.value).splitlines() == [
         f"{path} is not a policy file.",
         "  hold: unknown key (found 2)",
-        '  It is right in the other format: "format": "qcompile-policy-2".',
+        '  It is valid in the other format: "format": "qcompile-policy-2".',
     ]
 
 

@@ -197,7 +197,7 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
         layers({"bias": [0, 0]}),
         r"layers.0.weights has shape \(3, 2\).\s+It needs",
     ),
-    "inputs": (layers({}, {"weights": [[1], [2]]}), r"layers.1 has 1 inputs.\s+The layer before"),
+    "inputs": (layers({}, {"weights": [[1], [2]]}), r"layers.1 has 1 inputs.\s+The previous layer"),
     "nan": (layers({"bias": [0, 0, math.nan]}), "input should be a finite number"),
     "kernel of 5": (
         changed(layers=[KERNELS | {"weights": [[[1, 2, 3, 4, 5]]]}]),
@@ -205,11 +205,11 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "no dense layer at the end": (
         changed(layers=[KERNELS]),
-        "The last layer of a network is",
+        "The last layer of a network must be dense",
     ),
     "convolution late": (
         changed(layers=[*policy_values(by_hand())["layers"], KERNELS, KERNELS]),
-        "The last layer of a network is",
+        "The last layer of a network must be dense",
     ),
     "convolution in between": (
         changed(layers=[changed()["layers"][0], KERNELS, changed()["layers"][1]]),

@@ -258,7 +258,7 @@ def test_output_reuse_does_not_count() -> None:
         ("encoder", Encoder("sin", np.arange(3), np.ones(3)), "Unknown encoder function 'sin'"),
         ("encoder", Encoder("arctan", np.arange(2), np.ones(3)), r"encoder.feature has shape \(2,"),
         ("encoder", Encoder("arctan", np.arange(3), np.ones(4)), r"encoder.scale has shape \(4,"),
-        ("encoder", Encoder("arctan", np.arange(3), np.full(3, np.nan)), "encoder.scale holds"),
+        ("encoder", Encoder("arctan", np.arange(3), np.full(3, np.nan)), "encoder.scale contains"),
     ],
 )
 def test_what_does_not_fit_is_refused(name: str, array: object, message: str) -> None:

@@ -259,7 +259,7 @@ def test_too_many_angles_on_one_qubit_are_refused() -> None:
         Surrogate.of(made(["h", text], [1.0] * 12))
     assert re.fullmatch(
         r"Circuit 1 has too many terms for a surrogate\.\n"
-        r"  Found [\d,]+; the limit is 10,000\.\n"
+        r"  It has [\d,]+; the limit is 10,000\.\n"
         r"  Each different angle in a circuit multiplies them: put fewer inputs on a qubit, "
         r"or give the copies of an input the same scale\.",
         str(caught.value),
@@ -269,12 +269,12 @@ def test_too_many_angles_on_one_qubit_are_refused() -> None:
 def test_too_many_terms_of_all_circuits_are_refused() -> None:
     program, feature = serial(8, 6)
     policy = made(program, RNG.uniform(1, 2, len(feature)).tolist(), feature)
-    with pytest.raises(PolicyError, match="The policy has more terms"):
+    with pytest.raises(PolicyError, match="The policy has too many terms"):
         Surrogate.of(policy)
 
 
 def test_terms_that_nearly_cancel_are_refused() -> None:
     """cos(n x) in powers of cos(x) has coefficients that grow as 2^n."""
     text = " ".join(["ry(x0) rz(0.01)"] * 40)
-    with pytest.raises(PolicyError, match=r"circuit 0 would not be exact.*\n.*10,000.*\n.*less"):
+    with pytest.raises(PolicyError, match=r"circuit 0 would not be exact.*\n.*10,000.*\n.*fewer"):
         Surrogate.of(made([text], [1.0]))

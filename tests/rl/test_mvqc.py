@@ -146,5 +146,5 @@ def test_too_many_qubits_are_refused() -> None:
 
 
 def test_scales_for_another_number_of_features_are_refused() -> None:
-    with pytest.raises(TrainingError, match="A copy has 2 scales, found 3 features"):
+    with pytest.raises(TrainingError, match="A copy has 2 scales for 3 features"):
         make(replace(BASE, scales=((1.0, 2.0),)), 3)

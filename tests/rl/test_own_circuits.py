@@ -186,7 +186,7 @@ def test_inputs_read_the_features_in_turn(inputs: int, features: int, read: Any)
     circuits = [Circuit.parse(f"ry(x{i})") for i in range(inputs)]
     ansatz = Ansatz.of_program(Program.of(circuits, inputs))
     if read is None:
-        with pytest.raises(TrainingError, match=r"5 inputs, observations 4 (.|\n)*features="):
+        with pytest.raises(TrainingError, match=r"5 inputs; observations have 4 (.|\n)*features="):
             make_model(OWN, features, 2, torch.Generator(), ansatz)
         return
     own = make_model(OWN, features, 2, torch.Generator(), ansatz)
@@ -197,15 +197,15 @@ def test_inputs_read_the_features_in_turn(inputs: int, features: int, read: Any)
 @pytest.mark.parametrize(
     ("ansatz", "changes", "words"),
     [
-        (SINGLE, {"features": (0,)}, "features has 1 numbers, found 2 inputs"),
+        (SINGLE, {"features": (0,)}, "features has 1 numbers for 2 inputs"),
         (SINGLE, {"features": (0, 4)}, "features names feature 4.\n  Observations have features 0"),
-        (SINGLE, {"encoder": ("tanh",) * 3}, "encoder has 3 functions, found 2 inputs"),
+        (SINGLE, {"encoder": ("tanh",) * 3}, "encoder has 3 functions for 2 inputs"),
         (SINGLE, {"scales": (1.0, 2.0, 3.0)}, "Own circuits need one number for all inputs"),
         (SINGLE, {"scales": ((1.0, 2.0),)}, "Own circuits need one number for all inputs"),
         (SINGLE, {"layout": "parallel"}, "Layout 'parallel' with own circuits"),
         (None, {}, "Layout 'own' without own circuits"),
         (SINGLE, {"model": "mvqc", "layout": "parallel"}, "Model 'mvqc' cannot train own circuits"),
-        (None, {"layout": "parallel", "encoder": ("tanh",)}, "encoder has 1 functions, found 4"),
+        (None, {"layout": "parallel", "encoder": ("tanh",)}, "encoder has 1 functions for 4"),
         (None, {"layout": "parallel", "features": (7,)}, "features names feature 7"),
     ],
 )

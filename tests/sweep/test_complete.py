@@ -133,7 +133,7 @@ def test_ctrl_c_keeps_what_is_finished(folder: Folder[Square, Answer]) -> None:
         swept(folder, interrupted)
     assert str(raised.value) == (
         "Interrupted: 2 of 3 sums are finished.\n"
-        f"  What is finished is in {folder.path}; the same command resumes from there."
+        f"  They are in {folder.path}; the same command resumes with the others."
     )
     assert folder.missing(CELLS) == [CELLS[2]]
 

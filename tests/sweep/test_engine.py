@@ -187,7 +187,7 @@ def test_what_a_lost_worker_had_runs_again(
         assert begun == (2 if cell is small[0] else 1), "what is finished is not run again"
     if engine == "processes":  # Dask starts the worker again by itself
         (words,) = told
-        assert words.startswith("workers were lost (TerminatedWorkerError: ")
+        assert words.startswith("Workers stopped (TerminatedWorkerError: ")
         assert words.endswith("; 1 trainings run again")
 
 
@@ -198,7 +198,7 @@ def test_workers_that_are_always_lost(
     outcome = killing(hand_made(), tmp_path, small[0].name, times=99)
     monkeypatch.setattr("qcompile.sweep.engine._outcome", outcome)
     told: list[str] = []
-    with pytest.raises(StudyError, match="Workers were lost 3 times while no training got done"):
+    with pytest.raises(StudyError, match="Workers stopped 3 times no training got done"):
         train(small[:1], pytest.fail, workers=2, on_loss=told.append)
     assert len(told) == 2
     assert len(list(tmp_path.glob(f"{small[0].name}.*"))) == 3
@@ -222,7 +222,7 @@ def test_a_loss_after_progress_is_a_first_one(
     train(small, done.append, on_loss=told.append)
     assert len(done) == 4
     left = (4, 4, 3, 3)
-    assert told == [f"workers were lost (OSError: gone); {n} trainings run again" for n in left]
+    assert told == [f"Workers stopped (OSError: gone); {n} trainings run again." for n in left]
 
 
 # What is wrong for good.
@@ -251,7 +251,7 @@ UNREACHABLE = {
     "ray port": ("ray", "127.0.0.1:1", "There is no Ray cluster at '127.0.0.1:1'"),
     "ray client": ("ray", "ray://127.0.0.1:1", "There is no Ray cluster at 'ray://127.0.0.1:1'"),
     "ray words": ("ray", "nonsense", "There is no Ray cluster at 'nonsense'"),
-    "processes": ("processes", "tcp://127.0.0.1:1", "The engine 'processes' has no address"),
+    "processes": ("processes", "tcp://127.0.0.1:1", "The engine 'processes' takes no address"),
     "unknown": ("slurm", None, r"Unknown engine 'slurm'\.\n  Known: processes, dask, ray\."),
 }
 

@@ -58,7 +58,7 @@ def test_no_argument_may_be_just_anything(name: str, argument: str) -> None:
         ("plan", {"shots": "exact"}, "shots cannot be 'exact'"),
         ("calibrate", {"seed": -1}, "seed cannot be -1"),
         ("train", {"evaluate_every": 0}, "evaluate_every cannot be 0"),
-        ("study", {"seeds": 2**32}, r"It is in \[1, 1000\]"),
+        ("study", {"seeds": 2**32}, r"It must be in \[1, 1000\]"),
         ("evaluate", {"levels": {2}}, "levels cannot be"),
     ],
 )

@@ -100,11 +100,11 @@ def test_kept_counts_are_fitted_anew() -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"qubits": [0], "policy": "cartpole"}, "qubits and policy exclude each other"),
+        ({"qubits": [0], "policy": "cartpole"}, "qubits and policy cannot be combined"),
         ({"parts": "all"}, "'all' is neither readout nor response."),
-        ({"live": qcompile.Live(9), "shots": None}, "shots exact and live exclude each other."),
-        ({"live": qcompile.Live(9), "seed": 1}, "seed and live exclude each other."),
-        ({"live": qcompile.Live(9)}, "A live calibration needs the name of a machine of IBM's."),
+        ({"live": qcompile.Live(9), "shots": None}, "shots exact cannot be combined with live."),
+        ({"live": qcompile.Live(9), "seed": 1}, "seed cannot be combined with live."),
+        ({"live": qcompile.Live(9)}, "A live calibration needs the name of an IBM machine."),
     ],
 )
 def test_contradictions_are_refused(options: dict[str, Any], words: str) -> None:

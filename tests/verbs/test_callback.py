@@ -96,7 +96,7 @@ def test_what_a_callback_raises_is_its_own_and_what_was_learned_is_kept() -> Non
     with pytest.raises(MineError) as caught:
         qcompile.train("CartPole-v1", **PAPER, callback=fails, **files)
     assert caught.value is error
-    assert error.__notes__ == ["The policy as it was by then is in p.pt."]
+    assert error.__notes__ == ["The policy trained so far is in p.pt."]
     assert len(told) == 5  # it is not called again
     assert len(Path("log.csv").read_text().splitlines()) == 1 + 3
     two = qcompile.train("CartPole-v1", preset="paper", episodes=2).policy
@@ -109,8 +109,8 @@ def test_what_a_callback_raises_is_its_own_and_what_was_learned_is_kept() -> Non
 @pytest.mark.parametrize(
     ("out", "note"),
     [
-        (None, "Nothing was learned by then."),
-        ("p.pt", "Nothing was learned by then: p.pt is not written."),
+        (None, "Nothing was learned yet."),
+        ("p.pt", "Nothing was learned yet, so p.pt was not written."),
     ],
 )
 def test_nothing_is_written_where_nothing_was_learned(out: Any, note: str) -> None:
@@ -127,7 +127,7 @@ def test_a_callback_is_a_function() -> None:
     with pytest.raises(OptionError) as caught:
         qcompile.train("CartPole-v1", callback="wandb")  # type: ignore[arg-type]
     assert str(caught.value) == (
-        "callback cannot be 'wandb'.\n  It is a function of scalars and steps or None."
+        "callback cannot be 'wandb'.\n  It must be a function of scalars and steps or None."
     )
 
 

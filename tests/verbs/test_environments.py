@@ -133,7 +133,7 @@ def test_what_a_policy_file_could_not_keep_is_refused_before_training() -> None:
 def test_a_resumed_training_has_its_arguments(tmp_path: Path) -> None:
     state = tmp_path / "state"
     qcompile.train("CartPole-v1", checkpoint=state, **SHORT)
-    with pytest.raises(OptionError, match="env cannot be given with resume"):
+    with pytest.raises(OptionError, match="env cannot be combined with resume"):
         qcompile.train("CartPole-v1", resume=state, env=OTHER)
 
 

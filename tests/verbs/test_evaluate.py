@@ -93,7 +93,7 @@ def test_a_plan_counts_jobs_and_seconds() -> None:
         *("as", "in", "the", "paper", "8", "800", "16.3", "26", "3", "%")
     ]
     assert plan.plot().png[:4] == b"\x89PNG"
-    with pytest.raises(OptionError, match="account is for live"):
+    with pytest.raises(OptionError, match="account needs live"):
         qcompile.plan("cartpole", account="mine")
     with pytest.raises(OptionError, match="needs the name of a machine"):
         qcompile.plan("cartpole", qcompile.load_device("ibm_lima"), live=True)
@@ -108,7 +108,7 @@ def test_a_validation_says_which_qubits_fail() -> None:
     assert {row[-1] for row in validation.table().words} == {"holds"}
     calibration.save("lima.json")
     assert qcompile.validate("lima.json", **options).to_dict()["file"] == "lima.json"
-    with pytest.raises(OptionError, match="backend and live exclude each other"):
+    with pytest.raises(OptionError, match="backend cannot be combined with live"):
         qcompile.validate(load_calibration("lima.json"), backend="ideal", live=qcompile.Live(9))
     with pytest.raises(OptionError, match="power chooses observations and shots"):
         qcompile.validate(calibration, power=0.9, observations=3, shots=9)

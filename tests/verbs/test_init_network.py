@@ -52,8 +52,8 @@ def test_a_file_is_learned_further(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("init", "options", "words"),
     [
-        (network(), {"model": "svqc"}, "init and model 'svqc' cannot be given together"),
-        (network(), {"layout": "serial"}, "init and layout cannot be given together"),
+        (network(), {"model": "svqc"}, "init and model 'svqc' cannot be combined"),
+        (network(), {"layout": "serial"}, "init and layout cannot be combined"),
         (replace(network(), std=np.ones(4)), {}, "mine has its own normalisation of"),
         (network(), {"settings": {"hidden": [3]}}, "The layers of mine are dense, 4 to 12"),
     ],

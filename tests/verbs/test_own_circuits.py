@@ -106,14 +106,14 @@ def test_a_policy_is_trained_further_in_its_world() -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"circuits": "cartpole", "init": "cartpole"}, "circuits and init cannot be given"),
-        ({"circuits": "cartpole", "layout": "serial"}, "circuits and layout cannot be given"),
-        ({"init": "cartpole", "layout": "serial"}, "init and layout cannot be given"),
-        ({"init": "cartpole", "reuse": 2}, "init and reuse cannot be given"),
-        ({"init": "cartpole", "settings": {"reuse": 2}}, "init and reuse cannot be given"),
-        ({"circuits": "cartpole", "model": "mvqc"}, "circuits and model 'mvqc' cannot be given"),
-        ({"circuits": "cartpole", "resume": "state"}, "circuits cannot be given with resume"),
-        ({"init": "cartpole", "resume": "state"}, "init cannot be given with resume"),
+        ({"circuits": "cartpole", "init": "cartpole"}, "circuits and init cannot be combined"),
+        ({"circuits": "cartpole", "layout": "serial"}, "circuits and layout cannot be combined"),
+        ({"init": "cartpole", "layout": "serial"}, "init and layout cannot be combined"),
+        ({"init": "cartpole", "reuse": 2}, "init and reuse cannot be combined"),
+        ({"init": "cartpole", "settings": {"reuse": 2}}, "init and reuse cannot be combined"),
+        ({"circuits": "cartpole", "model": "mvqc"}, "circuits and model 'mvqc' cannot be combined"),
+        ({"circuits": "cartpole", "resume": "state"}, "circuits cannot be combined with resume"),
+        ({"init": "cartpole", "resume": "state"}, "init cannot be combined with resume"),
     ],
 )
 def test_what_cannot_be_given_together(options: dict[str, Any], words: str) -> None:
@@ -173,5 +173,5 @@ def test_a_resumed_training_overwrites_its_policy_of_an_earlier_update(tmp_path:
     assert load_policy(out).metadata["steps"] == 32
     other = {**first, "circuits": uploading(1), "checkpoint": tmp_path / "other"}
     qcompile.train("CartPole-v1", **other, callback=once, progress=False)
-    with pytest.raises(OutputError, match="is there already"):
+    with pytest.raises(OutputError, match="already exists"):
         qcompile.train("CartPole-v1", resume=tmp_path / "other", out=out, progress=False)

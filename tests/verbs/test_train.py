@@ -93,7 +93,7 @@ def test_a_checkpoint_is_gone_on_with(ctrl_c: None) -> None:
     told: list[str] = []
     again = qcompile.train("CartPole-v1", resume="state", on_note=told.append)
     assert again.rewards == training.rewards
-    assert told == ["The training of state was finished; only its outputs are made."]
+    assert told == ["The training in state is finished; only its output files are written."]
 
 
 def test_an_environment_by_its_specification() -> None:
@@ -113,7 +113,7 @@ def test_an_environment_by_its_specification() -> None:
             qcompile.train(other)
     finally:
         gymnasium.registry.pop("Mine-v0", None)
-    with pytest.raises(OptionError, match=r"what makes one .*, found CartPoleEnv"):
+    with pytest.raises(OptionError, match=r"class or function that makes one, not CartPoleEnv"):
         qcompile.train(gymnasium.make("CartPole-v1").unwrapped)  # type: ignore[arg-type]
 
 
@@ -133,11 +133,11 @@ def test_noise_brings_shots_and_mitigation() -> None:
     [
         ({"evaluate_episodes": 3}, "evaluate-episodes needs evaluate-every"),
         ({"settings": {"clp": 1}}, "Unknown setting 'clp'.\n  Did you mean clip?"),
-        ({"settings": {"model": "fcn"}}, "The setting 'model' decides which preset is taken."),
-        ({"settings": {"reuse": 2}, "reuse": 2}, "reuse is both an option and one of the"),
-        ({"resume": "state", "preset": "tuned"}, "preset cannot be given with resume"),
+        ({"settings": {"model": "fcn"}}, "'model' cannot be changed as a setting"),
+        ({"settings": {"reuse": 2}, "reuse": 2}, "reuse is given twice, as an option"),
+        ({"resume": "state", "preset": "tuned"}, "preset cannot be combined with resume"),
         ({"out": "p.txt"}, "p.txt must end with .pt or .json."),
-        ({"out": "p.pt", "log": "x/../p.pt"}, "x/../p.pt is the file of out and of log."),
+        ({"out": "p.pt", "log": "x/../p.pt"}, "out and log are the same file, x/../p.pt."),
         ({"model": "mvqc", "out": "p.json", "preset": "paper"}, "p.json must end with .pt: model"),
     ],
 )

@@ -118,11 +118,11 @@ def test_ctrl_c_keeps_what_is_finished(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(QcompileError) as caught:
         result.check_complete()
     assert str(caught.value) == (
-        "Interrupted: 2 of 4 trainings were finished.\n  The policy of the best of them is in p.pt."
+        "Interrupted: 2 of 4 trainings finished.\n  The best policy of these is in p.pt."
     )
     assert qcompile.load_policy("p.pt").metadata["seed"] in (0, 1)
     monkeypatch.setattr(train_seeds, "run_all", Ends(0, KeyboardInterrupt))
-    with pytest.raises(QcompileError, match=r"^Interrupted: 0 of 4 trainings were finished\.$"):
+    with pytest.raises(QcompileError, match=r"^Interrupted: 0 of 4 trainings finished\.$"):
         qcompile.train("CartPole-v1", seeds=4)
 
 
@@ -134,7 +134,7 @@ def test_lost_workers_leave_what_is_finished(monkeypatch: pytest.MonkeyPatch) ->
     with pytest.raises(QcompileError) as caught:
         result.check_complete()
     assert str(caught.value) == (
-        "Workers were lost 3 times.\n  1 of 3 trainings were finished.\n"
+        "Workers were lost 3 times.\n  1 of 3 trainings finished.\n"
         "  The policy of the best of them is in p.pt."
     )
     monkeypatch.setattr(train_seeds, "run_all", Ends(0, lost))
@@ -159,21 +159,24 @@ def test_a_seed_that_fails_leaves_the_others(monkeypatch: pytest.MonkeyPatch) ->
     assert result.to_dict()["std_reward"] is None
     with pytest.raises(QcompileError) as caught:
         result.check_complete()
-    assert str(caught.value) == "1 of 2 trainings were finished.\n  Seed 0: It diverged."
-    with pytest.raises(QcompileError, match=r"^0 of 1 trainings were finished.\n  Seed 7: It div"):
+    assert str(caught.value) == "1 of 2 trainings finished.\n  Seed 0: It diverged."
+    with pytest.raises(QcompileError, match=r"^0 of 1 trainings finished.\n  Seed 7: It div"):
         qcompile.train("CartPole-v1", **PAPER, seed=7, seeds=1)
 
 
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"resume": "state"}, "resume goes without seeds: a checkpoint is of one training."),
-        ({"callback": print}, "callback goes without seeds, which are trained in processes of"),
+        (
+            {"resume": "state"},
+            "resume cannot be combined with seeds: a checkpoint belongs to one training.",
+        ),
+        ({"callback": print}, "callback cannot be combined with seeds, which are trained in"),
         ({"model": "mvqc", "preset": "paper"}, "Model 'mvqc' makes no policy, so seeds have no"),
-        ({"seeds": None, "workers": 2}, "workers needs seeds: how many are trained."),
-        ({"seeds": None, "evaluation": 2}, "evaluation needs seeds: how many are trained."),
-        ({"seeds": 0}, "seeds cannot be 0.\n  It is in [1, 1000]."),
-        ({"out": "p-1.pt", "checkpoint": "p.pt"}, "p-1.pt is the file of out and of checkpoint."),
+        ({"seeds": None, "workers": 2}, "workers needs seeds, the number of trainings."),
+        ({"seeds": None, "evaluation": 2}, "evaluation needs seeds, the number of trainings."),
+        ({"seeds": 0}, "seeds cannot be 0.\n  It must be in [1, 1000]."),
+        ({"out": "p-1.pt", "checkpoint": "p.pt"}, "out and checkpoint are the same file, p-1.pt."),
     ],
 )
 def test_what_goes_with_one_training_is_refused(
@@ -189,7 +192,7 @@ def test_what_goes_with_one_training_is_refused(
 def test_the_files_of_every_seed_are_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(train_seeds, "run_all", lambda *_, **__: pytest.fail("trained"))
     Path("moon-1.state").write_text("kept")
-    with pytest.raises(OutputError, match=r"^moon-1\.state is there already\."):
+    with pytest.raises(OutputError, match=r"^moon-1\.state already exists\."):
         qcompile.train("CartPole-v1", seeds=2, checkpoint="moon.state")
     assert Path("moon-1.state").read_text() == "kept"
 

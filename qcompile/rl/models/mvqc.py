@@ -13,7 +13,7 @@ from qcompile.errors import TrainingError
 from qcompile.rl.models.head import ReusedLinear, first_theta, input_scale
 from qcompile.rl.settings import Settings
 
-_MOST_QUBITS = 12
+_MAX_QUBITS = 12
 
 
 class MVQC(torch.nn.Module):
@@ -27,10 +27,10 @@ class MVQC(torch.nn.Module):
 
     def __init__(self, features: int, outputs: int, settings: Settings, generator: torch.Generator):
         super().__init__()
-        if features > _MOST_QUBITS:
+        if features > _MAX_QUBITS:
             raise TrainingError(
                 f"Model 'mvqc' needs one qubit per feature; there are {features} features.",
-                f"It can train at most {_MOST_QUBITS} qubits.",
+                f"It can train at most {_MAX_QUBITS} qubits.",
             )
         self._qubits, self._layers = features, len(settings.scales)
         self.log_scale = input_scale(settings, features)

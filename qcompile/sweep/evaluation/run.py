@@ -117,9 +117,9 @@ def evaluate(
         [_known_mitigation(name) for name in several(mitigations)],
         several(levels),
     )
-    named = several(policies)
-    loaded = [with_arguments(load_policy(policy), env) for policy in named]
-    words = [policy.name if isinstance(policy, AnyPolicy) else fspath(policy) for policy in named]
+    given = several(policies)
+    loaded = [with_arguments(load_policy(policy), env) for policy in given]
+    words = [policy.name if isinstance(policy, AnyPolicy) else fspath(policy) for policy in given]
     different = rename_duplicates(words, loaded)
     opened = [_backend(backend) for backend in several(backends)]
     files = [_calibration_file(calibration) for calibration in several(calibrations)]
@@ -146,12 +146,12 @@ def _left_out(
     *sides: Any,
 ) -> list[str]:
     """The reasons why combinations of the sides are left out of the grid."""
-    asked = product([backend.name for backend in backends], *sides)
+    combinations = product([backend.name for backend in backends], *sides)
     networks = [policy.name for policy in policies if isinstance(policy, Network)]
     words: list[str] = []
     if len(networks) < len(policies):
         words += dict.fromkeys(left_out(backends, *sides).values())
-    if networks and {*asked} != {REFERENCE}:
+    if networks and {*combinations} != {REFERENCE}:
         words.append(
             f"{listed(networks)} except on ideal with exact expectations: a network has no circuits"
         )

@@ -44,7 +44,7 @@ class StudyRequest:
             EnvironmentMismatchError: a module cannot be imported.
         """
         import_modules(several(self.imports))
-        check_env(self.env, kept=True)
+        check_env(self.env, for_file=True)
         return open_study(self.name)
 
     @property

@@ -127,15 +127,15 @@ class Rows:
         for name in figures:
             if name not in self.figures:
                 raise StudyError(f"Unknown figure {name!r}.", f"Known: {', '.join(self.figures)}.")
-        named = [
+        chosen = [
             row
             for row in self.rows
             if any(self.belongs(row, figure) for figure in figures or self.figures)
             and row.name.startswith(tuple(beginnings) or "")
         ]
-        if not named:
+        if not chosen:
             raise StudyError(
                 f"There is no row whose name begins with {' or '.join(beginnings)}.",
                 "--list shows the names.",
             )
-        return named
+        return chosen

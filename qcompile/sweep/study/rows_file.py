@@ -59,7 +59,7 @@ def _seeds(seeds: Any) -> tuple[int, ...]:
     whole = isinstance(seeds, list) and all(type(s) is int and 0 <= s < 2**63 for s in seeds)
     if not whole or not 1 <= len(set(seeds)) == len(seeds) <= _MOST_SEEDS:
         raise ValueError(
-            f"must be a number from 1 to {_MOST_SEEDS}, or a list of different seeds of 0 or more"
+            f"must be a number from 1 to {_MOST_SEEDS}, or a list of different seeds from 0 up"
         )
     return tuple(seeds)
 
@@ -201,7 +201,7 @@ def _changes(table: _RowTable) -> dict[str, Any]:
         if key in _PRESET_OF or key in budget or key in hold:
             raise TrainingError(
                 f"settings has {key!r}, which is a key of the row.",
-                f"Write it beside settings: {key} = ...",
+                f"Write it in the row, beside settings: {key} = ...",
             )
     layout = {} if table.layout == "parallel" else {"layout": table.layout}
     return layout | budget | hold | table.settings

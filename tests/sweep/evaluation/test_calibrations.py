@@ -163,7 +163,9 @@ def test_what_cannot_be_played_is_left_out(policy: Policy) -> None:
         "mitigation response at level 1: response curves are those of level 2",
         "shots exact on qiskit:FakeLimaV2: it runs through a sampler, which needs shots",
     }
-    with pytest.raises(StudyError, match=r"(?s)^No cell is left to play.*Left out: level 1 on"):
+    with pytest.raises(
+        StudyError, match=r"(?s)^There is no combination to play.*Left out: level 1 on"
+    ):
         grid([policy], [twin], [8], ["none"], [1])
 
 
@@ -174,7 +176,7 @@ def test_what_cannot_be_played_is_left_out(policy: Policy) -> None:
     ("names", "words"),
     [
         (["ibm_lima", "ibm_lima"], r"0\.json and 1\.json are both of ibm_lima\."),
-        (["ibm_belem"], r"(?s)0\.json is of ibm_belem, on which nothing is.*grid: ibm_lima"),
+        (["ibm_belem"], r"(?s)0\.json is of ibm_belem, which is not in.*grid: ibm_lima"),
     ],
 )
 def test_calibrations_that_do_not_belong(policy: Policy, names: list[str], words: str) -> None:
@@ -226,5 +228,5 @@ def test_cells_of_one_name_are_refused(policy: Policy) -> None:
     """a on b-c, and a-b on c."""
     policies = [replace(policy, name=name) for name in ("a", "a-b")]
     backends = [TwinBackend(name, measured()) for name in ("b-c.json", "c.json")]
-    with pytest.raises(StudyError, match=r"^Two of the cells are called 'a-b-c\.json-8-none"):
+    with pytest.raises(StudyError, match=r"^Two cells have the name 'a-b-c\.json-8-none"):
         grid(policies, backends, [8], ["none"])

@@ -56,13 +56,13 @@ def test_the_ideal_is_not_mitigated(policy: Policy, lima: Backend) -> None:
         ("tiny", "ibm_lima", 8, "none", 2),
         ("tiny", "ibm_lima", 8, "readout", 2),
     ]
-    with pytest.raises(StudyError, match=r"(?s)^No cell is left.*ideal: it has no errors"):
+    with pytest.raises(StudyError, match=r"(?s)^There is no combination.*ideal: it has no errors"):
         grid([policy], [PERFECT], [8], ["readout"])
 
 
 def test_two_backends_of_one_name_are_refused(policy: Policy, lima: Backend) -> None:
     other = DeviceBackend(lima.device.model_copy(update={"source": "elsewhere"}))
-    with pytest.raises(StudyError, match=r"^Two of the backends are called 'ibm_lima'\."):
+    with pytest.raises(StudyError, match=r"^Two backends have the name 'ibm_lima'\."):
         grid([policy], [lima, other], [8], ["none"])
 
 
@@ -75,7 +75,7 @@ def test_policies_of_one_name_are_called_as_they_were_asked_for(policy: Policy) 
     assert [p.name for p in named] == ["a/tiny.pt", "b/tiny.pt", "alone"]
     assert named[1].bias.tolist() == other.bias.tolist()
     assert [p.name for p in rename_duplicates(["a", "b"], [policy, policy])] == ["tiny"]
-    with pytest.raises(StudyError, match=r"^Two of the policies are called 'tiny'\."):
+    with pytest.raises(StudyError, match=r"^Two policies have the name 'tiny'\."):
         grid([policy, other], [PERFECT], [8], ["none"])
 
 

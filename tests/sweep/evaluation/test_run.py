@@ -81,7 +81,7 @@ def test_a_calibration_mitigates_as_an_object_and_as_a_file(policy: Policy) -> N
 def test_notes_are_told(policy: Policy) -> None:
     notes: list[str] = []
     few(policy, "ideal", mitigations=["none", "readout"], on_note=notes.append)
-    assert notes == ["left out: mitigation readout on ideal: it has no errors to mitigate."]
+    assert notes == ["Left out: mitigation readout on ideal: it has no errors to mitigate."]
 
 
 def test_a_greedy_cell_is_a_greedy_run(cell: MakeCell, tmp_path: Path) -> None:

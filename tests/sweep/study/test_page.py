@@ -404,8 +404,8 @@ def test_a_part_of_a_study_says_what_was_trained(summary: Make) -> None:
         "| `cartpole-svqc-tuned` | 1 seed | 50 episodes | 2 seeds | 1 episode |",
     ]
     assert (
-        "These rows are missing, not trained or with other settings: `cartpole-fcn-tuned`.\n"
-        in text
+        "These rows are missing, because they were not trained, or with other settings: "
+        "`cartpole-fcn-tuned`.\n" in text
     )
     with_all = paged(several, study_of(several))
     assert "part of the study" not in with_all

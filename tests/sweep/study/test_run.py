@@ -105,7 +105,7 @@ def test_episodes_shorten_what_has_a_budget_of_steps_too(row: str) -> None:
 
 def test_a_first_look_replaces_no_training() -> None:
     study(**TINY)
-    with pytest.raises(StudyError, match=r"^study holds 1 of these trainings with other settings"):
+    with pytest.raises(StudyError, match=r"^study has 1 of these trainings with other settings"):
         study(**TINY | {"episodes": 3})
 
 
