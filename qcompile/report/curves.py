@@ -62,14 +62,17 @@ def draw_curves(panels: Sequence[CurvePanel], style: AnyStyle = None) -> Figure:
         for axes in panes[len(panels) :]:
             axes.set_axis_off()
         for axes, panel in zip(panes, panels, strict=False):
-            _draw(axes, panel, groups, look)
+            _draw(axes, panel, groups, look, alone=len(panels) == 1)
+        if len(panels) == 1:
+            drawing.suptitle(literal(panels[0].title), x=0.01, ha="left")
         for axes in drawing.axes[::columns]:
             axes.set_ylabel("mean reward of last 20")
         legend_below(drawing, labelled(*drawing.axes))
     return Figure(drawing, look)
 
 
-def _draw(axes: Axes, panel: CurvePanel, groups: list[str], style: Style) -> None:
+def _draw(axes: Axes, panel: CurvePanel, groups: list[str], style: Style, *, alone: bool) -> None:
+    """Draw the curves, below their title where they do not stand `alone`."""
     from matplotlib.ticker import MaxNLocator
 
     colours = style.colours
@@ -84,7 +87,8 @@ def _draw(axes: Axes, panel: CurvePanel, groups: list[str], style: Style) -> Non
     longest = max(ends, default=1)
     axes.set_xlim(0, min(longest, panel.most_episodes or longest))
     axes.xaxis.set_major_locator(MaxNLocator(nbins=5, integer=True, min_n_ticks=1))
-    axes.set_title(literal(panel.title))
+    if not alone:
+        axes.set_title(literal(panel.title))
     axes.set_xlabel("episode")
 
 

@@ -25,6 +25,7 @@ LIMA = ("calibrate", "--backend", "fake_lima", "--seed", 1)
         (("--qubits", "0,x"), "'0,x' is not a list of qubits, such as 0,1,5."),
         (("--qubits", "-1"), "'-1' is not a list of qubits, such as 0,1,5."),
         (("--parts", "all"), "'all' is neither readout nor response."),
+        (("--plot", "a.jpg"), "a.jpg must end with .png, .svg or .pdf."),
         (("--check", "a.json", "--shots", "exact"), "so shots cannot be exact"),
         (("--shots", "0"), "0 is not in the range 1 to 10000000"),
         (("--max-age-hours", "0"), "0.0 is not in the range x>0"),

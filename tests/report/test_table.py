@@ -49,8 +49,8 @@ def test_latex_is_a_tabular_with_the_rules_of_booktabs() -> None:
         "\\midrule\n"
         "a\\_b\\textbar{}c \\& \\textless{}d\\textgreater{} & 12.3 $\\pm$ 4.5 & "
         "$1.2 \\times 10^{-5}$ \\\\\n"
-        "100 \\% \\textbackslash{}x\\{y\\}\\textasciitilde{}\\textasciicircum{}\\#\\$ & "
-        "- & $-3$ \\\\\n"
+        "100 \\% \\textbackslash{}x\\{y\\}\\textasciitilde{}\\textasciicircum{}\\#\\$ & - & "
+        "$-3$ \\\\\n"
         "\\bottomrule\n"
         "\\end{tabular}\n"
     )
