@@ -166,8 +166,8 @@ def test_curves_csv(summary: Make) -> None:
         (28, {}, "does not hold: 1.25 times the episodes"),
         (30, {"target": 20.5}, "does not hold: not reached"),
         # The best seed counts, which takes 30.
-        (25, {"of": "best"}, "holds: the best seed takes 1.20 times the episodes"),
-        (24, {"of": "best"}, "does not hold: the best seed takes 1.25 times the episodes"),
+        (25, {"of": "best"}, "holds: the best seed needs 1.20 times the episodes"),
+        (24, {"of": "best"}, "does not hold: the best seed needs 1.25 times the episodes"),
         (24, {"of": "best", "target": 20.5}, "does not hold: not reached"),
     ],
 )
@@ -189,7 +189,7 @@ def test_the_verdict(
         ([AT_30, AT_40], {"seeds": 5}, "not tested: 2 of 5 seeds"),
         ([NEVER] * 2, {"seeds": 5}, "not tested: 2 of 5 seeds"),
         # Of the best of ten one may already do.
-        ([AT_30, NEVER], {"seeds": 10, "of": "best"}, "holds: the best seed takes 0.30 times"),
+        ([AT_30, NEVER], {"seeds": 10, "of": "best"}, "holds: the best seed needs 0.30 times"),
         ([NEVER] * 2, {"seeds": 10, "of": "best"}, "not tested: 2 of 10 seeds"),
         # With more seeds than the claim has, the best of all is better than its best.
         ([[0.0] * 120, AT_30], {"seeds": 1, "of": "best"}, "does not hold: not reached"),
@@ -214,14 +214,12 @@ def test_a_first_look_says_what_it_cannot_say(summary: Make) -> None:
     """One seed does not scatter, and 19 episodes have no average over 20."""
     claim = Claim("about 30", 30)
     short = summary([5.0] * 19, claim=claim, evaluation=[[1.0, 2.0]], seeds=(0, 1, 2, 3, 4))
-    _, _, line = tables(paged([short]))["Poles"]
-    assert line[4:] == [
-        "under 20 episodes",
-        "0 of 1",
+    lines = tables(paged([short]))["Poles"]
+    assert lines[2][4:] == ["under 20 episodes", "0 of 1", "not tested: 1 of 5 seeds"]
+    assert lines[5][2:] == [
         "under 20 episodes",
         "under 20 episodes",
         "1.50, one seed, lowest 1.50",
-        "not tested: 1 of 5 seeds",
     ]
     assert short.values()["best_average"] == short.values()["last_average"] == [None]
     (row,) = read(results_csv([short]))
@@ -298,7 +296,7 @@ def test_the_page_has_a_line_for_each_row(several: list[RowSummary]) -> None:
 
 def test_the_page_says_the_targets_and_the_versions(several: list[RowSummary]) -> None:
     text = paged(several)
-    assert text.startswith("# Mine\n\nWritten by `qcompile study mine.toml` from the trainings in ")
+    assert text.startswith("# Mine\n\nThis page is written by `qcompile study mine.toml` from the ")
     assert "\nWhat for.\n" in text
     assert "Target: an average of 220 (200 for FCN, large, paper).\n" in text
     assert " Target: an average of 10.\n" in text
@@ -334,7 +332,7 @@ def test_a_write_up_is_files_that_the_page_links(
     for name in names[2:]:
         with Image.open(where / name) as picture:
             picture.load()
-            assert (picture.format, picture.size) == ("PNG", (960, 624))
+            assert (picture.format, picture.size) == ("PNG", (1020, 733))
 
 
 def test_trainings_of_two_versions_are_both_named(
@@ -397,7 +395,7 @@ def test_a_part_of_a_study_says_what_was_trained(summary: Make) -> None:
         replace(several[1].row, name="cartpole-fcn-tuned"),
     ]
     text = paged(several, study_of(several, *rows))
-    assert "This page shows a part of the study.\n" in text
+    assert "This page shows only a part of the study.\n" in text
     lines = [line for line in text.splitlines() if line.startswith("| `")]
     assert lines == [
         "| `cartpole-svqc-paper` | 2 seeds | 23 to 25 episodes | 2 seeds | "
@@ -417,7 +415,7 @@ def test_trainings_that_the_command_does_not_repeat_are_named(summary: Make) -> 
     study = study_of(several)
     text = page(study, several, COMMAND, ["cartpole-svqc-paper-seed0"], "study", {})
     assert (
-        "The folder held other trainings too, which it does not repeat: "
+        "This command does not repeat the other trainings in the folder: "
         "`cartpole-svqc-paper` (seed 1), `other` (seed 0). "
     ) in text
     assert "held other trainings" not in paged(several)
@@ -435,7 +433,7 @@ def test_words_of_a_file_stay_in_their_cells(summary: Make) -> None:
     assert "# &lt;script>\n" in text
     assert "| a \\| b &lt;i> | `paper` | 1,234 | about \\| 30 |" in text
     panels = figure_panels(study, [summary(AT_30, title="$x_{$ and $y$")])
-    assert draw_curves([panels["cartpole"]]).png().startswith(b"\x89PNG"), "a dollar is plain text"
+    assert draw_curves([panels["cartpole"]]).png.startswith(b"\x89PNG"), "a dollar is plain text"
 
 
 # What a folder holds.
