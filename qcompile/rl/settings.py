@@ -192,9 +192,9 @@ class Settings:
             )
         for name, models in _OF_MODELS.items():
             if self.model not in models and getattr(self, name) != _DEFAULTS[name]:
+                value = getattr(self, name)
                 raise TrainingError(
-                    f"Model {self.model!r} has no setting {name!r}, "
-                    f"found {getattr(self, name)!r}.",
+                    f"Model {self.model!r} has no setting {name!r} (found {value!r}).",
                     f"It belongs to {' and '.join(models)}.",
                 )
         if self.encoder is not None and BITS in self.encoder and self.encoder != BITS:
