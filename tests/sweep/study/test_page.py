@@ -418,7 +418,7 @@ def test_trainings_that_the_command_does_not_repeat_are_named(summary: Make) -> 
         "This command does not repeat the other trainings in the folder: "
         "`cartpole-svqc-paper` (seed 1), `other` (seed 0). "
     ) in text
-    assert "held other trainings" not in paged(several)
+    assert "the other trainings in the folder" not in paged(several)
 
 
 def test_fresh_episodes_of_two_numbers_are_both_said(summary: Make) -> None:
