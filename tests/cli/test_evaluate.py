@@ -124,7 +124,7 @@ def test_an_interrupted_grid_keeps_what_is_finished(
     answer = qcompile(*words, "--json")
     assert (answer.code, answer.out) == (1, "")
     assert answer.err == (
-        "Error: Interrupted: 2 of 3 cells are finished.\n"
+        "Error: Interrupted: 2 of 3 cells finished.\n"
         "  They are in e; the same command resumes with the others.\n"
     )
     assert [name for name in left() if name.startswith("e/")] == [

@@ -118,7 +118,7 @@ def test_an_interrupted_study_keeps_what_is_finished(
         answer = qcompile(*ROW, *FEW, "--seeds", 2, "--out", "s", *["--json"] * as_json)
     assert (answer.code, answer.out) == (1, "")
     assert answer.err == (
-        "Error: Interrupted: 1 of 2 trainings are finished.\n"
+        "Error: Interrupted: 1 of 2 trainings finished.\n"
         "  They are in s; the same command resumes with the others.\n"
     )
     assert left() == ["s", "s/cells", "s/cells/cartpole-svqc-paper-seed0.json"]

@@ -90,7 +90,7 @@ def test_what_is_missing_is_run_and_written(
         "square-4": 16,
     }
     assert (completed.run, completed.there, completed.failures) == (2, 1, [])
-    assert progress == [(1, 3, "1 of 3 sums are there"), (2, 3, "= 4"), (3, 3, "= 16")]
+    assert progress == [(1, 3, "1 of 3 sums loaded"), (2, 3, "= 4"), (3, 3, "= 16")]
     (call,) = engine_calls
     assert call["cells"] == [CELLS[0], CELLS[2]]
     assert (call["engine"], call["address"], call["workers"]) == ("dask", "tcp://here", 7)
@@ -132,7 +132,7 @@ def test_ctrl_c_keeps_what_is_finished(folder: Folder[Square, Answer]) -> None:
     with pytest.raises(StudyError) as raised:
         swept(folder, interrupted)
     assert str(raised.value) == (
-        "Interrupted: 2 of 3 sums are finished.\n"
+        "Interrupted: 2 of 3 sums finished.\n"
         f"  They are in {folder.path}; the same command resumes with the others."
     )
     assert folder.missing(CELLS) == [CELLS[2]]

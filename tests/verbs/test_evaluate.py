@@ -73,7 +73,7 @@ def test_ctrl_c_without_a_folder_says_how_to_keep_cells(monkeypatch: pytest.Monk
     with pytest.raises(StudyError) as error:
         qcompile.evaluate("cartpole", "ibm_lima", shots=8)
     assert str(error.value) == (
-        "Interrupted: 0 of 3 cells are finished.\n  With out=FOLDER what is finished would be kept."
+        "Interrupted: 0 of 3 cells finished.\n  With out=FOLDER what is finished would be kept."
     )
 
 

@@ -304,7 +304,7 @@ def test_the_page_says_the_targets_and_the_versions(several: list[RowSummary]) -
     words = " ".join(text.split())
     assert "is trained with 1 to 2 seeds" in words
     assert "plays 2 fresh episodes" in words
-    assert f"## Repeat it\n\n```\n{COMMAND}\n```\n\nA study resumes" in text
+    assert f"## Repeat it\n\n```\n{COMMAND}\n```\n\nTrainings that are" in text
     assert "part of the study" not in text
     assert not re.search(r"[{}]|None|nan", text)
 
@@ -418,7 +418,7 @@ def test_trainings_that_the_command_does_not_repeat_are_named(summary: Make) -> 
         "This command does not repeat the other trainings in the folder: "
         "`cartpole-svqc-paper` (seed 1), `other` (seed 0). "
     ) in text
-    assert "held other trainings" not in paged(several)
+    assert "the other trainings in the folder" not in paged(several)
 
 
 def test_fresh_episodes_of_two_numbers_are_both_said(summary: Make) -> None:
