@@ -44,7 +44,7 @@ def test_the_module_of_the_page_is_trained_played_and_evaluated(
     for line in lines:
         answer = qcompile(*shlex.split(line)[1:])
         assert answer.code == 0, answer.err
-    assert "mean reward   -5.00 ± 0.00 over 20 episodes" in qcompile(*shlex.split(lines[1])[1:]).out
+    assert "mean reward  -5.00 ± 0.00 over 20 episodes" in qcompile(*shlex.split(lines[1])[1:]).out
     results = (folder / "evaluation" / "results.json").read_text()
     assert results.count('"mean_reward": -5.0') == 5
 

@@ -40,6 +40,7 @@ def python_blocks() -> list[tuple[str, str]]:
     return [(name(page), text) for page in PAGES for text in blocks(page, "python")]
 
 
+@pytest.mark.filterwarnings("ignore:builtin type .*has no __module__:DeprecationWarning")  # Box2D's
 @pytest.mark.parametrize(("page", "text"), python_blocks(), ids=lambda value: value[:20])
 def test_python_blocks_run_as_they_stand(
     page: str, text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

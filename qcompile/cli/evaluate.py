@@ -10,7 +10,7 @@ import click
 from qcompile.cli.options import (
     BACKEND_HELP,
     Integer,
-    MarkdownPath,
+    OutputPath,
     Several,
     Shots,
     echo_json,
@@ -121,7 +121,7 @@ class _Mitigation(click.ParamType[str]):
 )
 @click.option(
     "--page",
-    type=MarkdownPath(),
+    type=OutputPath(".md"),
     help="With --paper: Markdown page to write.  [default: devices.md in --out]",
 )
 @output_options("mean rewards, a panel for each policy")

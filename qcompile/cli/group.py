@@ -10,6 +10,9 @@ from qcompile.cli import COMMANDS
 from qcompile.version import __version__
 
 
+_HELP = {"help_option_names": ["-h", "--help"]}
+
+
 class _LazyGroup(click.Group):
     """Loads the module of a command when the command is used."""
 
@@ -20,6 +23,7 @@ class _LazyGroup(click.Group):
         if cmd_name not in COMMANDS:
             return None
         command: click.Command = import_module(f"qcompile.cli.{cmd_name}").command
+        command.context_settings |= _HELP  # click keeps the names of whoever asks a command first
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -27,7 +31,7 @@ class _LazyGroup(click.Group):
             formatter.write_dl(list(COMMANDS.items()))
 
 
-@click.group(cls=_LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=_LazyGroup, context_settings=_HELP)
 @click.version_option(__version__, prog_name="qcompile")
 @click.option("--traceback", is_flag=True, help="Show the Python traceback of an error.")
 def cli(traceback: bool) -> None:

@@ -160,11 +160,12 @@ class Parts(click.ParamType["tuple[Part, ...]"]):
         return tuple(part for part in PARTS if part in parts)
 
 
-class MarkdownPath(click.Path):
-    """The path of a Markdown page to write."""
+class OutputPath(click.Path):
+    """The path of a file to write, whose name must end with one of `suffixes`."""
 
-    def __init__(self) -> None:
+    def __init__(self, *suffixes: str) -> None:
         super().__init__(dir_okay=False, path_type=Path)
+        self._suffixes = suffixes
 
     def convert(
         self,
@@ -173,8 +174,10 @@ class MarkdownPath(click.Path):
         ctx: click.Context | None,
     ) -> Any:
         path = Path(os.fsdecode(super().convert(value, param, ctx)))
-        if path.suffix != ".md":
-            self.fail(f"{path} must end with .md.", param, ctx)
+        if path.suffix not in self._suffixes:
+            *most, last = self._suffixes
+            names = f"{', '.join(most)} or {last}" if most else last
+            self.fail(f"{path} must end with {names}.", param, ctx)
         return path
 
 

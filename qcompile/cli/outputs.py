@@ -10,22 +10,22 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import click
 
-from qcompile.cli.options import Decorator, echo_note
+from qcompile.cli.options import Decorator, OutputPath, echo_note
 
 if TYPE_CHECKING:
     from qcompile.report.figure import Figure
     from qcompile.report.table import Table
 
-_FILE = click.Path(dir_okay=False, path_type=Path)
-
 style_option: Decorator = click.option(
     "--style",
-    type=_FILE,
+    type=click.Path(dir_okay=False, path_type=Path),
     metavar="FILE.mplstyle",
     help="Fonts, sizes and colours of --plot: a matplotlib style file.",
 )
 table_option: Decorator = click.option(
-    "--table", type=_FILE, help="Save the table; .md, .csv or .tex, overwritten."
+    "--table",
+    type=OutputPath(".md", ".csv", ".tex"),
+    help="Save the table; .md, .csv or .tex, overwritten.",
 )
 
 
@@ -56,16 +56,11 @@ class Outputs:
         if self.style is not None and self.plot is None:
             raise click.UsageError("--style needs --plot.")
         if self.plot is not None:
-            from qcompile.report.figure import check_figure_path
             from qcompile.report.style import Style
 
-            check_figure_path(self.plot)
             check_writable(self.plot)
             Style.of(self.style)
         if self.table is not None:
-            from qcompile.report.table import check_table_path
-
-            check_table_path(self.table)
             check_writable(self.table)
 
     def save(self, result: Shown) -> None:
@@ -87,7 +82,7 @@ class Outputs:
 def plot_option(figure: str) -> Decorator:
     """The option --plot; `figure` describes the figure."""
     words = f"Draw {figure}; .png, .svg or .pdf, overwritten."
-    return click.option("--plot", type=_FILE, help=words)
+    return click.option("--plot", type=OutputPath(".png", ".svg", ".pdf"), help=words)
 
 
 def output_options(figure: str) -> Callable[[Callable[..., None]], Callable[..., None]]:

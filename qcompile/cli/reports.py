@@ -2,40 +2,21 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
-from qcompile.cli.options import Decorator, echo_note
+from qcompile.cli.options import Decorator, OutputPath, echo_note
 
 if TYPE_CHECKING:
     from qcompile.verbs.reports import Reported
 
 
-class _PagePath(click.Path):
-    """The path of an HTML page to write."""
-
-    def __init__(self) -> None:
-        super().__init__(dir_okay=False, path_type=Path)
-
-    def convert(
-        self,
-        value: str | os.PathLike[str],
-        param: click.Parameter | None,
-        ctx: click.Context | None,
-    ) -> Any:
-        path = Path(os.fsdecode(super().convert(value, param, ctx)))
-        if path.suffix != ".html":
-            self.fail(f"{path} must end with .html.", param, ctx)
-        return path
-
-
 report_option: Decorator = click.option(
     "--report",
-    type=_PagePath(),
+    type=OutputPath(".html"),
     help="Write an HTML page with scores, figures, circuits and settings; .html, overwritten.",
 )
 

@@ -10,6 +10,7 @@ from click.core import ParameterSource
 
 from qcompile.cli.options import (
     Integer,
+    OutputPath,
     backend_option,
     echo_json,
     echo_note,
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--draw",
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=OutputPath(".txt", ".svg", ".tex"),
     help="Draw the circuits before and after compilation, one of each kind; .txt, .svg or .tex "
     "(quantikz), overwritten.",
 )

@@ -9,7 +9,7 @@ import click
 
 from qcompile.cli.options import (
     Integer,
-    MarkdownPath,
+    OutputPath,
     echo_json,
     echo_note,
     engine_options,
@@ -67,7 +67,7 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--page",
-    type=MarkdownPath(),
+    type=OutputPath(".md"),
     help="Markdown page to write.  [default: reproduction.md in --out]",
 )
 @output_options("the learning curves, a panel for each figure")

@@ -184,6 +184,5 @@ class JournalRecorder(Recorder):
         ):
             raise ReplayError(
                 f"The {what} of step {self._number} differ from the recorded ones: the "
-                f"environment does "
-                "not repeat itself."
+                "environment does not repeat itself."
             )

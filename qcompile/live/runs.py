@@ -43,7 +43,7 @@ def find_journal(runs: Path, run_id: str) -> Journal:
     if run_id == "last":
         matches = [folder.name for folder in _by_age(runs, damaged.append)][-1:]
         if damaged:
-            words = f"The last run is not known: {len(damaged)} of them cannot be read."
+            words = f"The last run is not known: {len(damaged)} of the runs cannot be read."
             first = damaged[0].partition("\n")[0]
             raise LiveError(words, first, "Name the run; `qcompile runs` lists them.")
     else:

@@ -273,6 +273,10 @@ def _begin(folder: Path, connection: Connection, account: str | None, limit_s: f
             raise
 
 
+def _account_text(name: str | None) -> str:
+    return f"account {name}" if name else "the default account"
+
+
 def _task(journal: Journal, backend: str, account: str | None) -> SamplerTask:
     """The task of the journal, if this sampler may continue it.
 
@@ -287,10 +291,8 @@ def _task(journal: Journal, backend: str, account: str | None) -> SamplerTask:
     task = SamplerTask.model_validate(journal.settings)
     if (task.backend, task.account) != (backend, account):
         raise LiveError(
-            f"{journal.folder} belongs to {task.backend}, account "
-            f"{task.account or 'the default one'}.",
-            f"This sampler uses {backend}, account {account or 'the default one'}. "
-            "Name another folder.",
+            f"{journal.folder} belongs to {task.backend}, {_account_text(task.account)}.",
+            f"This sampler uses {backend}, {_account_text(account)}. Name another folder.",
         )
     if words := resume_warning(journal):
         raise LiveError(words, f"`{resume_command(journal)}` asks whether to resume it here.")

@@ -209,7 +209,7 @@ class Encoder:
         if set(self.functions) - {BITS}:
             raise PolicyError(
                 f"encoder.function has {BITS} and other functions.",
-                "Bits are read from an observation that is one number: use {BITS} for all inputs.",
+                f"Bits are read from an observation that is one number: use {BITS} for all inputs.",
             )
         if self.feature.max(initial=0) > MOST_BIT:
             raise PolicyError(

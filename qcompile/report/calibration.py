@@ -146,7 +146,7 @@ _STRIPS = (("contrast", "contrast"), ("offset", "offset"), ("tilt_rad", "tilt, r
 
 
 def _every(count: int) -> int:
-    """The ticks of so many qubits are so far apart that their labels stand side by side."""
+    """The number of qubits from one tick to the next, so that the labels do not overlap."""
     return 1 if count <= _MOST_TICKS else 10 * math.ceil(count / (10 * _MOST_TICKS))
 
 

@@ -7,7 +7,7 @@ from contextlib import suppress
 from fractions import Fraction
 from functools import lru_cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import TemporaryDirectory, TemporaryFile
 from types import TracebackType
 from typing import NamedTuple
 
@@ -90,7 +90,7 @@ class Film:
         self._ffmpeg = _ffmpeg_with(self._format.encoder, suffix)
         self._folder = TemporaryDirectory(prefix="qcompile-film-")
         folder = Path(self._folder.name)
-        self._said = folder / "said"
+        self._said = TemporaryFile()  # noqa: SIM115 - what ffmpeg says: closed when the film ends
         self._draft = folder / ("draft.mkv" if suffix == ".gif" else f"draft{suffix}")
         self._process: subprocess.Popen[bytes] | None = None
         self._every, self._rate = 1, 1.0
@@ -111,6 +111,7 @@ class Film:
                 self._finish()
         finally:
             self._end()
+            self._said.close()
             self._folder.cleanup()
 
     def _end(self) -> None:
@@ -146,14 +147,13 @@ class Film:
         shown = str(Fraction(rate / self._every).limit_denominator(100_000))
         words = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", shown]
         words += ["-i", "-", "-an", "-c:v", self._format.encoder, *self._format.options]
-        with self._said.open("wb") as said:
-            self._process = subprocess.Popen(
-                [*self._ffmpeg, *words, str(self._draft)],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.DEVNULL,
-                stderr=said,
-                start_new_session=True,  # Ctrl-C is ours: what was filmed until then is kept
-            )
+        self._process = subprocess.Popen(
+            [*self._ffmpeg, *words, str(self._draft)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=self._said,
+            start_new_session=True,  # Ctrl-C is ours: what was filmed until then is kept
+        )
 
     def _write(self) -> None:
         assert self._process is not None
@@ -166,7 +166,8 @@ class Film:
             raise self._failed() from error
 
     def _failed(self) -> OutputError:
-        said = self._said.read_bytes().decode(errors="replace")
+        self._said.seek(0)
+        said = self._said.read().decode(errors="replace")
         return OutputError("The film cannot be encoded.", first_line(said) or "ffmpeg failed.")
 
     def _finish(self) -> None:
@@ -198,14 +199,13 @@ class Film:
         return gif
 
     def _run(self, *words: str | Path) -> None:
-        with self._said.open("wb") as said:
-            self._process = subprocess.Popen(
-                [*self._ffmpeg, *map(str, words)],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=said,
-                start_new_session=True,
-            )
+        self._process = subprocess.Popen(
+            [*self._ffmpeg, *map(str, words)],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=self._said,
+            start_new_session=True,
+        )
         if self._process.wait():
             raise self._failed()
 

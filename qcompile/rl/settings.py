@@ -200,7 +200,7 @@ class Settings:
         if self.encoder is not None and BITS in self.encoder and self.encoder != BITS:
             raise TrainingError(
                 f"The encoder {BITS} cannot be combined with others: {self.encoder}.",
-                "An observation that is read as bits is one number: use {BITS} alone.",
+                f"An observation that is read as bits is one number: use {BITS} alone.",
             )
         budgets = (self.anneal_steps, self.anneal_episodes)
         if not self.anneal and budgets != (None, None):

@@ -10,6 +10,7 @@ import asyncio
 import os
 import socket
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import partial
 from typing import Any, Literal, Protocol, TypeVar
@@ -88,7 +89,8 @@ def run_all(
                         "Each needs about 500 MB of memory; try fewer --workers.",
                         f"Finished {noun}s are kept; the same command resumes with the others.",
                     ) from error
-                on_loss(f"Workers stopped ({words}); {len(waiting)} {noun}s run again.")
+                again = f"{len(waiting)} {noun}{'s' * (len(waiting) != 1)}"
+                on_loss(f"Workers stopped ({words}); running {again} again.")
                 outcomes = _outcomes(list(waiting.values()), run, engine, jobs)
                 continue
             if isinstance(outcome, _Failure):
@@ -175,7 +177,8 @@ def _dask(address: str | None, workers: int | None) -> Iterator[None]:
         return
     _check_reachable("Dask scheduler", address, "tcp://HOST:8786")
     try:
-        asyncio.run(_greet(address))
+        with ThreadPoolExecutor(1) as thread:  # this one may have an event loop, as in a notebook
+            thread.submit(lambda: asyncio.run(_greet(address))).result()
     except (OSError, ValueError, TimeoutError) as error:
         raise StudyError(
             f"There is no Dask scheduler at {address!r}: another kind of server answers there."

@@ -21,7 +21,9 @@ LIMA = ("calibrate", "--backend", "fake_lima", "--seed", 1)
 def test_help_says_what_it_is_for(qcompile: Call) -> None:
     answer = qcompile("calibrate", "--help")
     assert (answer.code, answer.err) == (0, "")
-    assert "Measure the readout and the response of a device's qubits, and fit them." in answer.out
+    assert (
+        "Measure the readout and response of a device's qubits, and write them to a" in answer.out
+    )
 
 
 def test_a_calibration_is_shown_and_written(qcompile: Call, left: Call) -> None:
@@ -181,14 +183,20 @@ def test_kept_counts_of_some_qubits(qcompile: Call) -> None:
     [
         *(("--backend", "fake_lima"), ("--shots", 8192), ("--seed", 1), ("--check", "a.json")),
         *(("--parts", "readout"), ("--live", "--max-qpu-seconds", 9), ("--policy", "cartpole")),
-        *(("--max-age-hours", 3), ("--max-qpu-seconds", 9)),
+        ("--max-age-hours", 3),
     ],
     ids=lambda words: words[0],
 )
 def test_fitting_anew_measures_nothing(qcompile: Call, words: tuple[object, ...]) -> None:
     answer = qcompile("calibrate", "--from", "a.json", *words)
     assert (answer.code, answer.out) == (2, "")
-    assert f"{words[0]} is for" in answer.err
+    assert f"{words[0]} cannot be used with --from: nothing is run." in answer.err
+
+
+def test_fitting_anew_takes_no_option_of_live(qcompile: Call) -> None:
+    answer = qcompile("calibrate", "--from", "a.json", "--max-qpu-seconds", 9)
+    assert (answer.code, answer.out) == (2, "")
+    assert "--max-qpu-seconds needs --live." in answer.err
 
 
 def test_what_has_no_counts_is_not_fitted(qcompile: Call) -> None:
@@ -198,7 +206,7 @@ def test_what_has_no_counts_is_not_fitted(qcompile: Call) -> None:
     assert answer.err.startswith("Error: a.json has no counts to fit.\n")
     answer = qcompile("calibrate")
     assert (answer.code, answer.out) == (2, "")
-    assert "--backend names what to measure" in answer.err
+    assert "Give --backend NAME to measure a device" in answer.err
 
 
 # Other commands.

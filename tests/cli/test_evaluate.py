@@ -167,7 +167,7 @@ def test_the_ideal_is_not_mitigated(qcompile: Call, policy: Call) -> None:
     assert (refused.code, refused.out) == (1, "")
     assert refused.err == (
         f"Error: There is no combination to play.\n  Left out: {why}"
-        "  Add a --backend, --shots, --mitigation or --level that goes with the others.\n"
+        "  Add a --backend, --shots, --mitigation or --level that fits the others.\n"
     )
 
 
@@ -229,13 +229,13 @@ def test_what_cannot_be_done_is_refused(
         (("--shots", 0), "0 is not in the range 1 to 10000000"),
         (("--level", "0,3"), "3 is not in the range"),
         (("--workers", 0), "0 is not in the range"),
-        (("--shots", "8,,16"), "'8,,16' has nothing before or after a comma"),
-        (("--backend", "ideal,"), "'ideal,' has nothing before or after a comma"),
+        (("--shots", "8,,16"), "'8,,16' has an empty value beside a comma"),
+        (("--backend", "ideal,"), "'ideal,' has an empty value beside a comma"),
         (("--out", "file"), "'file' is a file"),
-        (("--paper", "--shots", 8), "--paper has its own policies"),
-        (("--paper", "--greedy"), "--paper has its own policies"),
+        (("--paper", "--shots", 8), "--paper cannot be combined with policies"),
+        (("--paper", "--greedy"), "--paper cannot be combined with policies"),
         (("--engine", "slurm"), "'slurm' is not one of 'processes', 'dask', 'ray'"),
-        (("--paper", "--calibration", "lima.json"), "--paper has its own policies"),
+        (("--paper", "--calibration", "lima.json"), "--paper cannot be combined with policies"),
         (("--calibration", "."), "'.' is a directory"),
         (("--paper", "--page", "devices.txt"), "devices.txt must end with .md"),
         (("--page", "devices.md"), "--page needs --paper"),

@@ -134,7 +134,7 @@ REFUSED = {
     "two of one device": (
         ("--calibration", "lima.json,two.json"),
         "lima.json and two.json are both of fake_lima.\n"
-        "  A grid takes one calibration for each device: evaluate them one after the other.\n",
+        "  A grid takes one calibration per device: evaluate them one after the other.\n",
     ),
     "a part": (
         ("--mitigation", "readout,response", "--calibration", "part.json"),

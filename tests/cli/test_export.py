@@ -94,7 +94,7 @@ def test_what_is_refused_leaves_nothing(
     [
         (
             ("--shots", "exact"),
-            "Invalid value for '--shots': 'exact' is not a valid integer range.",
+            "Invalid value for '--shots': 'exact' is not a valid integer.",
         ),
         (
             ("--shots", "0"),

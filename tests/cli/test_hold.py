@@ -49,7 +49,7 @@ def test_a_cut_run_is_told_with_its_completed_mean(qcompile: Call, policy: Call)
     assert cut["cut_episodes"] == sum(e["length"] > 9 for e in whole["episodes"]) > 0
     said = qcompile(*words, "--max-steps", 9).out
     mean = f"{whole['mean_reward']:.1f}"
-    assert "after 9 steps: " in said
+    assert "after 9 steps; rewards count the part played" in said
     assert f"uncut          mean reward {mean} (95 % interval" in said
 
 

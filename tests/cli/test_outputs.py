@@ -95,8 +95,8 @@ def test_a_style_is_laid_over_the_house_style(policy: Callable[..., str], qcompi
 @pytest.mark.parametrize(
     ("words", "code", "message"),
     [
-        (("--plot", "a.jpg"), 1, "a.jpg must end with .png, .svg or .pdf."),
-        (("--table", "a.html"), 1, "a.html must end with .md, .csv or .tex."),
+        (("--plot", "a.jpg"), 2, "a.jpg must end with .png, .svg or .pdf."),
+        (("--table", "a.html"), 2, "a.html must end with .md, .csv or .tex."),
         (("--plot", "tiny.json/a.png"), 1, "Cannot write tiny.json/a.png."),
         (("--style", "own.mplstyle"), 2, "--style needs --plot"),
         (("--plot", "a.png", "--style", "own.mplstyle"), 1, "Cannot read own.mplstyle."),
@@ -139,7 +139,7 @@ def test_circuits_are_drawn(
 @pytest.mark.parametrize(
     ("words", "code", "message"),
     [
-        (("--draw", "a.png"), 1, "a.png must end with .txt, .svg or .tex."),
+        (("--draw", "a.png"), 2, "a.png must end with .txt, .svg or .tex."),
         (("--draw", "a.svg", "--circuit", 4), 1, "There is no circuit 4."),
         (("--circuit", 1), 2, "--circuit needs --draw"),
         (("--surrogate", "--draw", "a.svg"), 2, "--surrogate and --draw"),

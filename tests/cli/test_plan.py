@@ -32,8 +32,8 @@ def test_the_table_says_where_its_figures_come_from(qcompile: Call) -> None:
     assert answer.code == 0
     for words in ("as in the paper", "packed, lockstep", "calibrate, play twin"):
         assert words in answer.out
-    assert "IBM's published estimate, 2 for a job and 0.00035 for an execution" in answer.out
-    assert "price: 1.6 USD a second" in answer.out
+    assert "IBM's published estimate, 2 per job and 0.00035 per execution" in answer.out
+    assert "USD: 1.6 per QPU second" in answer.out
 
 
 def test_a_price_of_zero(qcompile: Call) -> None:

@@ -24,7 +24,7 @@ def test_an_interrupted_run_reports_what_is_finished(
         == """\
 Error: Interrupted: 2 of 50 episodes finished.
   These are the shortest ones: their mean does not estimate the policy's score.
-  Fewer --episodes end sooner.
+  For a shorter run, use fewer --episodes.
 """
     )
 

@@ -40,14 +40,14 @@ def test_a_twin_plays_its_calibration(qcompile: Call, policy: Call, calibration:
     assert found["executions"] == 8192 * found["env_steps"]  # its own calibration mitigates
     again = qcompile(*words, "--json", "--shots", "exact", "--mitigation", "response").json()
     assert (again["shots"], again["mitigation"]) == ("exact", "response")
-    assert "on fake_lima (twin of its calibration)" in qcompile(*words).out
+    assert "on fake_lima (twin of a calibration)" in qcompile(*words).out
 
 
 def test_bent_angles_are_not_undone(qcompile: Call, policy: Call, calibration: str) -> None:
     words = ("run", policy(), *LIMA, "--predistort", "--calibration", calibration)
     found = qcompile(*words, "--json").json()
     assert (found["predistort"], found["mitigation"]) == (True, "none")
-    assert "predistorted angles by lima.json" in qcompile(*words).out
+    assert "predistorted angles from lima.json" in qcompile(*words).out
 
 
 def test_copies_share_executions(qcompile: Call, policy: Call) -> None:
@@ -149,7 +149,7 @@ def test_a_device_whose_bits_are_swapped_is_undone(
         ),
         (
             ("--predistort", "--level", "1"),
-            "Response curves need level 2, found level 1.\n  They are those of sx rz sx; take "
+            "Response curves need level 2, found level 1.\n  They describe sx rz sx; use "
             "--level 2, or --mitigation readout without --predistort.",
         ),
         (("--calibration", "bad.json"), "bad.json is not a calibration.\n  It is not JSON: line 1"),
@@ -208,7 +208,7 @@ def test_a_row_is_split_over_places(qcompile: Call) -> None:
     assert found["executions"] == 5 * 11 + 18 * 256
     table = qcompile(*words[:-1]).out
     assert (
-        "64 shots, over 6 places, level 2, mitigation readout by 256 shots of calibration"
+        "64 shots split over 6 copies, level 2, mitigation readout calibrated with 256 shots"
         in " ".join(table.split())
     )
 

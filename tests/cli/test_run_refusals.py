@@ -31,7 +31,7 @@ BAD_PT: dict[str, tuple[Callable[[Path], object], str]] = {
     "code": (
         lambda path: torch.save({"theta": Code()}, path),
         """\
-Error: bad.pt holds more than tensors and plain values, and was not loaded.
+Error: bad.pt contains more than tensors and plain values, and was not loaded.
   A pickle can carry code that runs when it is opened.
   Save the policy with qcompile, or as JSON.
 """,

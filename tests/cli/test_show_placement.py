@@ -54,7 +54,7 @@ def test_twenty_four_circuits_stay_readable(qcompile: Call) -> None:
     lines = answer.out.splitlines()
     assert max(map(len, lines)) <= 80
     assert len(lines) < 75
-    assert len(placement(answer.out)) == 3 + 24 + 5
+    assert len(placement(answer.out)) == 3 + 24 + 6
 
 
 def test_json_says_the_same(qcompile: Call, policy: Call) -> None:
@@ -105,4 +105,4 @@ def test_qubits_left_out_by_the_file_are_named(qcompile: Call, policy: Call) -> 
     values = json.loads(load_device("fake_lima").to_json()) | {"name": "mine", "left_out": [2, 3]}
     Path("mine.json").write_text(json.dumps(values))
     lines = placement(qcompile("show", policy(), "--backend", "mine.json").out)
-    assert lines[-2].endswith("2 is in left_out, 3 is in left_out")
+    assert " ".join(lines[-3:-1]).endswith(": 2 is in left_out, 3 is in left_out")

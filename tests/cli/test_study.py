@@ -154,11 +154,11 @@ REFUSED = {
     ),
     "row": (
         ("--row", "pong"),
-        "Error: No row's name begins with pong.\n  --list shows their names.\n",
+        "Error: There is no row whose name begins with pong.\n  --list shows the names.\n",
     ),
     "row of another figure": (
         ("--figure", "acrobot", "--row", "cartpole"),
-        "Error: No row's name begins with cartpole.\n  --list shows their names.\n",
+        "Error: There is no row whose name begins with cartpole.\n  --list shows the names.\n",
     ),
     "folder": (
         ("--out", "file/s"),
@@ -214,7 +214,7 @@ def test_wrong_usage(qcompile: Call, words: tuple[Any, ...], text: str) -> None:
         (
             ("--address", "tcp://127.0.0.1:1"),
             "Error: The engine 'processes' takes no address, found 'tcp://127.0.0.1:1'.\n"
-            "  Say --engine dask or --engine ray.\n",
+            "  Use --engine dask or --engine ray.\n",
         ),
         (
             ("--engine", "dask", "--address", "tcp://127.0.0.1:1"),

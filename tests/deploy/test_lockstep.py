@@ -168,7 +168,7 @@ def test_a_calibration_that_is_given_is_used() -> None:
     np.testing.assert_array_equal(measure(X, THETA), by_hand)
     twin = TwinExecutor(calibration, 5)
     assert measurement(twin, **mitigated).calibration_load.jobs == 0
-    with pytest.raises(CalibrationError, match="is of fake_lima, the backend is fake_lagos"):
+    with pytest.raises(CalibrationError, match="belongs to fake_lima; the backend is fake_lagos"):
         measured("fake_lagos", mitigation="readout", calibration=calibration)
 
 

@@ -235,7 +235,7 @@ def test_steps_of_another_form(
 def test_a_reset_that_gives_the_observation_alone(registered: Callable[..., str]) -> None:
     """Its first feature would be taken for the observation."""
     assert refused(registered(usual, reset=GOOD)) == (
-        "its reset: reset gave an array of shape (2,) and type float32.\n"
+        "its reset: reset returned an array of shape (2,) and type float32.\n"
         "  It must return (observation, info)."
     )
 

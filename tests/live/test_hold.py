@@ -67,9 +67,9 @@ def test_a_held_run_sends_a_job_for_each_decision(runs: Runs) -> None:
     again = runs.call("resume", "last", "--yes", "--json")
     assert played(again.json()) == played(found)
     check_paid_once(runs.service, 3)
-    shown = runs.call("runs", "show", "last").out
+    shown = " ".join(runs.call("runs", "show", "last").out.split())
     assert "6 decisions, 14 environment steps" in shown
-    assert "cut episodes continued on the noise model" in shown
+    assert "with all episodes played to the end on the noise model" in shown
 
 
 def test_held_decisions_are_measured_ahead(runs: Runs) -> None:

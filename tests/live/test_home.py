@@ -204,7 +204,7 @@ def test_a_journal_of_another_machine_writes_no_file_of_its_own_choice(
     answer = runs.call("resume", "last", "--json")
     assert answer.code == 0, answer.err
     assert answer.json()["file"] is None
-    words = "The calibration is in the journal alone: `qcompile resume last --out FILE` writes it"
+    words = "The calibration is only in the journal. `qcompile resume last --out FILE` writes it"
     assert words in answer.err
     assert victim.read_text() == "mine"
     answer = runs.call("resume", "last", "--out", "victim", "--json")

@@ -51,7 +51,9 @@ def test_one_process_at_a_time_goes_on_with_a_run() -> None:
 
 def test_a_folder_without_a_journal() -> None:
     Path("empty").mkdir()
-    with pytest.raises(LiveError, match=r"^empty holds no run\.\n  `qcompile runs` lists the runs"):
+    with pytest.raises(
+        LiveError, match=r"^There is no run in empty\.\n  `qcompile runs` lists the runs"
+    ):
         Journal(Path("empty"))
 
 
@@ -105,7 +107,7 @@ def test_a_file_that_cannot_be_written_is_explained() -> None:
 def test_a_folder_that_cannot_be_locked_is_explained() -> None:
     journal = new()
     (journal.folder / "lock").mkdir()
-    with pytest.raises(LiveError, match=r"cannot be written: "), journal.locked():
+    with pytest.raises(LiveError, match=r"^Cannot write to .*: "), journal.locked():
         pass
 
 

@@ -46,7 +46,7 @@ def test_runs_tell_what_a_sampler_has_and_what_it_costs(runs: Runs) -> None:
             f"{row['run']}, sampler on fake_lima: finished\n"
             "Jobs done: 1; everything is kept.\n"
             f"{charged_s:.1f} QPU seconds charged; the limit is 50\n"
-            "To continue, run its program again. `qcompile resume mine` fetches what was sent.\n"
+            "To continue, run its program again. `qcompile resume mine` fetches the jobs sent.\n"
         )
     exported = runs.call("runs", "export", "mine").json()
     assert exported["settings"]["backend"] == "fake_lima"
@@ -136,8 +136,12 @@ def test_a_journal_of_another_kind_or_machine_is_refused(runs: Runs) -> None:
     with pytest.raises(LiveError, match=r"runs has other files but no journal\.\n.*'runs/mine'"):
         GuardedSampler("fake_lima", journal="runs")
     GuardedSampler("fake_lima", journal="runs/mine").close()
-    for backend, account in (("fake_belem", None), ("fake_lima", "other")):
-        with pytest.raises(LiveError, match=r"runs/mine is of fake_lima, account the usual one"):
+    for backend, account, words in (
+        ("fake_belem", None, "fake_belem, the default account"),
+        ("fake_lima", "other", "fake_lima, account other"),
+    ):
+        belongs = r"runs/mine belongs to fake_lima, the default account\."
+        with pytest.raises(LiveError, match=rf"{belongs}\n  This sampler uses {words}\."):
             GuardedSampler(backend, journal="runs/mine", account=account)
     Path("runs/mine").rename("runs/moved")
     with pytest.raises(LiveError, match=r"(?s)in another folder.*`qcompile resume moved` asks"):

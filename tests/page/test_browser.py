@@ -29,7 +29,7 @@ pytestmark = pytest.mark.skipif(
 )
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")  # while it is open, this thread has a running event loop
 def browser() -> Iterator[Any]:
     with playwright.sync_playwright() as started:
         assert CHROMIUM is not None, "the checks need Chromium: apt-get install chromium"

@@ -144,7 +144,10 @@ def test_formulas_are_what_is_computed() -> None:
         (encoder(mean=[[0.0]] * 3), r"encoder.mean has shape \(3, 1\)"),
         (encoder(std=[1.0, 0.0, 1.0]), "encoder.std contains a number that is not positive"),
         (encoder(std=[1.0, 1.0, 1e-10]), "encoder.std contains a number that is too small"),
-        (encoder(("bits",) * 4 + ("tanh",)), "encoder.function has bits and other functions"),
+        (
+            encoder(("bits",) * 4 + ("tanh",)),
+            r"has bits and other functions\.\n  .*: use bits for all inputs\.",
+        ),
         (encoder("bits"), "needs scale 1, and no mean or std"),
         (encoder("bits", scale=[1] * 5, mean=[0.0]), "needs scale 1, and no mean or std"),
         (encoder("bits", [53], [1.0]), "encoder.feature has an entry of 53.\n  .* at most 52"),

@@ -84,8 +84,7 @@ _OTHERS = {
     ("output.py", "open"): "a folder, to have its names on the disk",
     ("output.py", "fdopen"): "written to",
     ("rl/training_log.py", "open"): "written to",
-    ("report/film.py", "open"): "what ffmpeg says, written to",
-    ("report/film.py", "read_bytes"): "that, and the film it has just made",
+    ("report/film.py", "read_bytes"): "the film it has just made",
 }
 
 

@@ -31,7 +31,8 @@ def test_many_qubits_have_a_strip_and_not_a_curve_each(
     draw = Axes.draw
 
     def note(axes: Axes, *args: Any, **options: Any) -> None:
-        ticks[axes] = [label.get_text() for label in axes.get_xticklabels()]
+        if axes.axison:
+            ticks[axes] = [label.get_text() for label in axes.get_xticklabels()]
         draw(axes, *args, **options)
 
     monkeypatch.setattr(Axes, "draw", note)

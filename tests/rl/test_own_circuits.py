@@ -324,7 +324,9 @@ def test_bits_are_trained_and_resumed(tmp_path: Path) -> None:
     assert resumed.steps == trainer.steps
     with pytest.raises(TrainingError, match="CartPole-v1 observes a vector of 4"):
         Trainer("CartPole-v1", settings, 0)
-    with pytest.raises(TrainingError, match="encoder bits beside others"):
+    with pytest.raises(
+        TrainingError, match=r"bits cannot be combined with others: .*\n.*: use bits alone"
+    ):
         replace(settings, encoder=("bits", "tanh")).check()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import builtins
 import os
 import signal
@@ -188,7 +189,7 @@ def test_what_a_lost_worker_had_runs_again(
     if engine == "processes":  # Dask starts the worker again by itself
         (words,) = told
         assert words.startswith("Workers stopped (TerminatedWorkerError: ")
-        assert words.endswith("; 1 trainings run again")
+        assert words.endswith("; running 1 training again.")
 
 
 def test_workers_that_are_always_lost(
@@ -198,7 +199,7 @@ def test_workers_that_are_always_lost(
     outcome = killing(hand_made(), tmp_path, small[0].name, times=99)
     monkeypatch.setattr("qcompile.sweep.engine._outcome", outcome)
     told: list[str] = []
-    with pytest.raises(StudyError, match="Workers stopped 3 times no training got done"):
+    with pytest.raises(StudyError, match="Workers stopped 3 times without finishing a training"):
         train(small[:1], pytest.fail, workers=2, on_loss=told.append)
     assert len(told) == 2
     assert len(list(tmp_path.glob(f"{small[0].name}.*"))) == 3
@@ -267,12 +268,25 @@ def test_an_engine_that_is_not_there(small: list[Cell], what: str) -> None:
     assert time.monotonic() - started < 15
 
 
-def test_a_server_that_is_no_dask_scheduler(small: list[Cell]) -> None:
-    """It takes the connection and says nothing; Dask's client would wait for ever."""
+@pytest.mark.parametrize("notebook", [False, True])
+def test_a_server_that_is_no_dask_scheduler(small: list[Cell], notebook: bool) -> None:
+    """It takes the connection and says nothing; Dask's client would wait for ever.
+
+    In a notebook the thread that asks has a running event loop.
+    """
     pytest.importorskip("distributed")
 
     def too_long(*_: Any) -> None:
         raise AssertionError("waits for a server that says nothing")
+
+    def ask(address: str) -> None:
+        train(small, pytest.fail, engine="dask", address=address)
+
+    async def ask_in_a_loop(address: str) -> None:
+        ask(address)
+
+    def ask_in_a_notebook(address: str) -> None:
+        asyncio.run(ask_in_a_loop(address))
 
     before = signal.signal(signal.SIGALRM, too_long)
     signal.alarm(20)
@@ -280,7 +294,7 @@ def test_a_server_that_is_no_dask_scheduler(small: list[Cell]) -> None:
         with socket.create_server(("127.0.0.1", 0)) as server:
             address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
             with pytest.raises(StudyError, match="There is no Dask scheduler at"):
-                train(small, pytest.fail, engine="dask", address=address)
+                (ask_in_a_notebook if notebook else ask)(address)
     finally:
         signal.alarm(0)
         signal.signal(signal.SIGALRM, before)

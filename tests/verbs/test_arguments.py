@@ -84,7 +84,7 @@ def test_the_numbers_of_numpy_are_numbers() -> None:
 
 
 def test_files_are_names() -> None:
-    with pytest.raises(PolicyError, match="found an object of type NoneType"):
+    with pytest.raises(PolicyError, match="not an object of type NoneType"):
         qcompile.load_policy(None)  # type: ignore[arg-type]
     with pytest.raises(CalibrationError, match="found an object of type int"):
         qcompile.load_calibration(3)  # type: ignore[arg-type]

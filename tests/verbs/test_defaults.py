@@ -25,8 +25,8 @@ LEAST = {
 }
 """What each command has to be told; nothing, where it is not named."""
 RENAMED = {"calibration_file": "calibration", "file": "calibration"}
-SHOWN = {"as_json", "traceback", "listing"}
-"""What the command line alone decides: how the answer is shown."""
+SHOWN = {"as_json", "traceback", "listing", "plot", "style", "table", "report"}
+"""What the command line alone decides: how the answer is shown, and what of it is saved."""
 LIVE = {
     "live",
     "max_qpu_seconds",

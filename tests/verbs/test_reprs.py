@@ -88,7 +88,9 @@ def test_only_means_of_episodes_are_doubted() -> None:
     values = qcompile.run("cartpole", episodes=1, max_steps=1).to_dict() | {"interrupted": True}
     with pytest.raises(QcompileError, match="shortest"):
         RunResult(values, 3).check_complete()
-    with pytest.raises(QcompileError, match=r"^Interrupted: 0 of 3 .*\n  Fewer --episodes"):
+    with pytest.raises(
+        QcompileError, match=r"^Interrupted: 0 of 3 .*\n  For a shorter run, use fewer --episodes"
+    ):
         RunResult(values | {"episodes": []}, 3).check_complete()
 
 

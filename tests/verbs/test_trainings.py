@@ -89,7 +89,7 @@ def test_all_are_shown(both: tuple[Trainings, Path]) -> None:
     lines = repr(result).splitlines()
     assert [line.split()[:2] for line in lines[1:3]] == [["3", "6"], ["4", "6"]]
     assert lines[3].startswith("mean of 2 seeds: ")
-    assert lines[3].endswith(" on 30 others")
+    assert lines[3].endswith(" on 30 other episodes")
     assert result.plot().png != result.trainings[0].plot().png
     one = qcompile.train("CartPole-v1", preset="paper", episodes=2)
     assert one.trainings == [one]
@@ -135,7 +135,7 @@ def test_lost_workers_leave_what_is_finished(monkeypatch: pytest.MonkeyPatch) ->
         result.check_complete()
     assert str(caught.value) == (
         "Workers were lost 3 times.\n  1 of 3 trainings finished.\n"
-        "  The policy of the best of them is in p.pt."
+        "  The best policy of these is in p.pt."
     )
     monkeypatch.setattr(train_seeds, "run_all", Ends(0, lost))
     with pytest.raises(QcompileError, match=r"^Workers were lost 3 times\.$"):
@@ -172,7 +172,10 @@ def test_a_seed_that_fails_leaves_the_others(monkeypatch: pytest.MonkeyPatch) ->
             "resume cannot be combined with seeds: a checkpoint belongs to one training.",
         ),
         ({"callback": print}, "callback cannot be combined with seeds, which are trained in"),
-        ({"model": "mvqc", "preset": "paper"}, "Model 'mvqc' makes no policy, so seeds have no"),
+        (
+            {"model": "mvqc", "preset": "paper"},
+            "Model 'mvqc' cannot be played yet, so the best seed",
+        ),
         ({"seeds": None, "workers": 2}, "workers needs seeds, the number of trainings."),
         ({"seeds": None, "evaluation": 2}, "evaluation needs seeds, the number of trainings."),
         ({"seeds": 0}, "seeds cannot be 0.\n  It must be in [1, 1000]."),

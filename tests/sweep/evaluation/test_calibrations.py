@@ -160,7 +160,7 @@ def test_what_cannot_be_played_is_left_out(policy: Policy) -> None:
     ]
     assert {*left_out(*sides).values()} == {
         "level 1 on lima.json: a twin only supports level 2",
-        "mitigation response at level 1: response curves are those of level 2",
+        "mitigation response at level 1: response curves are measured at level 2",
         "shots exact on qiskit:FakeLimaV2: it runs through a sampler, which needs shots",
     }
     with pytest.raises(

@@ -227,7 +227,7 @@ def test_the_paper_is_written_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert text.count("| `ibm_lagos` | 1024 | readout mitigation | 96.5 ± 1.0 |") == 2
     # Differences 0 and -3; Student's t with one degree of freedom: 12.706 * 1.5 = 19.1.
     assert text.count("| -1.5 (-20.6 to +17.6) |") == 7
-    assert "\n  so many of them leave 77.6% of other episodes possible" in text  # 1 - sqrt(0.05)
+    assert "but up to 77.6% of all episodes may have other rewards." in text  # 1 - sqrt(0.05)
     for task in TASKS:
         assert f"{task.on_devices.mean - task.ideal.mean:+.1f} |" in text
     played.popitem()

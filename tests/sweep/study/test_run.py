@@ -116,7 +116,7 @@ def test_an_environment_that_is_not_there_is_told_before_any_training() -> None:
         study(name="mine.toml")
     words = str(error.value)
     assert words.startswith("Unknown environment 'FrozenLak-v1'.")
-    assert words.endswith("\n  Row lake-svqc-a-paper of the study trains in it.")
+    assert words.endswith("\n  It is the environment of row lake-svqc-a-paper.")
     assert not Path("mine").exists()
 
 
@@ -172,7 +172,7 @@ def test_a_training_in_which_no_episode_ends_fails_in_words() -> None:
 def test_a_file_names_no_module_to_import() -> None:
     Path("evil.py").write_text("from pathlib import Path\nPath('ran').touch()")
     Path("mine.toml").write_text(MINE.replace("FrozenLake-v1", "evil:FrozenLake-v1"))
-    with pytest.raises(EnvironmentMismatchError, match="names a module"):
+    with pytest.raises(EnvironmentMismatchError, match="would import a module"):
         study(name="mine.toml")
     assert not Path("ran").exists()
 
