@@ -155,7 +155,7 @@ BAD_ENVIRONMENTS = {
     "(Discrete).\n",
     "CarRacing-v3": "Error: CarRacing-v3 observes 27,648 numbers in total.\n",
     "mine:Corridor-v0": "Error: Environment 'mine:Corridor-v0' would import a module.\n"
-    "  Use --import mine, and the plain id Corridor-v0.\n",
+    "  Use --import mine and the plain id Corridor-v0.\n",
 }
 
 
@@ -221,7 +221,7 @@ def test_an_environment_that_breaks_leaves_the_policy_of_the_last_update(
         assert answer.err.startswith("Error: Breaks-v0, episode of seed ")
         assert answer.err.endswith(
             ", step 10: feature 0 of the observation is nan.\n  Observations must be finite.\n"
-            "  The policy as it was after the last whole update is in mine.pt.\n"
+            "  The policy after the last complete update is in mine.pt.\n"
         )
         assert answer.out.startswith("4 episodes, 89 steps, last 20: 20.0; ")
         assert left() == ["log.csv", "mine.pt", "state"]

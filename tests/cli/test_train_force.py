@@ -88,5 +88,5 @@ def test_a_resumed_training_keeps_what_is_no_policy(qcompile: Call) -> None:
     for words in (("--out", "notes.json"), ("--out", "p.pt", "--checkpoint", "copy")):
         answer = qcompile("train", "CartPole-v1", "--resume", "state", *words)
         assert answer.code == 1
-        assert "is there already." in answer.err
+        assert "already exists." in answer.err
     assert Path("notes.json").read_text() == "mine"

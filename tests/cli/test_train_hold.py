@@ -37,8 +37,7 @@ def test_it_resumes_with_its_own_hold_alone(qcompile: Call, ctrl_c: Call) -> Non
     refused = qcompile(*again, "--hold", 2)
     assert (refused.code, refused.err) == (
         1,
-        "Error: Checkpoint state has the hold 3, found 2.\n"
-        "  Name 3, or resume another checkpoint.\n",
+        "Error: Checkpoint state has hold 3, not 2.\n  Use 3, or resume another checkpoint.\n",
     )
     assert qcompile(*again, "--hold", 3).code == 0
     whole, resumed = (json.loads(Path(name).read_text()) for name in ("whole.json", "p.json"))

@@ -56,7 +56,7 @@ def test_set_reads_lists_of_lists_and_none(settings: Call) -> None:
     ("words", "text"),
     [
         (("--set", "clp=1"), "Unknown setting 'clp'.\n  Did you mean clip?"),
-        (("--set", "clip"), "'clip' is not NAME=VALUE, such as clip=0.2."),
+        (("--set", "clip"), "'clip' must be NAME=VALUE, such as clip=0.2."),
         (("--set", "model=fcn"), "'model' cannot be changed as a setting"),
         (("--set", "layout=serial"), "'layout' cannot be changed as a setting"),
         (("--set", "clip=1", "--set", "clip=2"), "'clip' is set twice."),

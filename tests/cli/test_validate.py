@@ -117,7 +117,7 @@ def test_a_twin_that_does_not_hold_is_printed_and_ends_with_1(qcompile: Call) ->
     assert answer.out.count("holds") == 4 - len(found["failed"])
     assert "fail; the largest difference in <Z> is 0." in answer.out
     assert (
-        "Error: The twin of lima.json is not its machine any more: qubit "
+        "Error: The twin of lima.json no longer matches the machine on qubit "
         f"{', '.join(map(str, found['failed']))}.\n"
     ) in answer.err
 
