@@ -38,7 +38,7 @@ def interrupted(patch: pytest.MonkeyPatch) -> None:
 
 def losing(patch: pytest.MonkeyPatch) -> None:
     def run_all(*_: Any, on_loss: Any, **__: Any) -> None:
-        on_loss("workers were lost (killed); 3 cells run again")
+        on_loss("Workers stopped (killed); running 3 cells again.")
         raise KeyboardInterrupt
 
     patch.setattr("qcompile.sweep.complete.run_all", run_all)

@@ -223,7 +223,9 @@ def test_a_loss_after_progress_is_a_first_one(
     train(small, done.append, on_loss=told.append)
     assert len(done) == 4
     left = (4, 4, 3, 3)
-    assert told == [f"Workers stopped (OSError: gone); {n} trainings run again." for n in left]
+    assert told == [
+        f"Workers stopped (OSError: gone); running {n} training{'s' * (n > 1)} again." for n in left
+    ]
 
 
 # What is wrong for good.
