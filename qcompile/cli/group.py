@@ -9,7 +9,6 @@ import click
 from qcompile.cli import COMMANDS
 from qcompile.version import __version__
 
-
 _HELP = {"help_option_names": ["-h", "--help"]}
 
 
@@ -23,7 +22,8 @@ class _LazyGroup(click.Group):
         if cmd_name not in COMMANDS:
             return None
         command: click.Command = import_module(f"qcompile.cli.{cmd_name}").command
-        command.context_settings |= _HELP  # click keeps the names of whoever asks a command first
+        # click keeps the names of the first context that asks a command for its help
+        command.context_settings.update(_HELP)
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
