@@ -126,7 +126,7 @@ def _panes(part: SubFigure, row: Sequence[Panel]) -> Sequence[Axes]:
 
 
 def _name_columns(axes: Axes, panel: Panel, letters: int) -> None:
-    """Write the names of the columns, in lines of so many letters: a path may be long."""
+    """Write the names of the columns, in lines of limited length: a path may be long."""
     most = max(letters, _LEAST_LETTERS)
     names = [
         "\n".join(line for part in name.splitlines() for line in wrap(part, most))

@@ -27,7 +27,7 @@ def _lines(diagram: Diagram) -> list[str]:
 
 
 def gate_words(gate: Gate) -> str:
-    """A gate as OpenQASM has it, constants that are no fraction of pi to four decimals."""
+    """A gate as OpenQASM has it, constants that are not fractions of pi to four decimals."""
     if gate.angle is not None and gate.angle.is_constant:
         words = str(gate)
         short = "pi" in words or len(words) < 12
