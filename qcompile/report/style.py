@@ -25,7 +25,7 @@ HOUSE = Path(__file__).with_name("qcompile.mplstyle")
 
 _GAP_IN = 0.2
 _PAGE_IN = 4.5
-"""A style whose figures are wider than this draws for a page: it never widens its widest figures."""
+"""A style with wider figures than this draws for a page: its widest figures stay as they are."""
 _MOST_BYTES = 1 << 20
 _FOREIGN = re.compile(
     r"(animation|backend|docstring|interactive|keymap|pgf|timezone|tk|toolbar|webagg)(\..*|_.*)?"
