@@ -7,12 +7,16 @@ import subprocess
 import sys
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 from urllib.parse import unquote
 
 import click
 import pytest
+from looking import WIDTHS, browser, needs_chromium, page_of
 
 from qcompile.cli.group import cli
+
+__all__ = ["browser"]
 
 CHECKOUT = Path(__file__).parents[1]
 HTML = set(
@@ -104,6 +108,21 @@ def test_no_page_loses_words_in_an_unknown_tag(site: Path) -> None:
 def test_every_link_image_and_anchor_leads_somewhere(site: Path) -> None:
     pages = {page: page.read_text() for page in site.rglob("*.html")}
     assert not broken_links(pages)
+
+
+@needs_chromium
+def test_no_page_is_wider_than_a_screen_or_a_phone(site: Path, browser: Any) -> None:
+    pages = [page for page in sorted(site.rglob("*.html")) if "_static" not in page.parts]
+    assert len(pages) > 15
+    wide = set()
+    for path in pages:
+        with page_of(browser, path) as page:
+            for width in WIDTHS:
+                page.set_viewport_size({"width": width, "height": 900})
+                if page.evaluate("document.scrollingElement.scrollWidth") > width:
+                    wide.add((path.name, width))
+            assert page.trouble == [], path
+    assert not wide
 
 
 def test_broken_links_would_be_noticed(tmp_path: Path) -> None:

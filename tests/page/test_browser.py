@@ -2,60 +2,20 @@
 
 from __future__ import annotations
 
-import os
-import shutil
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import pytest
+from looking import WIDTHS, browser, needs_chromium, page_of
 
-playwright = pytest.importorskip("playwright.sync_api")
+__all__ = ["browser"]
 
-CHROMIUM = shutil.which("chromium")
-ARGUMENTS = [
-    *("--no-sandbox", "--disable-gpu", "--disable-background-networking"),
-    *("--disable-component-update", "--disable-sync"),
-]
-WIDTHS = (1280, 390)
 NAMED = {"image", "figure", "region", "table", "Video", "link", "button", "navigation", "heading"}
 """The roles that a screen reader reads by their names."""
 
-pytestmark = pytest.mark.skipif(
-    CHROMIUM is None and os.environ.get("CI") != "true",
-    reason="Chromium is not installed: reports are not looked at. Debian: apt-get install chromium",
-)
-
-
-@pytest.fixture(scope="module")  # while it is open, this thread has a running event loop
-def browser() -> Iterator[Any]:
-    with playwright.sync_playwright() as started:
-        assert CHROMIUM is not None, "the checks need Chromium: apt-get install chromium"
-        opened = started.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
-        yield opened
-        opened.close()
-
-
-@contextmanager
-def page_of(browser: Any, path: Path) -> Iterator[Any]:
-    """A report, opened from its file; whatever it says on the console or asks for is kept."""
-    opened = browser.new_page(viewport={"width": WIDTHS[0], "height": 900})
-    opened.trouble = []
-    opened.on("console", lambda message: opened.trouble.append(message.text))
-    opened.on("pageerror", lambda error: opened.trouble.append(str(error)))
-    opened.on(
-        "request",
-        lambda asked: (
-            asked.url.startswith("data:")
-            or (asked.url.startswith("file:") and asked.is_navigation_request())
-            or opened.trouble.append(asked.url)
-        ),
-    )
-    opened.goto(path.as_uri())
-    yield opened
-    opened.close()
+pytestmark = needs_chromium
 
 
 @pytest.mark.parametrize("kind", ["run", "evaluate", "calibrate", "study", "plan"])
@@ -67,6 +27,8 @@ def test_a_report_is_read(kind: str, browser: Any, report: Callable[[str], Path]
         check_that_a_screen_reader_has_names_and_headings_in_order(page)
         check_that_text_can_be_read(page)
         assert page.trouble == []
+        loaded = page.evaluate("performance.getEntriesByType('resource').map(e => e.name)")
+        assert [name for name in loaded if not name.startswith("data:")] == []
 
 
 CUT_OFF = """() => {
