@@ -3,7 +3,7 @@
 For each task, hold, device and number of shots, the cheapest way to measure 100 episodes (reset
 seeds 10000 to 10099) as `qcompile plan --within` finds it, judged by 200 whole episodes on the
 device's noise model. Writes docs/frontier.json, two pictures into docs/images, and the table into
-docs/background/budget.md. Policies of hold 1 are the shipped ones, the others those of
+docs/background/frontier.md. Policies of hold 1 are the shipped ones, the others those of
 benchmarks/held.
 """
 
@@ -29,7 +29,7 @@ ROOT = Path(__file__).parents[1]
 HELD, DATA, PAGE = (
     ROOT / "benchmarks/held",
     ROOT / "docs/frontier.json",
-    ROOT / "docs/background/budget.md",
+    ROOT / "docs/background/frontier.md",
 )
 TASKS = ("lunarlander", "cartpole", "acrobot")
 HOLDS = (1, 2, 4, 8)
