@@ -102,7 +102,7 @@ class Chaos:
                 running = trial.start()
                 running.wait_for_run()
                 started = time.monotonic()
-                trial.judge(running.wait())
+                trial.check_process(running.wait())
                 self.live_s[scenario] = time.monotonic() - started
                 assert trial.result is not None, trial.folder
                 self.references[scenario] = trial.result
@@ -125,7 +125,7 @@ class Chaos:
             for kill_at in (moment, int(rng.integers(60))):
                 ended = trial.start(kill_at=kill_at).wait()
                 trial.kills += ended.code == KILLED
-                trial.judge(ended)
+                trial.check_process(ended)
                 if trial.result is not None:
                     break
             trial.finish()

@@ -52,7 +52,7 @@ def two_at_once(trial: Trial, rng: np.random.Generator, live_s: float) -> None:
         both = [one for one in (trial, twin) if one.result is None]
         running = [one.start() for one in both]
         for one, process in zip(both, running, strict=True):
-            one.judge(process.wait())
+            one.check_process(process.wait())
         if trial.result is not None and twin.result is not None:
             break
     if twin.result != trial.result and plain(twin.result) != plain(trial.result):
@@ -69,7 +69,7 @@ def _killed(trial: Trial, after_s: float) -> bool:
     running.wait_for_run()
     time.sleep(after_s)
     trial.kills += running.kill()
-    trial.judge(running.wait())
+    trial.check_process(running.wait())
     return trial.result is None and trial.run is not None
 
 

@@ -143,7 +143,7 @@ class Trial:
     def call(self, *words: str, settled: bool = False) -> Ended:
         return self.start(*words, settled=settled).wait()
 
-    def judge(self, ended: Ended) -> None:
+    def check_process(self, ended: Ended) -> None:
         """Store the result of an ended process, and record everything wrong with its output."""
         words = ended.err
         if self.options and "\nqcompile.errors." in words:
@@ -200,7 +200,7 @@ class Trial:
                 time.sleep(rng.uniform(0, live_s))
                 self.kills += running.kill()
             ended = running.wait()
-            self.judge(ended)
+            self.check_process(ended)
             if ended.code == HUNG:
                 self.stand_in.recover()
         self.wrong.append("does not end")

@@ -1,7 +1,7 @@
 """Reward against QPU seconds, over shots, holds and devices: `python benchmarks/frontier.py`.
 
 For each task, hold, device and number of shots, the cheapest way to measure 100 episodes (reset
-seeds 10000 to 10099) as `qcompile plan --within` finds it, judged by 200 whole episodes on the
+seeds 10000 to 10099) as `qcompile plan --within` finds it, scored over 200 whole episodes on the
 device's noise model. Writes docs/frontier.json, two pictures into docs/images, and the table into
 docs/background/frontier.md. Policies of hold 1 are the shipped ones, the others those of
 benchmarks/held.

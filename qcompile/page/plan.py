@@ -131,7 +131,7 @@ def _figure(
     note = (
         "ahead: decisions of an episode in a job, at most. at 4 sub-jobs: the seconds if IBM "
         "counts a job as four, which is not known. mean reward: of "
-        f"{values['judged_episodes']} whole episodes on a model of the machine, more for what is "
+        f"{values['scored_episodes']} whole episodes on a model of the machine, more for what is "
         "recommended. kept: its share between random actions, "
         f"{reward_text(values['random_reward'])}, and no noise, "
         f"{reward_text(values['ideal_reward'])}."

@@ -142,7 +142,7 @@ class Point:
             "qpu_seconds_at_4_sub_jobs": at_sub_jobs(load),
             "mean_reward": self.mean_reward,
             "ci95": bootstrap_ci95(rewards, settings.seed),
-            "judged_episodes": len(rewards),
+            "scored_episodes": len(rewards),
             "share": self.share,
             "share_95": list(self.baseline.share_95(rewards)),
         }

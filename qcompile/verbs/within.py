@@ -21,7 +21,7 @@ def within_values(result: SearchResult, command: Command) -> dict[str, Any]:
     return {
         "within": goal.within,
         "keep": goal.keep,
-        "judged_episodes": goal.trial_episodes,
+        "scored_episodes": goal.trial_episodes,
         "random_reward": float(baseline.random.mean()),
         "ideal_reward": float(baseline.ideal.mean()),
         "frontier": [point.values for point in result.frontier],
