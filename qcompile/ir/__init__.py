@@ -1,11 +1,12 @@
-"""The intermediate representation: immutable circuits of one qubit with affine angles."""
+"""The intermediate representation: immutable circuits with affine angles."""
 
 from qcompile.ir.angle import NEGLIGIBLE_RAD, Angle
 from qcompile.ir.circuit import Circuit, LateAngle
-from qcompile.ir.gate import FIXED_GATES, ROTATION_GATES, Gate, Rotation
+from qcompile.ir.gate import COUPLINGS, FIXED_GATES, ROTATION_GATES, Gate, Rotation
 from qcompile.ir.program import Program
 
 __all__ = [
+    "COUPLINGS",
     "FIXED_GATES",
     "NEGLIGIBLE_RAD",
     "ROTATION_GATES",

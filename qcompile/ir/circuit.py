@@ -1,53 +1,67 @@
-"""Circuits of one qubit, and angles that are computed from a circuit when it is bound."""
+"""Circuits, and angles that are computed from a circuit when it is bound."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 from qcompile.errors import CircuitError
 from qcompile.ir.angle import Angle
-from qcompile.ir.gate import Gate
+from qcompile.ir.gate import COUPLINGS, Gate
 from qcompile.notebook import shortened
 
-_GATE_TEXT = re.compile(r"\s*([A-Za-z]\w*)\s*(?:\(([^()]*(?:\([^()]*\)[^()]*)*)\))?")
+_GATE_TEXT = re.compile(
+    r"\s*([A-Za-z]\w*)\s*(?:\(([^()]*(?:\([^()]*\)[^()]*)*)\))?(?:@(\d+(?:,\d+)*))?"
+)
+_QUBIT_0 = (0,)
 
 
 @dataclass(frozen=True, repr=False)
 class Circuit:
-    """Gates on one qubit that starts in `|0>` and is measured in Z at the end."""
+    """Gates on `width` qubits that start in `|0>` and are measured in Z at the end.
+
+    Raises:
+        CircuitError: a gate acts on a qubit that the circuit does not have.
+    """
 
     gates: tuple[Gate, ...] = ()
+    width: int = 1
 
-    @classmethod
-    def of(cls, gates: Iterable[Sequence[object]]) -> Circuit:
-        """The circuit of the policy-file form [["h"], ["ry", "x0"], ["rz", 0.5]]."""
-        parsed = []
-        for gate in gates:
-            if isinstance(gate, str) or not isinstance(gate, Sequence) or len(gate) not in (1, 2):
+    def __post_init__(self) -> None:
+        if self.width < 1:
+            raise CircuitError(f"A circuit cannot have {self.width} qubits.")
+        for qubits in {gate.qubits for gate in self.gates} - {_QUBIT_0}:
+            if not 0 <= min(qubits) <= max(qubits) < self.width:
                 raise CircuitError(
-                    f"{gate!r} is not a gate.",
-                    'A gate is [name] or [name, angle], like ["ry", "x0"].',
+                    f"A gate acts on qubit {max(qubits)} of a circuit on {self.width}.",
+                    f"Its qubits are 0 to {self.width - 1}.",
                 )
-            name, *angle = gate
-            if not isinstance(name, str):
-                raise CircuitError(f"{name!r} is not a gate name.")
-            parsed.append(Gate.of(name, *angle))  # type: ignore[arg-type]
-        return cls(tuple(parsed))
 
     @classmethod
-    def parse(cls, text: str) -> Circuit:
-        """The circuit of the text form, such as "h ry(x0) rz(0.5*x0)"."""
+    def of(cls, gates: Iterable[Sequence[object]], width: int = 1) -> Circuit:
+        """The circuit of the policy-file form.
+
+        For one qubit that is [["h"], ["ry", "x0"], ["rz", 0.5]]; in wider circuits the qubits come
+        last: [["h", 0], ["ry", "x0", 1], ["cz", 0, 1]].
+        """
+        return cls(tuple(_gate(gate, width) for gate in gates), width)
+
+    @classmethod
+    def parse(cls, text: str, width: int = 1) -> Circuit:
+        """The circuit of the text form: "h ry(x0) rz(0.5*x0)", or "h@0 ry(x0)@1 cz@0,1"."""
         gates, position, text = [], 0, text.rstrip()
         while position < len(text):
             match = _GATE_TEXT.match(text, position)
             if match is None:
                 raise CircuitError(f"Cannot read a gate at {text[position : position + 20]!r}.")
-            gates.append(Gate.of(match[1], match[2]))
+            qubits = tuple(map(int, match[3].split(","))) if match[3] else _QUBIT_0
+            if not match[3] and width > 1:
+                raise CircuitError(f"{match[0].strip()!r} names no qubit.", "Write it as h@0.")
+            gates.append(Gate.of(match[1], match[2], qubits))
             position = match.end()
-        return cls(tuple(gates))
+        return cls(tuple(gates), width)
 
     @property
     def angles(self) -> tuple[Angle, ...]:
@@ -63,37 +77,61 @@ class Circuit:
     def with_angles(self, angles: Iterable[Angle]) -> Circuit:
         """The circuit with its angles replaced, in order, by as many others."""
         others = iter(angles)
-        return Circuit(
-            tuple(g if g.angle is None else Gate(g.name, next(others)) for g in self.gates)
-        )
+        return self._with(lambda angle: next(others))
 
     def substitute(self, values: Mapping[str, float]) -> Circuit:
         """The circuit with the symbols in `values` replaced by their numbers."""
-        return Circuit(
-            tuple(Gate(g.name, g.angle and g.angle.substitute(values)) for g in self.gates)
-        )
+        return self._with(lambda angle: angle.substitute(values))
 
     def rename(self, names: Mapping[str, str]) -> Circuit:
         """The circuit with its symbols renamed according to `names`."""
-        return Circuit(tuple(Gate(g.name, g.angle and g.angle.rename(names)) for g in self.gates))
+        return self._with(lambda angle: angle.rename(names))
+
+    def _with(self, changed: Callable[[Angle], Angle]) -> Circuit:
+        gates = (
+            gate if gate.angle is None else Gate(gate.name, changed(gate.angle), gate.qubits)
+            for gate in self.gates
+        )
+        return Circuit(tuple(gates), self.width)
 
     def to_lists(self) -> list[list[str | float]]:
         """The policy-file form, from which `Circuit.of` makes an equal circuit."""
-        return [
-            [g.name]
-            if g.angle is None
-            else [g.name, g.angle.constant if g.angle.is_constant else str(g.angle)]
-            for g in self.gates
-        ]
+        lists: list[list[str | float]] = []
+        for gate in self.gates:
+            parts: list[str | float] = [gate.name]
+            if gate.angle is not None:
+                constant = gate.angle.is_constant
+                parts.append(gate.angle.constant if constant else str(gate.angle))
+            lists.append([*parts, *(gate.qubits if self.width > 1 else ())])
+        return lists
 
     def __len__(self) -> int:
         return len(self.gates)
 
     def __str__(self) -> str:
-        return " ".join(map(str, self.gates))
+        return " ".join(gate.to_text(self.width) for gate in self.gates)
 
     def __repr__(self) -> str:
-        return f"Circuit({shortened(str(self))})"
+        on = f", {self.width} qubits" if self.width > 1 else ""
+        return f"Circuit({shortened(str(self))}{on})"
+
+
+def _gate(parts: Sequence[object], width: int) -> Gate:
+    """The gate of a list of its name, its angle if it has one, and its qubits if there are more."""
+    example = '["ry", "x0"]' if width == 1 else '["ry", "x0", 0] or ["cz", 0, 1]'
+    if isinstance(parts, str) or not isinstance(parts, Sequence) or not parts:
+        raise CircuitError(f"{parts!r} is not a gate.", f"A gate is a list like {example}.")
+    name, *rest = parts
+    if not isinstance(name, str):
+        raise CircuitError(f"{name!r} is not a gate name.")
+    count = 0 if width == 1 else 2 if name in COUPLINGS else 1
+    angle, qubits = (rest[:-count], rest[-count:]) if count else (rest, [0])
+    if len(angle) > 1 or len(qubits) != max(count, 1):
+        raise CircuitError(f"{parts!r} is not a gate.", f"A gate is a list like {example}.")
+    for qubit in qubits:
+        if isinstance(qubit, bool) or not isinstance(qubit, int):
+            raise CircuitError(f"{qubit!r} is not a qubit.", "Qubits are numbered from 0.")
+    return Gate.of(name, *angle, qubits=tuple(qubits))  # type: ignore[arg-type]
 
 
 EulerPart = Literal["first", "polar", "last"]

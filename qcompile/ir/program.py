@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+from bisect import bisect_right
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from itertools import accumulate
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,21 +21,28 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Program:
-    """Circuits side by side; circuit i is bit i.
+    """Circuits side by side, which no gate connects.
 
-    Angles are affine in `inputs` (one value per observation), `parameters` (trained, the same for
-    every observation) and the names of `late_angles` (computed from both when bound).
+    Each qubit is a bit: those of a circuit are neighbours, its first qubit first, so that circuit i
+    is bit i where every circuit has one qubit. `observables` are sets of bits of one circuit, whose
+    Z are multiplied; by default each bit is one. Angles are affine in `inputs` (one value per
+    observation), `parameters` (trained, the same for every observation) and the names of
+    `late_angles` (computed from both when bound).
 
     Raises:
-        CircuitError: a circuit uses a symbol that is not declared, or a symbol is declared twice.
+        CircuitError: a circuit uses a symbol that is not declared, a symbol is declared twice, or
+            an observable is not a set of bits of one circuit.
     """
 
     circuits: tuple[Circuit, ...]
     inputs: tuple[str, ...] = ()
     parameters: tuple[str, ...] = ()
     late_angles: tuple[LateAngle, ...] = ()
+    observables: tuple[tuple[int, ...], ...] = ()
 
     def __post_init__(self) -> None:
+        if self.observables:
+            self._check_observables()
         outer = (*self.inputs, *self.parameters)
         names = (*outer, *(late.name for late in self.late_angles))
         for name in names:
@@ -43,6 +52,50 @@ class Program:
             raise CircuitError(f"Symbol {twice!r} is declared twice.")
         self._require(self.circuits, set(names))
         self._require([late.block for late in self.late_angles], set(outer))
+
+    def _check_observables(self) -> None:
+        first_bits, bits = self.first_bits, self.bits
+        for index, observable in enumerate(self.observables):
+            numbers = ",".join(map(str, observable)) or "none"
+            found = f"Observable {index} has the bits {numbers}"
+            if not observable or not 0 <= min(observable) <= max(observable) < bits:
+                raise CircuitError(f"{found}.", f"The program has bits 0 to {bits - 1}.")
+            if len(set(observable)) < len(observable):
+                raise CircuitError(f"{found}: one of them twice.")
+            owners = {bisect_right(first_bits, bit) - 1 for bit in observable}
+            if len(owners) > 1:
+                raise CircuitError(
+                    f"{found}, of the circuits {' and '.join(map(str, sorted(owners)))}.",
+                    "The bits of an observable belong to one circuit.",
+                )
+        ordered = tuple(tuple(sorted(observable)) for observable in self.observables)
+        alone = tuple((bit,) for bit in range(bits))
+        object.__setattr__(self, "observables", () if ordered == alone else ordered)
+
+    @property
+    def widths(self) -> tuple[int, ...]:
+        """The number of qubits of each circuit."""
+        return tuple(circuit.width for circuit in self.circuits)
+
+    @property
+    def is_wide(self) -> bool:
+        """Whether a circuit has more than one qubit."""
+        return any(circuit.width > 1 for circuit in self.circuits)
+
+    @property
+    def bits(self) -> int:
+        """The number of qubits of all circuits."""
+        return sum(self.widths)
+
+    @property
+    def first_bits(self) -> tuple[int, ...]:
+        """The first bit of each circuit."""
+        return tuple(accumulate(self.widths, initial=0))[:-1]
+
+    @property
+    def measured(self) -> tuple[tuple[int, ...], ...]:
+        """The bits of each observable: each bit alone unless `observables` says otherwise."""
+        return self.observables or tuple((bit,) for bit in range(self.bits))
 
     @staticmethod
     def _require(circuits: Iterable[Circuit], known: set[str]) -> None:
@@ -148,6 +201,7 @@ class Program:
             tuple(circuit.substitute(values) for circuit in self.circuits),
             tuple(name for name in self.inputs if name not in values),
             tuple(name for name in self.parameters if name not in values),
+            observables=self.observables,
         )
 
     def side_by_side(self, copies: int) -> Program:
@@ -171,6 +225,11 @@ class Program:
             tuple(circuit.rename(names) for names in named for circuit in self.circuits),
             tuple(name for names in named for name in names.values()),
             self.parameters,
+            observables=tuple(
+                tuple(bit + copy * self.bits for bit in observable)
+                for copy in range(copies)
+                for observable in self.observables
+            ),
         )
 
     def __len__(self) -> int:
@@ -178,9 +237,13 @@ class Program:
 
     def __repr__(self) -> str:
         parts = [count(len(self), "circuit"), count(len(self.inputs), "input")]
+        if self.is_wide:
+            parts.insert(1, count(self.bits, "qubit"))
         parts.append(count(len(self.parameters), "parameter"))
         if self.late_angles:
             parts.append(count(len(self.late_angles), "late angle"))
+        if self.observables:
+            parts.append(count(len(self.observables), "observable"))
         return f"Program({', '.join(parts)})"
 
     def _repr_html_(self) -> str:
@@ -189,7 +252,11 @@ class Program:
 
     def __str__(self) -> str:
         lines = [f"inputs {' '.join(self.inputs)}", f"parameters {' '.join(self.parameters)}"]
-        lines += [f"{i}: {circuit}" for i, circuit in enumerate(self.circuits)]
+        for i, circuit in enumerate(self.circuits):
+            width = f"[{circuit.width}]" if circuit.width > 1 else ""
+            lines.append(f"{i}{width}: {circuit}")
+        if self.observables:
+            lines.append(f"observables {' '.join(','.join(map(str, o)) for o in self.observables)}")
         lines += [f"where {late}" for late in self.late_angles]
         return "\n".join(line.rstrip() for line in lines)
 
@@ -202,19 +269,27 @@ class Program:
         """
         circuits: list[Circuit] = []
         symbols: dict[str, tuple[str, ...]] = {"inputs": (), "parameters": ()}
-        late_angles = []
+        late_angles, observables = [], ""
         for line in filter(None, map(str.strip, text.splitlines())):
             word, *rest = line.split()
             if word in symbols:
                 symbols[word] = tuple(rest)
+            elif match := re.fullmatch(r"observables((?: \d+(?:,\d+)*)+)", line):
+                observables = match[1]
             elif match := re.fullmatch(r"where (\w+) = (first|polar|last)\{(.*)\}", line):
                 late_angles.append(
                     LateAngle(match[1], Circuit.parse(match[3]), match[2])  # type: ignore[arg-type]
                 )
-            elif match := re.fullmatch(r"(\d+):(.*)", line):
+            elif match := re.fullmatch(r"(\d+)(?:\[(\d+)\])?:(.*)", line):
                 if int(match[1]) != len(circuits):
                     raise CircuitError(f"Expected circuit {len(circuits)}, found {line!r}.")
-                circuits.append(Circuit.parse(match[2]))
+                circuits.append(Circuit.parse(match[3], int(match[2] or 1)))
             else:
                 raise CircuitError(f"Cannot read the line {line!r} of a program.")
-        return cls(tuple(circuits), symbols["inputs"], symbols["parameters"], tuple(late_angles))
+        return cls(
+            tuple(circuits),
+            symbols["inputs"],
+            symbols["parameters"],
+            tuple(late_angles),
+            tuple(tuple(map(int, bits.split(","))) for bits in observables.split()),
+        )

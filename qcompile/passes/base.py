@@ -1,10 +1,12 @@
-"""The protocol of passes: frozen dataclasses that take a program and return a new one."""
+"""The protocol of passes, and passes over runs."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import ClassVar, Literal, Protocol
 
 from qcompile.ir import Program
+from qcompile.ir.runs import split
 
 Promise = Literal["unitary", "distribution"]
 
@@ -22,3 +24,17 @@ class Pass(Protocol):
     keeps: ClassVar[Promise]
 
     def apply(self, program: Program) -> Program: ...
+
+
+class RunPass(ABC):
+    """A pass that rewrites the runs of wide circuits as it rewrites circuits of one qubit."""
+
+    def apply(self, program: Program) -> Program:
+        if not program.is_wide:
+            return self.rewrite(program)
+        runs, skeleton = split(program)
+        return skeleton.join(self.rewrite(runs))
+
+    @abstractmethod
+    def rewrite(self, program: Program) -> Program:
+        """The program of circuits of one qubit, rewritten."""

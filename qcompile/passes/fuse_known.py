@@ -12,12 +12,12 @@ import numpy as np
 from qcompile.arrays import FloatArray
 from qcompile.ir import FIXED_GATES, ROTATION_GATES, Angle, Circuit, Gate, Program
 from qcompile.ir.turns import reduced
-from qcompile.passes.base import Promise
+from qcompile.passes.base import Promise, RunPass
 from qcompile.simulate import euler_angles
 
 
 @dataclass(frozen=True)
-class FuseKnown:
+class FuseKnown(RunPass):
     """Afterwards every circuit without symbols is at most rz(first) ry(polar) rz(last).
 
     Gates are unit quaternions, w - i (x X + y Y + z Z). The quaternions of all circuits are
@@ -27,7 +27,7 @@ class FuseKnown:
     name: ClassVar[str] = "fuse_known"
     keeps: ClassVar[Promise] = "unitary"
 
-    def apply(self, program: Program) -> Program:
+    def rewrite(self, program: Program) -> Program:
         fused = list(program.circuits)
         known = [i for i, circuit in enumerate(fused) if circuit.gates and not circuit.symbols]
         if known:

@@ -6,14 +6,14 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from qcompile.ir import Angle, LateAngle, Program
-from qcompile.passes.base import Promise
+from qcompile.passes.base import Promise, RunPass
 from qcompile.passes.fuse_known import euler_circuit
 
 _EULER_RUNS = {("rz", "ry", "rz"), ("rz", "ry"), ("ry", "rz"), ("rz",), ("ry",), ()}
 
 
 @dataclass(frozen=True)
-class FuseRotations:
+class FuseRotations(RunPass):
     """Afterwards a circuit with symbols is at most rz(first) ry(polar) rz(last): its Euler angles.
 
     Requires circuits of rz and ry (`to_rotations`). More than three rotations become three late
@@ -24,7 +24,7 @@ class FuseRotations:
     name: ClassVar[str] = "fuse_rotations"
     keeps: ClassVar[Promise] = "unitary"
 
-    def apply(self, program: Program) -> Program:
+    def rewrite(self, program: Program) -> Program:
         fused = list(program.circuits)
         late_angles = list(program.late_angles)
         prefix = _free_prefix(program)

@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from qcompile.ir import Circuit, Gate, Program
-from qcompile.passes.base import Promise
+from qcompile.passes.base import Promise, RunPass
 
 _ROTATIONS = {"rx", "ry", "rz"}
 
 
 @dataclass(frozen=True)
-class MergeRotations:
+class MergeRotations(RunPass):
     """Afterwards no neighbours rotate about the same axis, and no rotation is the identity.
 
     Two rotations merge even with a half turn about another axis between them: R(b) H R(a) =
@@ -23,7 +23,7 @@ class MergeRotations:
     name: ClassVar[str] = "merge_rotations"
     keeps: ClassVar[Promise] = "unitary"
 
-    def apply(self, program: Program) -> Program:
+    def rewrite(self, program: Program) -> Program:
         return replace(program, circuits=tuple(map(_merge, program.circuits)))
 
 

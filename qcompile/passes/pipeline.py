@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from qcompile.arrays import FloatArray
 from qcompile.device import IDEAL, Device
 from qcompile.errors import CircuitError, DeviceError
 from qcompile.foreign import describe, is_qiskit_backend, program_hint
-from qcompile.ir import Program
+from qcompile.ir import COUPLINGS, Program
 from qcompile.native import NativeGates
 from qcompile.passes.base import Pass
-from qcompile.passes.drop_unobservable import DropUnobservable
+from qcompile.passes.commute_rz import CommuteRz
+from qcompile.passes.drop_unobservable import DropIdleCouplings, DropUnobservable
 from qcompile.passes.executable import Executable
 from qcompile.passes.fuse_known import FuseKnown
 from qcompile.passes.fuse_rotations import FuseRotations
 from qcompile.passes.merge_rotations import MergeRotations
 from qcompile.passes.place import place
+from qcompile.passes.to_couplings import ToCouplings
 from qcompile.passes.to_native import ToNative
 from qcompile.passes.to_rotations import ToRotations
 
@@ -27,6 +31,9 @@ LEVELS = {
 }
 
 PASSES: tuple[type[Pass], ...] = (
+    ToCouplings,
+    CommuteRz,
+    DropIdleCouplings,
     FuseKnown,
     ToRotations,
     MergeRotations,
@@ -37,8 +44,8 @@ PASSES: tuple[type[Pass], ...] = (
 """Every pass; the property test of their promises uses this list."""
 
 
-def pipeline(level: int, native: NativeGates) -> tuple[Pass, ...]:
-    """The passes of a level, in order.
+def pipeline(level: int, native: NativeGates, couplings: Sequence[str] = COUPLINGS) -> list[Pass]:
+    """The passes of a level, in order. `couplings` are the device's.
 
     Raises:
         CircuitError: there is no such level.
@@ -47,16 +54,19 @@ def pipeline(level: int, native: NativeGates) -> tuple[Pass, ...]:
         raise CircuitError(
             f"There is no level {level!r}.", f"Levels: {', '.join(map(str, LEVELS))}."
         )
+    couple: Pass = ToCouplings(tuple(couplings))
     if level == 0:
-        return (ToNative(native),)
-    known = (FuseKnown(), ToRotations(), MergeRotations())
-    fuse = (*known, FuseRotations(), ToNative(native), MergeRotations())
-    return fuse if level == 1 else (*fuse, DropUnobservable())
+        return [couple, ToNative(native)]
+    known = [FuseKnown(), ToRotations(), MergeRotations(), CommuteRz()]
+    fuse = [couple, *known, FuseRotations(), ToNative(native), CommuteRz(), MergeRotations()]
+    return fuse if level == 1 else [DropIdleCouplings(), *fuse, DropUnobservable()]
 
 
-def lower(program: Program, level: int, native: NativeGates) -> Program:
+def lower(
+    program: Program, level: int, native: NativeGates, couplings: Sequence[str] = COUPLINGS
+) -> Program:
     """`program` in native gates, not yet placed."""
-    for step in pipeline(level, native):
+    for step in pipeline(level, native, couplings):
         program = step.apply(program)
     return program
 

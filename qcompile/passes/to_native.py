@@ -9,14 +9,14 @@ from typing import ClassVar
 
 from qcompile.ir import FIXED_GATES, Angle, Circuit, Gate, Program
 from qcompile.native import RX, SX, NativeGates
-from qcompile.passes.base import Promise
+from qcompile.passes.base import Promise, RunPass
 from qcompile.simulate import alternating
 
 _PI, _HALF_PI = math.pi, math.pi / 2
 
 
 @dataclass(frozen=True)
-class ToNative:
+class ToNative(RunPass):
     """Afterwards every gate is one of `native`, or id; gates are translated one by one.
 
     An id is a delay, and stays where it is: every device has it. All other passes remove it.
@@ -31,7 +31,7 @@ class ToNative:
     name: ClassVar[str] = "to_native"
     keeps: ClassVar[Promise] = "unitary"
 
-    def apply(self, program: Program) -> Program:
+    def rewrite(self, program: Program) -> Program:
         fixed = {name: tuple(self._gate(Gate(name))) for name in FIXED_GATES}
         return replace(
             program,

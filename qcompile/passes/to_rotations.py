@@ -6,17 +6,17 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from qcompile.ir import Circuit, Gate, Program
-from qcompile.passes.base import Promise
+from qcompile.passes.base import Promise, RunPass
 
 
 @dataclass(frozen=True)
-class ToRotations:
+class ToRotations(RunPass):
     """Afterwards every gate is rz or ry. Symbols are kept. Source: the gate table, `ir.gate`."""
 
     name: ClassVar[str] = "to_rotations"
     keeps: ClassVar[Promise] = "unitary"
 
-    def apply(self, program: Program) -> Program:
+    def rewrite(self, program: Program) -> Program:
         return replace(program, circuits=tuple(map(_rewrite, program.circuits)))
 
 

@@ -94,13 +94,13 @@ def test_substitution_leaves_the_original() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "near"), [("sxd", "sxdg"), ("rzz", "rz"), ("cx", None), ("H", None), ("u3", None)]
+    ("name", "near"), [("sxd", "sxdg"), ("rzz", "rz"), ("qx", None), ("H", None), ("u3", None)]
 )
 def test_an_unknown_gate_brings_the_nearest(name: str, near: str | None) -> None:
     with pytest.raises(CircuitError, match=f"Unknown gate '{name}'") as caught:
         Gate.of(name)
     message = str(caught.value)
-    assert "Known gates: id x y z h s sdg t tdg sx sxdg rx ry rz p." in message
+    assert "Known gates: id x y z h s sdg t tdg sx sxdg rx ry rz p cx cz ecr." in message
     assert (f"Did you mean {near}" in message) if near else True
 
 
