@@ -32,8 +32,8 @@ class DropUnobservable:
 class DropIdleCouplings:
     """Afterwards no qubit in |0> controls a coupling, and no cz stands before the measurement.
 
-    With such a control cz and cx are the identity; a cz before Z measurements only changes phases. The runs on
-    both sides become one.
+    With such a control cz and cx are the identity; a cz before Z measurements only changes phases.
+    The runs on both sides become one.
     """
 
     name: ClassVar[str] = "drop_idle_couplings"
