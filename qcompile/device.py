@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -10,13 +12,14 @@ from pydantic import Field, ValidationError, model_validator
 from qcompile.catalogue import find, names, nearest
 from qcompile.errors import DeviceError
 from qcompile.foreign import is_qiskit_backend
+from qcompile.ir import COUPLINGS
 from qcompile.native import SX, NativeGates
 from qcompile.notebook import count, html_table
 from qcompile.reading import ContentsError, check_json, read_file
 from qcompile.validation import Line, Many, Record, explain
 
 IDEAL_NAME = "ideal"
-_FORMAT = "qcompile-device-1"
+_FORMAT = "qcompile-device-"
 CALIBRATION_MARK = b'"qcompile-calibration-'
 """A calibration file contains this text, a device file does not."""
 
@@ -25,6 +28,7 @@ Kind = Literal["ideal", "noise-model", "measured-response", "hardware"]
 """What results were measured on, and so how much they prove."""
 
 GateName = Annotated[str, Field(pattern=r"^\w+$", max_length=40)]
+Natural = Annotated[int, Field(ge=0)]
 CoherenceTime = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
@@ -56,14 +60,21 @@ class Qubit(Record):
         return 1.0 - self.p01 - self.p10
 
 
-class Device(Record):
-    """A machine that runs circuits: its gates and its qubits.
+class Coupling(GateCalibration):
+    """A two-qubit gate on two qubits, (control, target): its average gate error and its length."""
 
-    `qubits` is empty for `ideal`, which has as many perfect qubits as a program needs. No circuit
-    is placed on a qubit in `left_out`.
+    gate: Literal["cx", "cz", "ecr"]
+    qubits: tuple[Natural, Natural]
+
+
+class Device(Record):
+    """A machine that runs circuits: its gates, its qubits and their couplings.
+
+    `qubits` is empty for `ideal`, which has as many perfect qubits as a program needs, all of them
+    coupled. No circuit is placed on a qubit in `left_out`. Files of format 1 have no couplings.
     """
 
-    format: Literal["qcompile-device-1"] = "qcompile-device-1"
+    format: Literal["qcompile-device-1", "qcompile-device-2"] = "qcompile-device-1"
     name: Annotated[str, Field(pattern=r"^[\w.-]+$", max_length=100)]
     aliases: Many[Line] = ()
     source: Line
@@ -72,6 +83,7 @@ class Device(Record):
     notes: Many[Line] = ()
     qubits: Many[Qubit] = ()
     left_out: Many[int] = ()
+    couplings: Annotated[Many[Coupling], Field(exclude_if=lambda couplings: not couplings)] = ()
 
     @model_validator(mode="after")
     def _check(self) -> Device:
@@ -83,7 +95,22 @@ class Device(Record):
             raise ValueError(f"left_out names qubit {min(missing)}, which the device does not have")
         if self.qubits and len(set(self.left_out)) == len(self.qubits):
             raise ValueError("left_out names every qubit; at least one must remain")
+        self._check_couplings()
         return self
+
+    def _check_couplings(self) -> None:
+        for coupling in self.couplings:
+            first, second = coupling.qubits
+            if max(first, second) >= len(self.qubits):
+                raise ValueError(
+                    f"a coupling names qubit {max(first, second)}, which the device does not have"
+                )
+            if first == second:
+                raise ValueError(f"a coupling connects qubit {first} with itself")
+        if self.couplings and self.format == "qcompile-device-1":
+            raise ValueError("couplings need the format qcompile-device-2")
+        if len(self.coupling_calibrations) < len(self.couplings):
+            raise ValueError("a coupling is listed twice")
 
     @property
     def is_ideal(self) -> bool:
@@ -93,6 +120,19 @@ class Device(Record):
     def native(self) -> NativeGates:
         """The gates that circuits are compiled to."""
         return NativeGates.of(self.basis_gates)
+
+    @property
+    def coupling_gates(self) -> tuple[str, ...]:
+        """The two-qubit gates that circuits are compiled to, the most frequent one first."""
+        if self.is_ideal:
+            return COUPLINGS
+        counts = Counter(coupling.gate for coupling in self.couplings)
+        return tuple(gate for gate, _ in counts.most_common())
+
+    @cached_property
+    def coupling_calibrations(self) -> dict[tuple[str, int, int], Coupling]:
+        """The calibration of each coupling, by gate, control and target."""
+        return {(each.gate, *each.qubits): each for each in self.couplings}
 
     def to_json(self) -> str:
         return self.model_dump_json(indent=1) + "\n"

@@ -1,4 +1,4 @@
-"""The effect of gate noise on a Bloch vector.
+"""The effect of gate noise on a Bloch vector, and on the Pauli vector of two qubits.
 
 After every calibrated gate Aer's model applies a depolarising channel, then thermal relaxation;
 together they have the gate error of the calibration.
@@ -8,6 +8,7 @@ Source: qiskit_aer.noise.device.models (basic_device_gate_errors), temperature 0
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from qcompile.device import GateCalibration, Qubit
@@ -50,6 +51,32 @@ def depolarising(calibration: GateCalibration, qubit: Qubit) -> float:
     if relaxed >= 0.5:  # nothing but |0> is left, whatever comes before
         return 1.0
     return min(2 * (error - relaxed) / (1 - 2 * relaxed), 4 / 3)
+
+
+class CouplingChannel(NamedTuple):
+    """The noise after a two-qubit gate: Pauli products other than I I times `left`, then a channel
+    on each qubit."""
+
+    left: float
+    relaxed: tuple[Channel, Channel]
+
+
+def channel_after_coupling(
+    calibration: GateCalibration | None, qubits: Sequence[Qubit | None]
+) -> CouplingChannel:
+    """The noise after a two-qubit gate on two qubits; without a calibration there is none."""
+    if calibration is None:
+        return CouplingChannel(1.0, (NOISELESS, NOISELESS))
+    first, second = (
+        NOISELESS if qubit is None else relaxation(qubit, calibration.length_ns) for qubit in qubits
+    )
+    # The average gate fidelity of both relaxations, by their process fidelities.
+    process = math.prod((1 + 2 * each.across + each.along) / 4 for each in (first, second))
+    relaxed, error = 0.8 * (1 - process), min(calibration.error, 0.8)
+    lost = 0.0
+    if error > relaxed:
+        lost = min((error - relaxed) / (0.75 - relaxed), 16 / 15) if relaxed < 0.75 else 1.0
+    return CouplingChannel(1 - lost, (first, second))
 
 
 def channel_after(gate: str, qubit: Qubit | None) -> Channel:

@@ -15,14 +15,19 @@ from qcompile.arrays import FloatArray, IntArray
 from qcompile.device import Device, Qubit
 from qcompile.ir import Circuit, Gate
 from qcompile.native import slots
-from qcompile.noise.channels import channel_after
+from qcompile.noise.channels import Channel, channel_after
 
 _EYE = np.eye(4)
 
 
 def noise_after(gate: str, qubit: Qubit | None) -> FloatArray:
     """The map of the noise after `gate` on `qubit`, (4, 4); None is a perfect qubit."""
-    across, along, added = channel_after(gate, qubit)
+    return channel_map(channel_after(gate, qubit))
+
+
+def channel_map(channel: Channel) -> FloatArray:
+    """The map of a channel, (4, 4)."""
+    across, along, added = channel
     noise = np.diag([1.0, across, across, along])
     noise[3, 0] = added
     return noise
@@ -61,7 +66,7 @@ class NoisyCircuits:
         placed = [None if device.is_ideal else device.qubits[q] for q in qubits.tolist()]
         fixed = np.empty((most + 1, len(circuits), 4, 4))
         for index, circuit in enumerate(circuits):
-            maps = list(_maps_between_slots(circuit, placed[index]))
+            maps = list(maps_between_slots(circuit, placed[index]))
             fixed[:, index] = [*maps, *[_EYE] * (most + 1 - len(maps))]
         rows = np.reshape([readout_row(qubit) for qubit in placed], (-1, 4))
         self._start = fixed[0, :, 1:, 0] + fixed[0, :, 1:, 3]
@@ -113,7 +118,7 @@ class NoisyCircuits:
         return (1.0 - z[0]) / 2, -z[1] / 2, -z[2] / 2
 
 
-def _maps_between_slots(circuit: Circuit, qubit: Qubit | None) -> Iterator[FloatArray]:
+def maps_between_slots(circuit: Circuit, qubit: Qubit | None) -> Iterator[FloatArray]:
     """The fixed maps before, between and after the slots of a native circuit.
 
     A slot is Rz(a). Rx(a) = Ry(pi/2) Rz(a) Ry(-pi/2), where the Ry are noiseless frame changes.

@@ -1,0 +1,1 @@
+"""States of circuits on several qubits."""
