@@ -255,7 +255,7 @@ def test_a_message_about_a_key_does_not_steer_a_terminal(tmp_path, key: str) -> 
 def test_the_ideal_device_is_not_read_from_a_file(tmp_path, qubits: bool) -> None:
     contents = _valid() | {"name": "ideal"}
     if not qubits:
-        contents["qubits"] = []
+        contents |= {"qubits": [], "couplings": []}
     path = tmp_path / "mine.json"
     path.write_text(json.dumps(contents))
     with pytest.raises(DeviceError, match=r"'ideal'.* is built in"):

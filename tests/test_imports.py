@@ -23,7 +23,7 @@ ORDER = (
     {"simulate", "qasm", "native"},
     {"device"},
     {"noise", "calibration"},
-    {"passes", "snapshot"},
+    {"passes", "snapshot", "states"},
     {"execution"},
     {"interop"},
     {"mitigation"},

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import re
-import statistics
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from importlib import metadata
 from typing import Any
 
@@ -14,17 +13,12 @@ from qcompile.catalogue import nearest
 from qcompile.device import Device, GateCalibration, Qubit
 from qcompile.errors import DeviceError, MissingExtraError
 from qcompile.native import NativeGates
-from qcompile.noise.channels import relaxation_error
+from qcompile.snapshot.couplings import couplings_of_properties, couplings_of_target
+from qcompile.snapshot.doubts import implausible_values, notes_on
 from qcompile.validation import explain
 
 QISKIT_PREFIX = "qiskit:"
 _KNOWN_GATES = ("rz", "sx", "x", "rx")
-USUAL_SX_NS = 320 / 9
-"""160 samples of 2/9 ns: the sx duration on IBM's Falcon processors."""
-
-_MAX_READOUT_ERROR = 0.1
-_MAX_GATE_ERROR = 0.01
-_MAX_SX_NS = 200.0
 _QUBIT_UNITS_NS = {
     "T1": 1e3,
     "T2": 1e3,
@@ -106,9 +100,11 @@ def device_from_backend(backend: Any, name: str | None = None) -> Device:
     notes: tuple[str, ...] = ()
     if properties is not None:
         calibrations = _of_properties(properties, basis)
+        couplings = couplings_of_properties(properties, _number)
         calibrated = properties.last_update_date
     else:
         calibrations = _of_target(backend.target, basis)
+        couplings = couplings_of_target(backend.target)
         calibrated = None
         notes = ("Readout errors are symmetric: the backend's target has one number per qubit.",)
     faulty = set(properties.faulty_qubits()) if properties is not None else set()
@@ -129,13 +125,15 @@ def device_from_backend(backend: Any, name: str | None = None) -> Device:
         )
     try:
         return Device(
+            format="qcompile-device-2" if couplings else "qcompile-device-1",
             name=name,
             source=_source(backend),
             calibrated=calibrated.isoformat() if calibrated else None,
             basis_gates=basis,
-            notes=(*notes, *_notes(qubits, left_out), *_left_out_notes(left_out)),
+            notes=(*notes, *notes_on(qubits, left_out), *_left_out_notes(left_out)),
             qubits=tuple(qubits),
             left_out=tuple(left_out),
+            couplings=tuple(couplings),
         )
     except ValidationError as error:
         raise DeviceError(f"{name} cannot be turned into a device.", *explain(error)) from error
@@ -173,13 +171,19 @@ def _of_properties(properties: Any, basis: Iterable[str]) -> Iterator[_Calibrati
 
 def _value(qubit: int, entry: Any) -> float:
     """The value of a named number with a unit: T1 and T2 in us, lengths in ns, errors as given."""
-    wanted = {**_QUBIT_UNITS_NS, **_GATE_UNITS_NS}[entry.name]
+    try:
+        return _number(entry)
+    except DeviceError as error:
+        raise DeviceError(f"Qubit {qubit}: {error}") from error
+
+
+def _number(entry: Any) -> float:
+    wanted = {**_QUBIT_UNITS_NS, **_GATE_UNITS_NS}.get(entry.name)
     if wanted is None:
         return float(entry.value)
     if entry.unit not in _NS:
         raise DeviceError(
-            f"Qubit {qubit}: {entry.name} has the unit {entry.unit!r}.",
-            f"Known units: {', '.join(_NS)}.",
+            f"{entry.name} has the unit {entry.unit!r}.", f"Known units: {', '.join(_NS)}."
         )
     return float(entry.value) * (_NS[entry.unit] / wanted)
 
@@ -259,39 +263,4 @@ def _qubit(index: int, calibration: _Calibration) -> Qubit:
     except ValidationError as error:
         words = f"Qubit {index} has an impossible value: {'; '.join(explain(error))}"
         raise _UnknownQubitError(words) from error
-    return qubit.model_copy(update={"doubtful": tuple(_implausible_values(qubit))})
-
-
-def _implausible_values(qubit: Qubit) -> Iterator[str]:
-    readout_error = (qubit.p10 + qubit.p01) / 2
-    if readout_error > _MAX_READOUT_ERROR:
-        yield f"readout error {readout_error:.3g} is above {_MAX_READOUT_ERROR}"
-    if qubit.t2_us > 2 * qubit.t1_us:
-        yield f"T2 {qubit.t2_us:.4g} us is above 2 T1 = {2 * qubit.t1_us:.4g} us"
-    for name, gate in qubit.gates.items():
-        if name == "sx" and gate.length_ns > _MAX_SX_NS:
-            yield f"sx length {gate.length_ns:.4g} ns is above {_MAX_SX_NS:.0f} ns"
-        if gate.error > _MAX_GATE_ERROR:
-            yield f"{name} error {gate.error:.3g} is above {_MAX_GATE_ERROR}"
-        least = relaxation_error(qubit, gate.length_ns)
-        if gate.error < least:
-            yield f"{name} error {gate.error:.3g} is below the {least:.3g} of relaxation alone"
-
-
-def _notes(qubits: Sequence[Qubit], left_out: Collection[int]) -> Iterator[str]:
-    lengths = [q.gates["sx"].length_ns for q in qubits if "sx" in q.gates]
-    if lengths and (median := statistics.median(lengths)) > _MAX_SX_NS:
-        yield (
-            f"Durations look wrong: the median sx takes {median:.4g} ns, "
-            f"{median / USUAL_SX_NS:.3g} times the usual {USUAL_SX_NS:.4g} ns."
-        )
-    unreadable = [
-        i
-        for i, q in enumerate(qubits)
-        if i not in left_out and (q.p10 + q.p01) / 2 > _MAX_READOUT_ERROR
-    ]
-    if unreadable:
-        yield (
-            f"{len(unreadable)} of {len(qubits)} qubits have a readout error above "
-            f"{_MAX_READOUT_ERROR}: {', '.join(map(str, unreadable))}."
-        )
+    return qubit.model_copy(update={"doubtful": tuple(implausible_values(qubit))})
