@@ -1,0 +1,141 @@
+"""Place circuits of several qubits on a device's couplings, with Qiskit's layout and routing.
+
+Qiskit sees a circuit once, as a skeleton: each run is one rz with a parameter, which it leaves as
+it is. What it inserts, swaps and translated couplings, are couplings and gates that fuse with the
+runs around them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from qcompile.arrays import IntArray
+from qcompile.device import Device
+from qcompile.errors import DeviceError, MissingExtraError
+from qcompile.ir import Circuit, Gate, Program
+from qcompile.ir.runs import Run, split
+from qcompile.noise import unusable
+
+if TYPE_CHECKING:
+    from qiskit import QuantumCircuit
+    from qiskit.transpiler import Target
+
+
+class Routed(NamedTuple):
+    """A circuit in a device's couplings, and its physical qubits (circuit.width,).
+
+    Its first qubits are those of the source, in order, at the time of measurement; the others are
+    only passed through.
+    """
+
+    circuit: Circuit
+    qubits: IntArray
+
+
+def route(
+    circuit: Circuit, device: Device, *, taken: Collection[int] = (), seed: int = 0
+) -> Routed | None:
+    """The circuit on free qubits of the device; None if none are connected well enough.
+
+    Of the layouts without swaps the one with the least gate and readout error is taken, if there
+    is one. The same seed gives the same result. Gates and couplings of any kind are allowed.
+
+    Raises:
+        DeviceError: the device has no couplings, or the circuit is wider than the device.
+        MissingExtraError: Qiskit is not installed.
+    """
+    if not device.couplings:
+        raise DeviceError(
+            f"{device.name} has no couplings: it cannot run a circuit on {circuit.width} qubits.",
+            "Use a device that has, such as fake_lima; `qcompile backends` lists them.",
+        )
+    if circuit.width > len(device.qubits):
+        raise DeviceError(
+            f"A circuit has {circuit.width} qubits, {device.name} has {len(device.qubits)}.",
+            "Use a larger device.",
+        )
+    try:
+        from qiskit.transpiler import TranspilerError, generate_preset_pass_manager
+    except ImportError as error:
+        raise MissingExtraError("Placing circuits on several qubits", "qiskit") from error
+    free = set(range(len(device.qubits))) - {*taken, *unusable(device)}
+    target = _target(device, free)
+    manager = generate_preset_pass_manager(1, target=target, seed_transpiler=seed)
+    manager.optimization = None  # it would merge the runs
+    runs, skeleton = split(Program((circuit,), circuit.symbols))
+    ((_, parts),) = skeleton.circuits
+    try:
+        routed = manager.run(_skeleton(circuit.width, parts))
+    except TranspilerError:
+        return None
+    return _read(routed, circuit.width, runs.circuits)
+
+
+def _skeleton(width: int, parts: tuple[Run | Gate, ...]) -> QuantumCircuit:
+    from qiskit import QuantumCircuit
+    from qiskit.circuit import Parameter
+
+    skeleton = QuantumCircuit(width, width)
+    for part in parts:
+        if isinstance(part, Run):
+            skeleton.rz(Parameter(f"run{part.number}"), part.qubit)
+        else:
+            getattr(skeleton, part.name)(*part.qubits)
+    skeleton.measure(range(width), range(width))
+    return skeleton
+
+
+def _target(device: Device, free: Collection[int]) -> Target:
+    """The device's gates on its free qubits and the couplings between them, with their errors."""
+    from qiskit.circuit import Measure, Parameter
+    from qiskit.circuit.library import CXGate, CZGate, ECRGate, RXGate, RZGate, SXGate, XGate
+    from qiskit.transpiler import InstructionProperties, Target
+
+    classes = {"sx": SXGate(), "x": XGate(), "cx": CXGate(), "cz": CZGate(), "ecr": ECRGate()}
+    classes |= {"rz": RZGate(Parameter("angle")), "rx": RXGate(Parameter("angle"))}
+    target = Target(num_qubits=len(device.qubits))
+    for name in device.native.gates:
+        errors = {q: device.qubits[q].gates.get(name) for q in sorted(free)}
+        target.add_instruction(
+            classes[name],
+            {(q,): InstructionProperties(error=e.error if e else 0.0) for q, e in errors.items()},
+        )
+    name = device.coupling_gates[0]
+    target.add_instruction(
+        classes[name],
+        {
+            each.qubits: InstructionProperties(error=each.error)
+            for each in device.couplings
+            if each.gate == name and free.issuperset(each.qubits)
+        },
+    )
+    readout = {q: (device.qubits[q].p10 + device.qubits[q].p01) / 2 for q in sorted(free)}
+    target.add_instruction(
+        Measure(), {(q,): InstructionProperties(error=e) for q, e in readout.items()}
+    )
+    return target
+
+
+def _read(routed: Any, width: int, runs: tuple[Circuit, ...]) -> Routed:
+    """What Qiskit returned, with the runs in their places."""
+    index = {bit: number for number, bit in enumerate(routed.qubits)}
+    measured = [-1] * width
+    gates: list[Gate] = []
+    for instruction in routed.data:
+        qubits = tuple(index[bit] for bit in instruction.qubits)
+        name, angles = instruction.operation.name, instruction.operation.params
+        if name == "measure":
+            measured[routed.find_bit(instruction.clbits[0]).index] = qubits[0]
+        elif angles and getattr(angles[0], "parameters", None):
+            number = int(str(angles[0]).removeprefix("run"))
+            gates += [gate.on(*qubits) for gate in runs[number].gates]
+        elif name != "barrier":
+            gates.append(Gate.of(name, *map(float, angles), qubits=qubits))
+    passed = sorted({qubit for gate in gates for qubit in gate.qubits} - set(measured))
+    physical = [*measured, *passed]
+    local = {qubit: number for number, qubit in enumerate(physical)}
+    moved = (gate.on(*(local[qubit] for qubit in gate.qubits)) for gate in gates)
+    return Routed(Circuit(tuple(moved), len(physical)), np.array(physical))

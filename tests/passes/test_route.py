@@ -1,0 +1,100 @@
+"""Routing: the same distribution on couplings that exist, and clear errors."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from wide import ANY, operator, random_circuit
+
+from qcompile.device import Device, load_device
+from qcompile.errors import DeviceError
+from qcompile.ir import Angle, Circuit, Gate
+from qcompile.passes.route import Routed, route
+
+
+def bound(circuit: Circuit) -> Circuit:
+    values = {"x0": 0.3, "x1": -1.1, "theta0": 0.7, "theta1": 2.0}
+    return circuit.substitute(values)
+
+
+def distribution(circuit: Circuit, width: int) -> np.ndarray:
+    """Of the first qubits of a circuit, from |0>."""
+    state = np.abs(operator(circuit, {})[:, 0]) ** 2
+    return state.reshape(-1, 2**width).sum(axis=0)  # Qiskit's first qubit is the lowest bit
+
+
+@pytest.mark.parametrize("name", ["fake_lima", "fake_jakarta", "fake_fez"])
+def test_a_routed_circuit_is_the_same_on_couplings_that_exist(name: str) -> None:
+    device, rng = load_device(name), np.random.default_rng(1)
+    for width in (2, 3, 4, 5):
+        circuit = random_circuit(rng, ANY, width)
+        routed = route(circuit, device)
+        assert routed is not None
+        assert len(set(routed.qubits.tolist())) == routed.circuit.width >= width
+        used = {
+            (gate.name, *(int(routed.qubits[q]) for q in gate.qubits))
+            for gate in routed.circuit.gates
+            if gate.is_coupling
+        }
+        assert used <= device.coupling_calibrations.keys()
+        np.testing.assert_allclose(
+            distribution(bound(routed.circuit), width),
+            distribution(bound(circuit), width),
+            atol=1e-10,
+        )
+
+
+def ring(width: int) -> Circuit:
+    gates = [Gate("ry", Angle.symbol("x0"), (qubit,)) for qubit in range(width)]
+    gates += [Gate("cz", None, (qubit, (qubit + 1) % width)) for qubit in range(width)]
+    return Circuit(tuple(gates * 2), width)
+
+
+def test_the_result_repeats_and_keeps_the_runs() -> None:
+    device = load_device("fake_fez")
+    first, again = route(ring(4), device), route(ring(4), device)
+    assert isinstance(first, Routed)
+    assert isinstance(again, Routed)
+    assert first.circuit == again.circuit
+    assert first.qubits.tolist() == again.qubits.tolist()
+    assert first.circuit.symbols == ("x0",)
+
+
+def test_a_line_gets_the_best_qubits_without_a_swap() -> None:
+    """On fake_lima (0-1-2, 1-3-4) the coupling 3-4 has by far the largest error."""
+    line = Circuit.parse("h@0 cx@0,1 h@1 cx@1,2", 3)
+    routed = route(line, load_device("fake_lima"))
+    assert routed is not None
+    assert routed.circuit.width == 3
+    assert sum(gate.is_coupling for gate in routed.circuit.gates) == 2
+    assert 4 not in routed.qubits
+
+
+def test_taken_qubits_are_left_alone() -> None:
+    device = load_device("fake_lima")
+    routed = route(ring(2), device, taken=(1,))
+    assert routed is not None
+    assert sorted(routed.qubits.tolist()) == [3, 4]
+    assert route(ring(2), device, taken=(1, 3)) is None
+
+
+@pytest.mark.parametrize(
+    ("name", "width", "message"),
+    [
+        ("ibm_lima", 2, "ibm_lima has no couplings.*2 qubits.\n.*fake_lima"),
+        ("fake_lima", 6, "A circuit has 6 qubits, fake_lima has 5"),
+    ],
+)
+def test_what_cannot_be_routed_is_refused(name: str, width: int, message: str) -> None:
+    with pytest.raises(DeviceError, match=message):
+        route(ring(width), load_device(name))
+
+
+def test_a_coupling_that_is_missing_is_not_used() -> None:
+    whole = load_device("fake_lima")
+    kept = [each for each in whole.couplings if set(each.qubits) == {0, 1}]
+    device = Device.model_validate(whole.model_dump() | {"couplings": kept})
+    routed = route(ring(2), device)
+    assert routed is not None
+    assert sorted(routed.qubits.tolist()) == [0, 1]
+    assert route(ring(3), device) is None
