@@ -27,8 +27,10 @@ if TYPE_CHECKING:
 class Executable:
     """A program compiled for a device: compiled once, then bound to angles as often as needed.
 
-    `source` is the original program, `native` the same program in the device's gates. `qubits` and
-    `rounds` hold the physical qubit and the round of each circuit, (circuits,) integers.
+    `source` is the original program, `native` the same program in the device's gates. `qubits`
+    (bits,) holds the physical qubit of each bit of the native program, `rounds` (circuits,) the
+    round of each circuit. Circuits of several qubits may have gained some by routing, which come
+    after their own and are in no observable.
 
     Each native rotation (rz, or rx where it is native) is a slot, circuit by circuit; a circuit
     without a rotation has one unused slot. At level 2 a circuit has at most one rotation, so slot i

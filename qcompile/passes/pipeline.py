@@ -19,7 +19,8 @@ from qcompile.passes.executable import Executable
 from qcompile.passes.fuse_known import FuseKnown
 from qcompile.passes.fuse_rotations import FuseRotations
 from qcompile.passes.merge_rotations import MergeRotations
-from qcompile.passes.place import place
+from qcompile.passes.place import checked_importance, place
+from qcompile.passes.place_wide import place_wide
 from qcompile.passes.to_couplings import ToCouplings
 from qcompile.passes.to_native import ToNative
 from qcompile.passes.to_rotations import ToRotations
@@ -101,7 +102,21 @@ def compile(
     if not isinstance(device, Device):
         call = "load_backend(backend).device" if is_qiskit_backend(device) else "load_device(name)"
         raise DeviceError(f"compile takes a Device, found {describe(device)}.", f"Use {call}.")
+    if program.is_wide:
+        return _compile_wide(program, device, level, importance, copies)
     qubits, rounds = place(len(program), device, importance, copies)
     program = program.side_by_side(copies)
     native = lower(program, level, device.native)
     return Executable(program, native, device, level, qubits, rounds)
+
+
+def _compile_wide(
+    program: Program, device: Device, level: int, importance: FloatArray | None, copies: int
+) -> Executable:
+    """A program with circuits of several qubits: routed first, then lowered as any other."""
+    weights = checked_importance(len(program), importance, copies)
+    program = program.side_by_side(copies)
+    skeleton = DropIdleCouplings().apply(program) if level == 2 else program
+    placed = place_wide(skeleton, device, np.tile(weights, copies))
+    native = lower(placed.program, level, device.native, device.coupling_gates)
+    return Executable(program, native, device, level, placed.qubits, placed.rounds)

@@ -38,6 +38,26 @@ def place(
     Raises:
         CircuitError: `importance` is not one finite number >= 0 for each circuit, or copies < 1.
     """
+    importance = checked_importance(circuits, importance, copies)
+    index = np.arange(copies * circuits)
+    if device.is_ideal:
+        return index, np.zeros_like(index)
+    places = np.array(usable(device))
+    round_count = -(-len(index) // len(places)) or 1
+    order = np.argsort(-importance, kind="stable")[:, None] + circuits * np.arange(copies)
+    order[1::2] = order[1::2, ::-1]
+    qubits, rounds = np.empty_like(index), np.empty_like(index)
+    qubits[order.ravel()] = places[index // round_count]
+    rounds[order.ravel()] = index % round_count
+    return qubits, rounds
+
+
+def checked_importance(circuits: int, importance: FloatArray | None, copies: int) -> FloatArray:
+    """`importance` as (circuits,) numbers, all equal by default.
+
+    Raises:
+        CircuitError: it is not one finite number >= 0 for each circuit, or copies are out of range.
+    """
     if not isinstance(copies, int | np.integer) or not 1 <= copies <= MAX_EPISODES:
         raise CircuitError(
             f"{copies!s:.60} copies of a program cannot be placed.",
@@ -54,14 +74,4 @@ def place(
             f"The importance of circuits has shape {importance.shape}, or invalid entries.",
             f"It needs shape ({circuits},) and finite entries, none negative.",
         )
-    index = np.arange(copies * circuits)
-    if device.is_ideal:
-        return index, np.zeros_like(index)
-    places = np.array(usable(device))
-    round_count = -(-len(index) // len(places)) or 1
-    order = np.argsort(-importance, kind="stable")[:, None] + circuits * np.arange(copies)
-    order[1::2] = order[1::2, ::-1]
-    qubits, rounds = np.empty_like(index), np.empty_like(index)
-    qubits[order.ravel()] = places[index // round_count]
-    rounds[order.ravel()] = index % round_count
-    return qubits, rounds
+    return importance

@@ -1,0 +1,96 @@
+"""Choose qubits and rounds for programs with circuits of several qubits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from qcompile.arrays import FloatArray, IntArray
+from qcompile.device import Device
+from qcompile.errors import CircuitError
+from qcompile.ir import Circuit, Program
+from qcompile.noise import usable
+from qcompile.passes.route import route
+
+
+class Placed(NamedTuple):
+    """A program on a device's couplings, the qubit of each of its bits, and the circuits' rounds.
+
+    A routed circuit may have more qubits than its source; those come after its own.
+    """
+
+    program: Program
+    qubits: IntArray
+    rounds: IntArray
+
+
+def place_wide(program: Program, device: Device, importance: FloatArray) -> Placed:
+    """Place circuits in as few rounds as go without looking back: in a round no qubit is shared.
+
+    `importance` (circuits,) decides who goes first: wide circuits, which are routed on the best
+    free qubits, then circuits of one qubit, which get the best that are left.
+
+    Raises:
+        CircuitError: a circuit cannot be routed on the device.
+        DeviceError: the device has no couplings, or a circuit is wider than the device.
+        MissingExtraError: Qiskit is not installed.
+    """
+    if device.is_ideal:
+        return Placed(program, np.arange(program.bits), np.zeros(len(program), dtype=np.intp))
+    circuits = list(program.circuits)
+    placed: dict[int, tuple[int, IntArray]] = {}
+    taken: list[set[int]] = [set()]
+    order = np.argsort(-importance, kind="stable").tolist()
+    for index in (i for i in order if circuits[i].width > 1):
+        place, circuits[index], qubits = _routed(circuits[index], device, taken)
+        placed[index] = place, qubits
+    for index in (i for i in order if circuits[i].width == 1):
+        place, qubit = _best_free(device, taken)
+        placed[index] = place, np.array([qubit])
+    return Placed(
+        _with_circuits(program, circuits),
+        np.concatenate([placed[index][1] for index in range(len(circuits))]),
+        np.array([placed[index][0] for index in range(len(circuits))]),
+    )
+
+
+def _routed(
+    circuit: Circuit, device: Device, taken: list[set[int]]
+) -> tuple[int, Circuit, IntArray]:
+    """The first round with room for a circuit, the circuit routed there, and its qubits."""
+    for place, used in enumerate(taken):
+        routed = route(circuit, device, taken=used)
+        if routed is not None:
+            used.update(routed.qubits.tolist())
+            if place == len(taken) - 1:
+                taken.append(set())
+            return place, *routed
+    raise CircuitError(
+        f"A circuit on {circuit.width} qubits cannot be routed on {device.name}.",
+        "Its usable qubits are not connected well enough; use another device.",
+    )
+
+
+def _best_free(device: Device, taken: list[set[int]]) -> tuple[int, int]:
+    """The first round with a free usable qubit, and the best of these; it is taken."""
+    for place, used in enumerate(taken):
+        free = [qubit for qubit in usable(device) if qubit not in used]
+        if free:
+            used.add(free[0])
+            if place == len(taken) - 1:
+                taken.append(set())
+            return place, free[0]
+    raise AssertionError("the last round is empty, and a device has a usable qubit")
+
+
+def _with_circuits(program: Program, circuits: list[Circuit]) -> Program:
+    """The program with routed circuits; its observables keep their qubits."""
+    routed = Program(tuple(circuits), program.inputs, program.parameters)
+    owner = np.repeat(np.arange(len(program)), program.widths)
+    shift = np.subtract(routed.first_bits, program.first_bits)[owner]
+    observables = tuple(
+        tuple(int(bit + shift[bit]) for bit in observable) for observable in program.measured
+    )
+    return replace(routed, observables=observables)
