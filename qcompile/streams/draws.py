@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qcompile.arrays import CircuitShots, CountArray, FloatArray, IntArray
+from qcompile.streams.outcomes import outcome_counts
 from qcompile.streams.quantile import binomial_quantiles
 from qcompile.streams.scores import ARRAYS, equal_shots
 from qcompile.streams.stream import Stream
@@ -36,6 +37,7 @@ class Draws:
     def __init__(self, seed: int, circuits: int):
         self.circuits = circuits
         self._counts, self._actions = Stream(seed, "shots"), Stream(seed, "actions")
+        self._outcomes = Stream(seed, "outcomes")
         self._uniforms = _BlockOfDraws(self._fill_uniforms, 1, 1)
         self._shots: CircuitShots = 1
         self._scores = self._block_of_scores(self._shots)
@@ -69,6 +71,12 @@ class Draws:
         ]
         return np.concatenate(counts, axis=1).reshape(p.shape)
 
+    def outcomes(
+        self, shots: int, p: FloatArray, episode: PlaceArray, decision: PlaceArray, first_index: int
+    ) -> CountArray:
+        """The counts of outcomes of probability `p`, (rows, 2**width), as in `outcome_counts`."""
+        return outcome_counts(self._outcomes, shots, p, episode, decision, first_index)
+
     def rows(self, episode: PlaceArray, decision: PlaceArray) -> RowDraws:
         """A source of counts for these places, (rows, copies), used like a Generator."""
         return RowDraws(self, episode, decision)
@@ -93,6 +101,11 @@ class RowDraws(NamedTuple):
     def binomial(self, shots: CircuitShots, p: FloatArray) -> CountArray:
         """Counts for `p`, (rows, copies * circuits), as in `Draws.binomial`."""
         return self.draws.binomial(shots, p, self.episode, self.decision)
+
+    def outcomes(self, shots: int, p: FloatArray, copy: int, first_index: int) -> CountArray:
+        """Counts for `p`, (rows, 2**width), of a circuit of this copy."""
+        places = self.episode[:, copy], self.decision[:, copy]
+        return self.draws.outcomes(shots, p, *places, first_index)
 
 
 class _BlockOfDraws:

@@ -13,7 +13,7 @@ from qcompile.streams.philox import THIRTY_TWO, RoundKeys, WordArray, constant, 
 from qcompile.streams.quantile import binomial_quantiles
 from qcompile.streams.scores import ARRAYS, fill_scores
 
-Purpose = Literal["shots", "actions"]
+Purpose = Literal["shots", "actions", "outcomes"]
 """The purpose of a stream. Their order determines the numbers: add new ones at the end."""
 
 _UNIFORM = constant(0xFFFFFFFF)
