@@ -54,3 +54,6 @@ MAX_ANGLE_LETTERS = 10_000
 
 MAX_QUBITS = 10_000
 """The most qubits in a device file, and entries in any other list there or in a calibration."""
+
+MAX_NOISY_QUBITS = 8
+"""The most qubits of a circuit whose noise is computed: a Pauli vector of 65,536 numbers a row."""

@@ -9,6 +9,7 @@ from qcompile.device import Device, Kind
 from qcompile.errors import DeviceError
 from qcompile.execution.executor import Executor, check_device
 from qcompile.execution.prepared import ExactPrepared
+from qcompile.execution.wide import PreparedWide
 from qcompile.foreign import describe
 from qcompile.noise import NoisyCircuits
 from qcompile.passes import Executable
@@ -17,7 +18,8 @@ from qcompile.passes import Executable
 class OfflineExecutor(Executor):
     """Runs executables on the noise model of `device`, readout included.
 
-    Circuits are not entangled, so the ones of each circuit in N shots are one binomial draw.
+    Circuits are not entangled with each other: the ones of a circuit of one qubit in N shots are
+    one binomial draw, the outcomes of a wider one a multinomial draw.
     The same seed and the same calls give the same counts.
 
     Raises:
@@ -41,6 +43,8 @@ class OfflineExecutor(Executor):
             DeviceError: the executable was compiled for another device.
         """
         check_device(executable, self.device)
+        if executable.source.is_wide:
+            return PreparedWide(executable, self.rng)
         return _PreparedNoise(executable, self.rng)
 
 

@@ -1,0 +1,139 @@
+"""Executables with circuits of several qubits on noise models, against Aer."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from wide import ANY, random_circuit
+
+import qcompile
+from qcompile.errors import CircuitError
+from qcompile.execution import OfflineExecutor
+from qcompile.ir import Circuit, Program
+from qcompile.snapshot import find_backend
+from qcompile.streams import Draws
+
+LAYER = [["ry", "x0", 0], ["ry", "x1", 1], ["rx", "x0", 2], ["cz", 0, 1], ["cz", 1, 2]]
+BLOCK = Circuit.of([*LAYER, ["ry", "theta0", 0], ["rz", "theta1", 1], ["ry", 0.3, 2], *LAYER], 3)
+OBSERVABLES = ((0,), (0, 1), (1, 2), (0, 1, 2), (3,))
+X = np.random.default_rng(5).uniform(-2, 2, (7, 2))
+THETA = np.array([0.4, -1.3])
+
+
+def program() -> Program:
+    """A circuit on three qubits beside one on a single qubit."""
+    circuits = [BLOCK, Circuit.parse("h ry(x1)")]
+    return replace(Program.of(circuits, 2, 2), observables=OBSERVABLES)
+
+
+def ideal(program: Program, x: np.ndarray) -> np.ndarray:
+    """<O> of all observables for one row, from Qiskit's statevector."""
+    from qiskit import QuantumCircuit
+    from qiskit.quantum_info import SparsePauliOp, Statevector
+
+    values = {"x0": x[0], "x1": x[1], "theta0": THETA[0], "theta1": THETA[1]}
+    built = QuantumCircuit(program.bits)
+    for first, circuit in zip(program.first_bits, program.circuits, strict=True):
+        for gate in circuit.substitute(values).gates:
+            angle = () if gate.angle is None else (gate.angle.constant,)
+            getattr(built, gate.name)(*angle, *(first + qubit for qubit in gate.qubits))
+    state = Statevector(built)
+    return np.array(
+        [
+            state.expectation_value(
+                SparsePauliOp.from_sparse_list([("Z" * len(o), o, 1.0)], program.bits)
+            ).real
+            for o in program.measured
+        ]
+    )
+
+
+@pytest.mark.parametrize("level", [0, 1, 2])
+def test_without_noise_it_is_the_statevector(level: int) -> None:
+    executable = qcompile.compile(program(), qcompile.load_device("ideal"), level)
+    found = OfflineExecutor(executable.device).expectation(executable, X, THETA)
+    np.testing.assert_allclose(found, [ideal(program(), x) for x in X], atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["fake_lima", "fake_jakarta"])
+@pytest.mark.parametrize("level", [0, 1, 2])
+def test_with_noise_it_is_aer(name: str, level: int) -> None:
+    """The native circuit, qubits and all, in Aer's density matrix with the backend's noise."""
+    from qiskit_aer import AerSimulator
+    from qiskit_aer.noise import NoiseModel
+
+    device = qcompile.load_device(name)
+    wide = replace(program(), circuits=(BLOCK,), observables=((0,), (1,), (2,), (0, 1, 2)))
+    executable = qcompile.compile(wide, device, level)
+    found = OfflineExecutor(device).expectation(executable, X, THETA)
+    noise = NoiseModel.from_backend_properties(find_backend(name).properties())
+    simulator = AerSimulator(method="density_matrix", noise_model=noise)
+    for row, x in zip(found, X, strict=True):
+        np.testing.assert_allclose(row, by_aer(executable, x, simulator), atol=1e-9)
+
+
+def by_aer(executable: qcompile.Executable, x: np.ndarray, simulator: object) -> np.ndarray:
+    from qiskit import QuantumCircuit
+
+    (native,) = executable.native.circuits
+    angles = iter(executable.bind(x[None], THETA)[0].tolist())
+    placed = executable.qubits.tolist()
+    built = QuantumCircuit(len(executable.device.qubits))
+    for gate in native.gates:
+        angle = () if gate.angle is None else (next(angles),)
+        getattr(built, gate.name)(*angle, *(placed[qubit] for qubit in gate.qubits))
+    built.save_probabilities([placed[2], placed[1], placed[0]])
+    p = simulator.run(built).result().data()["probabilities"].reshape(2, 2, 2)  # type: ignore[attr-defined]
+    for axis in range(3):
+        qubit = executable.device.qubits[placed[axis]]
+        errors = [[1 - qubit.p10, qubit.p01], [qubit.p10, 1 - qubit.p01]]
+        p = np.moveaxis(np.tensordot(errors, p, (1, axis)), 0, axis)
+    outcomes = np.indices((2, 2, 2))
+    observables = executable.source.measured
+    return np.array([(p * (-1) ** outcomes[list(o)].sum(axis=0)).sum() for o in observables])
+
+
+def test_counts_are_odd_parities_of_joint_shots() -> None:
+    """Products are those of the same shots: <ZZ> of a state with equal qubits is always even."""
+    bell = replace(Program.of([Circuit.parse("h@0 cx@0,1", 2)]), observables=((0,), (1,), (0, 1)))
+    executable = qcompile.compile(bell, qcompile.load_device("ideal"))
+    executor = OfflineExecutor(executable.device, seed=0)
+    ones = executor.run(executable, np.zeros((500, 0)), np.zeros(0), 64)
+    np.testing.assert_array_equal(ones[:, 0], ones[:, 1])
+    assert not ones[:, 2].any()
+    assert abs(ones[:, 0].mean() - 32) < 4 * 4 / np.sqrt(500)
+
+
+def test_counts_agree_with_expectations() -> None:
+    device = qcompile.load_device("fake_lima")
+    executable = qcompile.compile(program(), device)
+    executor = OfflineExecutor(device, seed=1)
+    x = np.repeat(X[:1], 4000, axis=0)
+    ones = executor.run(executable, x, THETA, 32)
+    p = (1 - executor.expectation(executable, x, THETA)[0]) / 2
+    sigma = np.sqrt(p * (1 - p) / (32 * 4000))
+    assert (np.abs(ones.mean(axis=0) / 32 - p) < 4.5 * sigma).all()
+
+
+def test_keyed_counts_repeat_alone_and_in_any_copy() -> None:
+    ideal_device = qcompile.load_device("ideal")
+    one = qcompile.compile(program(), ideal_device)
+    two = qcompile.compile(program(), ideal_device, copies=2)
+    executor, draws = OfflineExecutor(ideal_device), Draws(9, 2)
+    episode, decision = np.arange(4)[:, None], np.full((4, 1), 3)
+    alone = executor.prepare(one).ones(X[:4], THETA, 100, draws.rows(episode, decision))
+    pairs = X[:4].reshape(2, 4)
+    beside = executor.prepare(two).ones(
+        pairs, THETA, 100, draws.rows(episode.reshape(2, 2), decision.reshape(2, 2))
+    )
+    np.testing.assert_array_equal(beside.reshape(4, -1), alone)
+
+
+def test_a_circuit_too_wide_for_its_noise_is_refused() -> None:
+    rng = np.random.default_rng(0)
+    wide = Program.of([random_circuit(rng, ANY, 9)], 2, 2)
+    executable = qcompile.compile(wide, qcompile.load_device("ideal"))
+    with pytest.raises(CircuitError, match=r"9 qubits on the device.\n.*up to 8 qubits"):
+        OfflineExecutor(executable.device).prepare(executable)
