@@ -35,8 +35,9 @@ from qcompile.report.film import Film, check_suffix
 from qcompile.report.rewards import draw_rewards
 from qcompile.report.scene import Scene
 from qcompile.report.style import AnyStyle
+from qcompile.report.summary import caveats
 from qcompile.report.table import Cell, Column, Table
-from qcompile.report.tables import INTERVAL, interval_cell
+from qcompile.report.tables import INTERVAL, interval_cell, reward_cell
 from qcompile.sweep.arguments import Name, Planned, Shots, Words, ignore, several, shots_of
 from qcompile.verbs.arguments import calibration_settings, checked
 from qcompile.verbs.live import Live, check_live, spend
@@ -46,6 +47,9 @@ from qcompile.verbs.reports import Reported
 _SHOTS, _SPECULATE, _SPLIT = Planned(8192), Planned(1), Planned(False)
 _CALIBRATION_SHOTS = Planned(CALIBRATION_SHOTS)
 _SHOWN_EVERY = 20
+_UNCUT = Column(
+    "its 95 % interval", parts=("95 % interval uncut, low", "95 % interval uncut, high")
+)
 
 
 class RunResult(Reported):
@@ -102,31 +106,61 @@ class RunResult(Reported):
 
     def table(self) -> Table:
         """A row with the settings, the mean reward and its interval."""
-        values = self.to_dict()
-        mean = self.mean_reward
-        words = "-" if mean is None else reward_text(mean)
+        values, finished = self.to_dict(), len(self.episodes)
         mitigation = "predistort" if values["predistort"] else values["mitigation"]
-        hold = values["hold"]
-        row = [values["policy"], values["backend"], values["kind"], str(values["shots"])]
-        row += [mitigation, *[str(hold)] * (hold > 1), str(len(self.episodes))]
-        names = ["policy", "backend", "kind", "shots", "mitigation", *["hold"] * (hold > 1)]
-        numbers = ("shots", "hold", "episodes")
-        columns = [Column(name, right=name in numbers) for name in (*names, "episodes")]
-        score = Column("mean reward", parts=("mean reward",))
-        cells = [*row, Cell(words, (mean,)), interval_cell(values)]
-        return Table([*columns, score, INTERVAL], [cells])
+        row: dict[Column, Cell | str] = {
+            Column("policy", right=False): values["policy"],
+            Column("backend", right=False): values["backend"],
+            Column("kind", right=False): values["kind"],
+            Column("shots"): Cell.of(values["shots"]),
+            Column("mitigation", right=False): mitigation,
+        }
+        if values["hold"] > 1:
+            row[Column("hold")] = Cell.of(values["hold"])
+        if values["interrupted"]:
+            asked = Column("episodes", parts=("episodes", "episodes asked for"))
+            row[asked] = Cell(f"{finished} of {self._requested}", (finished, self._requested))
+        else:
+            row[Column("episodes")] = Cell.of(finished)
+        row |= {
+            Column("mean reward"): reward_cell(self.mean_reward),
+            INTERVAL: interval_cell(values),
+        }
+        if values["cut_episodes"]:
+            row |= {
+                Column("cut"): Cell.of(values["cut_episodes"]),
+                Column("mean uncut"): reward_cell(self.mean_reward_completed),
+                _UNCUT: interval_cell(values, "ci95_completed"),
+            }
+        return Table([*row], [[*row.values()]], notes=self.warnings)
+
+    @property
+    def warnings(self) -> list[str]:
+        """What a reader must know before the mean reward."""
+        interruption = " ".join(self._interruption)
+        return [*filter(None, [interruption]), *caveats(self.to_dict())]
 
     def document(self, command: str) -> Document:
-        values = self.to_dict()
-        warnings = [*filter(None, [self.remark]), *misfit_warnings(values["calibration_misfits"])]
         return run_document(
-            values, self.plot, self._compiled, self.film, warnings=warnings, command=command
+            self.to_dict(),
+            self.plot,
+            self._compiled,
+            self.film,
+            warnings=self.warnings,
+            command=command,
         )
 
     @property
-    def remark(self) -> str:
-        interrupted = f"interrupted: {len(self.episodes)} of {self._requested} episodes finished"
-        return interrupted if self.to_dict()["interrupted"] else ""
+    def _interruption(self) -> list[str]:
+        """That Ctrl-C ended the run, and what it means; empty if it did not."""
+        values, finished = self.to_dict(), len(self.episodes)
+        if not values["interrupted"]:
+            return []
+        words = f"Interrupted: {finished} of {self._requested} episodes finished."
+        bias = "These are the shortest ones: their mean does not estimate the policy's score."
+        if values["speculate"] != 1:
+            bias = "Which ones finished depends on the predictions, so no mean is reported."
+        return [words, bias] if finished else [words]
 
     def check_complete(self) -> None:
         """Check that all episodes were played.
@@ -134,15 +168,8 @@ class RunResult(Reported):
         Raises:
             QcompileError: Ctrl-C ended the run before.
         """
-        if self.to_dict()["interrupted"]:
-            bias = "These are the shortest ones: their mean does not estimate the policy's score."
-            if self.to_dict()["speculate"] != 1:
-                bias = "Which ones finished depends on the predictions, so no mean is reported."
-            raise QcompileError(
-                f"Interrupted: {len(self.episodes)} of {self._requested} episodes finished.",
-                *([bias] if self.episodes else []),
-                "For a shorter run, use fewer --episodes.",
-            )
+        if words := self._interruption:
+            raise QcompileError(*words, "For a shorter run, use fewer --episodes.")
 
 
 @checked
@@ -243,13 +270,26 @@ def run(
             on_note=on_note,
         )
         if film is not None:
+            if not result.episodes:
+                film.keep_earlier()
             show(len(rewards), "writing the film")
     if film is not None:
-        words = f"film of the first episode in {video}"
-        on_note(words if film.clip else "no film: no step was played")
-    compiled = Compiled(loaded, opened.device, playing.settings.level, playing.settings.copies or 1)
+        on_note(_film_words(film))
+    settings = playing.settings
+    compiled = Compiled(
+        loaded, opened.device, settings.level, settings.copies or 1, opened.calibration
+    )
     clip = None if film is None else film.clip
     return RunResult(result.summary(), episodes, compiled, clip)
+
+
+def _film_words(film: Film) -> str:
+    """Where the film is, or why there is none."""
+    if film.clip is not None:
+        return f"film of the first episode in {film.path}"
+    if film.frames:
+        return f"no film: no episode was finished, and {film.path} is kept"
+    return "no film: no step was played"
 
 
 def _filming(film: Film, player: Player, show: bars.Show) -> Callable[[Frame], None]:
