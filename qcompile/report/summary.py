@@ -45,6 +45,18 @@ def run_facts(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     return [(name, Text.from_markup(words).plain) for name, words in _setting_lines(summary)]
 
 
+def interruption(summary: Mapping[str, Any], requested: int) -> list[str]:
+    """That Ctrl-C ended a run of `requested` episodes, and what it means; empty if it did not."""
+    if not summary["interrupted"]:
+        return []
+    finished = len(summary["episodes"])
+    words = f"Interrupted: {finished} of {requested} episodes finished."
+    bias = "These are the shortest ones: their mean does not estimate the policy's score."
+    if summary["speculate"] != 1:
+        bias = "Which ones finished depends on the predictions, so no mean is reported."
+    return [words, bias] if finished else [words]
+
+
 def caveats(summary: Mapping[str, Any]) -> list[str]:
     """What a reader must know before the mean reward, of the lines of `print_run`."""
     lines = [*_equal_lines(summary), *(_cut_lines(summary) if summary.get("cut_episodes") else [])]

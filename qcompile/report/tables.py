@@ -172,6 +172,37 @@ def grid_table(objects: Sequence[Mapping[str, Any]], notes: Sequence[str] = ()) 
 
 SCORE = Column("mean ± std", parts=("mean reward", "standard deviation"))
 INTERVAL = Column("95 % interval", parts=("95 % interval, low", "95 % interval, high"))
+_UNCUT = Column(
+    "its 95 % interval", parts=("95 % interval uncut, low", "95 % interval uncut, high")
+)
+
+
+def run_table(summary: Mapping[str, Any], requested: int, notes: Sequence[str] = ()) -> Table:
+    """A row for a run of `requested` episodes, with columns for what was cut or left out."""
+    finished = len(summary["episodes"])
+    row: dict[Column, Cell | str] = {
+        Column("policy", right=False): summary["policy"],
+        Column("backend", right=False): summary["backend"],
+        Column("kind", right=False): summary["kind"],
+        Column("shots"): Cell.of(summary["shots"]),
+        Column("mitigation", right=False): (
+            "predistort" if summary["predistort"] else summary["mitigation"]
+        ),
+    }
+    if summary["hold"] > 1:
+        row[Column("hold")] = Cell.of(summary["hold"])
+    if summary["interrupted"]:
+        asked = Column("episodes", parts=("episodes", "episodes asked for"))
+        row[asked] = Cell(f"{finished} of {requested}", (finished, requested))
+    else:
+        row[Column("episodes")] = Cell.of(finished)
+    row[Column("mean reward")] = reward_cell(summary["mean_reward"])
+    row[INTERVAL] = interval_cell(summary)
+    if summary["cut_episodes"]:
+        row[Column("cut")] = Cell.of(summary["cut_episodes"])
+        row[Column("mean uncut")] = reward_cell(summary["mean_reward_completed"])
+        row[_UNCUT] = interval_cell(summary, "ci95_completed")
+    return Table([*row], [[*row.values()]], notes=notes)
 
 
 def score_cell(mean: float | None, deviation: float | None = None) -> Cell:

@@ -35,9 +35,9 @@ from qcompile.report.film import Film, check_suffix
 from qcompile.report.rewards import draw_rewards
 from qcompile.report.scene import Scene
 from qcompile.report.style import AnyStyle
-from qcompile.report.summary import caveats
-from qcompile.report.table import Cell, Column, Table
-from qcompile.report.tables import INTERVAL, interval_cell, reward_cell
+from qcompile.report.summary import caveats, interruption
+from qcompile.report.table import Table
+from qcompile.report.tables import run_table
 from qcompile.sweep.arguments import Name, Planned, Shots, Words, ignore, several, shots_of
 from qcompile.verbs.arguments import calibration_settings, checked
 from qcompile.verbs.live import Live, check_live, spend
@@ -47,9 +47,6 @@ from qcompile.verbs.reports import Reported
 _SHOTS, _SPECULATE, _SPLIT = Planned(8192), Planned(1), Planned(False)
 _CALIBRATION_SHOTS = Planned(CALIBRATION_SHOTS)
 _SHOWN_EVERY = 20
-_UNCUT = Column(
-    "its 95 % interval", parts=("95 % interval uncut, low", "95 % interval uncut, high")
-)
 
 
 class RunResult(Reported):
@@ -106,33 +103,7 @@ class RunResult(Reported):
 
     def table(self) -> Table:
         """A row with the settings, the mean reward and its interval."""
-        values, finished = self.to_dict(), len(self.episodes)
-        mitigation = "predistort" if values["predistort"] else values["mitigation"]
-        row: dict[Column, Cell | str] = {
-            Column("policy", right=False): values["policy"],
-            Column("backend", right=False): values["backend"],
-            Column("kind", right=False): values["kind"],
-            Column("shots"): Cell.of(values["shots"]),
-            Column("mitigation", right=False): mitigation,
-        }
-        if values["hold"] > 1:
-            row[Column("hold")] = Cell.of(values["hold"])
-        if values["interrupted"]:
-            asked = Column("episodes", parts=("episodes", "episodes asked for"))
-            row[asked] = Cell(f"{finished} of {self._requested}", (finished, self._requested))
-        else:
-            row[Column("episodes")] = Cell.of(finished)
-        row |= {
-            Column("mean reward"): reward_cell(self.mean_reward),
-            INTERVAL: interval_cell(values),
-        }
-        if values["cut_episodes"]:
-            row |= {
-                Column("cut"): Cell.of(values["cut_episodes"]),
-                Column("mean uncut"): reward_cell(self.mean_reward_completed),
-                _UNCUT: interval_cell(values, "ci95_completed"),
-            }
-        return Table([*row], [[*row.values()]], notes=self.warnings)
+        return run_table(self.to_dict(), self._requested, self.warnings)
 
     @property
     def warnings(self) -> list[str]:
@@ -152,15 +123,7 @@ class RunResult(Reported):
 
     @property
     def _interruption(self) -> list[str]:
-        """That Ctrl-C ended the run, and what it means; empty if it did not."""
-        values, finished = self.to_dict(), len(self.episodes)
-        if not values["interrupted"]:
-            return []
-        words = f"Interrupted: {finished} of {self._requested} episodes finished."
-        bias = "These are the shortest ones: their mean does not estimate the policy's score."
-        if values["speculate"] != 1:
-            bias = "Which ones finished depends on the predictions, so no mean is reported."
-        return [words, bias] if finished else [words]
+        return interruption(self.to_dict(), self._requested)
 
     def check_complete(self) -> None:
         """Check that all episodes were played.
