@@ -16,7 +16,7 @@ import qcompile
 PACKAGE = Path(qcompile.__file__).parent
 
 ORDER = (
-    {"arrays", "errors", "limits", "version"},
+    {"arrays", "characters", "errors", "limits", "version"},
     {"catalogue", "foreign", "notebook", "output", "streams", "terminal", "validation"},
     {"reading"},
     {"ir"},

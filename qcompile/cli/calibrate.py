@@ -11,6 +11,7 @@ from click.core import ParameterSource
 from qcompile.cli.live_options import live_options
 from qcompile.cli.options import (
     Integer,
+    NamePath,
     Parts,
     Positive,
     Qubits,
@@ -37,6 +38,7 @@ _REFIT_OPTIONS = {
 @click.command("calibrate")
 @click.option(
     "--backend",
+    type=NamePath(),
     metavar="NAME",
     help="Device name, device file, calibration file, or qiskit:NAME for a Qiskit backend; with "
     "--live an IBM machine.",
@@ -51,7 +53,11 @@ _REFIT_OPTIONS = {
     "--shots", type=Shots(), default=8192, show_default=True, help="Shots of each circuit."
 )
 @click.option("--qubits", type=Qubits(), help="Qubits to measure.  [default: all usable ones]")
-@click.option("--policy", help="Measure the qubits that this policy's circuits are placed on.")
+@click.option(
+    "--policy",
+    type=NamePath(),
+    help="Measure the qubits that this policy's circuits are placed on.",
+)
 @click.option(
     "--parts", type=Parts(), help="What to measure.  [default: both; with --live response]"
 )

@@ -10,6 +10,7 @@ import click
 from qcompile.cli.options import (
     BACKEND_HELP,
     Integer,
+    NamePath,
     OutputPath,
     Several,
     Shots,
@@ -43,11 +44,11 @@ class _Mitigation(click.ParamType[str]):
 
 
 @click.command("evaluate")
-@click.argument("policies", nargs=-1, metavar="[POLICY]...")
+@click.argument("policies", type=NamePath(), nargs=-1, metavar="[POLICY]...")
 @click.option(
     "--backend",
     "backends",
-    type=Several(click.STRING),
+    type=Several(NamePath()),
     multiple=True,
     callback=once,
     metavar="NAME",

@@ -181,6 +181,10 @@ class OutputPath(click.Path):
         return path
 
 
+class NamePath(click.types.StringParamType):
+    """A name, or the path of a file."""
+
+
 class Several(click.ParamType[tuple[Any, ...]]):
     """Values of another type, separated by commas."""
 
@@ -219,6 +223,7 @@ def once(
 def backend_option(default: str = "ideal") -> Decorator:
     return click.option(
         "--backend",
+        type=NamePath(),
         default=default,
         show_default=True,
         metavar="NAME",
@@ -284,6 +289,7 @@ max_steps_option: Decorator = click.option(
 import_option: Decorator = click.option(
     "--import",
     "imports",
+    type=NamePath(),
     multiple=True,
     metavar="MODULE",
     help="Import a Python module or FILE.py that registers environments; repeatable. This runs "

@@ -9,6 +9,7 @@ import click
 
 from qcompile.cli.options import (
     Integer,
+    NamePath,
     Positive,
     Share,
     Shots,
@@ -47,7 +48,9 @@ def _one_or_several(
 
 
 @click.command("plan")
-@click.argument("policy", nargs=-1, callback=_one_or_several, metavar="[POLICY]...")
+@click.argument(
+    "policy", type=NamePath(), nargs=-1, callback=_one_or_several, metavar="[POLICY]..."
+)
 @backend_option("ibm_lima")
 @click.option(
     "--shots",

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from qcompile.cli.options import Decorator, OutputPath, echo_note
+from qcompile.cli.options import Decorator, NamePath, OutputPath, Several, echo_note
 
 if TYPE_CHECKING:
     from qcompile.verbs.reports import Reported
@@ -48,5 +49,46 @@ def write_report(result: Reported, report: Path | None) -> None:
         return
     from qcompile.page.words import command_line
 
-    result.report(report, command=command_line(sys.argv[1:]))
+    command = command_line(_parts(click.get_current_context(), sys.argv[1:]))
+    result.report(report, command=command)
     echo_note(f"report written to {report}")
+
+
+def _parts(ctx: click.Context, words: Sequence[str]) -> list[list[str]]:
+    """The command that was typed: the verb with its arguments, and each option with its value.
+
+    Of paths, the names of the files are shown, and of private options that they were there.
+    """
+    from qcompile.page.words import without_folders
+
+    options = {
+        name: param
+        for param in ctx.command.params
+        if isinstance(param, click.Option)
+        for name in (*param.opts, *param.secondary_opts)
+    }
+    parts: list[list[str]] = [[]]
+    rest, only_arguments = iter(words), False
+    for word in rest:
+        name, joined, value = word.partition("=")
+        option = None if only_arguments else options.get(name)
+        only_arguments = only_arguments or word == "--"
+        if option is None:
+            parts[-1].append(without_folders(word))
+        elif joined:
+            parts.append([f"{name}={_value(option, value)}"])
+        else:
+            parts.append([name] if option.is_flag else [name, _value(option, next(rest))])
+    return parts
+
+
+def _value(option: click.Option, value: str) -> str:
+    """The value of an option as a page shows it."""
+    from qcompile.page.words import HIDDEN, PRIVATE, without_folders
+
+    if option.name in PRIVATE:
+        return HIDDEN
+    kind: click.ParamType[Any] = option.type
+    if isinstance(kind, Several) and isinstance(kind.inner, click.Path | NamePath):
+        return ",".join(map(without_folders, value.split(",")))
+    return without_folders(value) if isinstance(kind, click.Path | NamePath) else value

@@ -11,6 +11,7 @@ from qcompile.cli.live_options import live_options
 from qcompile.cli.options import (
     Depth,
     Integer,
+    NamePath,
     Shots,
     backend_option,
     calibration_shots_option,
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
 
 
 @click.command("run")
-@click.argument("policy", default="lunarlander", metavar="[POLICY]")
+@click.argument("policy", type=NamePath(), default="lunarlander", metavar="[POLICY]")
 @backend_option()
 @click.option(
     "--shots",
@@ -169,8 +170,12 @@ def command(
         echo_json(result.to_dict())
     else:
         print_run(result.to_dict())
-    try:
-        outputs.save(result)
-        write_report(result, report)
-    finally:
-        result.check_complete()
+    if result.episodes:
+        try:
+            outputs.save(result)
+            write_report(result, report)
+        finally:
+            result.check_complete()
+    elif any((outputs.plot, outputs.table, report)):
+        echo_note("nothing written: no episode was finished")
+    result.check_complete()

@@ -9,6 +9,7 @@ import click
 
 from qcompile.cli.options import (
     Integer,
+    NamePath,
     OutputPath,
     echo_json,
     echo_note,
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 
 
 @click.command("study")
-@click.argument("name", default="paper", metavar="[paper|FILE.toml]")
+@click.argument("name", type=NamePath(), default="paper", metavar="[paper|FILE.toml]")
 @click.option(
     "--figure",
     "figures",

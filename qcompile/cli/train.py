@@ -194,6 +194,7 @@ def command(environment: str, as_json: bool, outputs: Outputs, **options: Any) -
             print_table(table.header, table.words, right=range(5))
         click.echo(training.words)
     try:
-        outputs.save(training)
+        if training.episodes or not training.interrupted:
+            outputs.save(training)
     finally:
         training.check_complete()

@@ -9,6 +9,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from qcompile.characters import for_markup
 from qcompile.errors import FigureError
 from qcompile.output import write_file
 from qcompile.report.style import Style
@@ -109,4 +110,4 @@ class Figure:
 
 def literal(words: str) -> str:
     """Words as they are: to matplotlib a pair of dollars would be mathematics."""
-    return words.replace("$", r"\$")
+    return for_markup(words).replace("$", r"\$")

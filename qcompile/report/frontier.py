@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from qcompile.report.figure import Figure, literal
 from qcompile.report.legend import labelled, legend_below
 from qcompile.report.style import AnyStyle, Style
+from qcompile.report.tables import plural
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,7 +31,8 @@ def draw_frontier(plan: dict[str, Any], style: AnyStyle = None) -> Figure:
         axes = drawing.subplots()
         _draw(axes, plan, look.colours)
         drawing.suptitle(
-            f"{plan['episodes']} episodes on {literal(plan['backend'])}; numbers are shots",
+            f"{plural(plan['episodes'], 'episode')} on {literal(plan['backend'])}; "
+            "numbers are shots",
             x=0.01,
             ha="left",
         )

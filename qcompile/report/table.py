@@ -10,13 +10,20 @@ from io import StringIO
 from os import PathLike
 from pathlib import Path
 
+from qcompile.characters import for_markup
 from qcompile.errors import FigureError
-from qcompile.notebook import html_table, text_table
+from qcompile.notebook import html_paragraphs, html_table, text_table
 from qcompile.output import write_file
 
 SUFFIXES = (".md", ".csv", ".tex")
 
 _NUMBER = re.compile(r"(?<![\w.])([+-]?\d[\d,]*(?:\.\d+)?)(?:e([+-]?\d+))?(?!\w)")
+_GREEK = "αβγδεζηθικλμνξπρστυφχψω"
+_GREEK_NAMES = (
+    *("alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "iota", "kappa"),
+    *("lambda", "mu", "nu", "xi", "pi", "rho", "sigma", "tau", "upsilon", "phi", "chi", "psi"),
+    "omega",
+)
 _LATEX = {
     "\\": r"\textbackslash{}",
     "{": r"\{",
@@ -26,10 +33,10 @@ _LATEX = {
     "<": r"\textless{}",
     ">": r"\textgreater{}",
     "|": r"\textbar{}",
-    '"': r"\textquotedbl{}",
+    '"': "''",  # \textquotedbl is not in LaTeX's first encoding
     "±": r"$\pm$",
     "−": "$-$",
-    "θ": r"$\theta$",
+    **{letter: f"$\\{name}$" for letter, name in zip(_GREEK, _GREEK_NAMES, strict=True)},
     **{letter: f"\\{letter}" for letter in "&%$#_"},
 }
 _MARKDOWN = re.compile(r"([\\`*_<>|\[\]])")
@@ -72,21 +79,23 @@ class Cell:
     words: str
     values: tuple[str | float | None, ...]
 
+    @classmethod
+    def of(cls, value: str | float | None, form: str = "") -> Cell:
+        """A value as `form` shows it; None is a dash, and nothing in CSV."""
+        return cls("-" if value is None else format(value, form), (value,))
+
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of cells below columns: printed, shown by notebooks, or saved by suffix."""
+    """Rows of cells below columns: printed, shown by notebooks, or saved by suffix.
+
+    `notes` are what a reader must know of the rows. CSV has columns alone.
+    """
 
     columns: Sequence[Column]
     rows: Sequence[Sequence[Cell | str]]
     title: str = ""
-
-    @classmethod
-    def of_words(
-        cls, columns: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[str] = ()
-    ) -> Table:
-        """A table of words as they are shown; the columns `left` are not of numbers."""
-        return cls([Column(name, right=name not in left) for name in columns], rows)
+    notes: Sequence[str] = ()
 
     @property
     def header(self) -> list[str]:
@@ -104,7 +113,8 @@ class Table:
         marks = ["---:" if column.right else "---" for column in self.columns]
         lines = [self.header, *self.words]
         head, *body = [f"| {' | '.join(map(_markdown, line))} |" for line in lines]
-        return "\n".join([head, f"| {' | '.join(marks)} |", *body, ""])
+        notes = [f"\n{_markdown(note)}" for note in self.notes]
+        return "\n".join([head, f"| {' | '.join(marks)} |", *body, *notes, ""])
 
     def csv(self) -> str:
         """Comma-separated values: a column for each number, none of them rounded."""
@@ -124,13 +134,11 @@ class Table:
     def latex(self) -> str:
         r"""A tabular of LaTeX with the rules of booktabs: \usepackage{booktabs}, then \input it."""
         form = "".join("r" if column.right else "l" for column in self.columns)
-        head, *body = [
-            f"{' & '.join(map(latex_text, line))} \\\\" for line in [self.header, *self.words]
-        ]
-        title = " ".join(self.title.split())
+        head, *body = [_latex_row(line) for line in [self.header, *self.words]]
+        comments = (for_markup(" ".join(text.split())) for text in (self.title, *self.notes))
         return "\n".join(
             [
-                *([f"% {title}"] if title else []),
+                *(f"% {words}" for words in comments if words),
                 f"\\begin{{tabular}}{{{form}}}",
                 "\\toprule",
                 head,
@@ -152,16 +160,17 @@ class Table:
         file = Path(path)
         check_table_path(file)
         forms = {".md": self.markdown, ".csv": self.csv, ".tex": self.latex}
-        write_file(file, forms[file.suffix]().encode())
+        write_file(file, forms[file.suffix]().encode(errors="replace"))
 
     def __str__(self) -> str:
-        return text_table(self.header, self.words)
+        return "\n".join([text_table(self.header, self.words), *self.notes])
 
     def __repr__(self) -> str:
         return str(self)
 
     def _repr_html_(self) -> str:
-        return html_table(self.header, self.words, self.title)
+        table = html_table(self.header, self.words, self.title)
+        return table + html_paragraphs(self.notes)
 
 
 def latex_text(text: str) -> str:
@@ -178,9 +187,19 @@ def latex_text(text: str) -> str:
     return "".join([*parts, _escaped(text[end:])])
 
 
+def _latex_row(cells: Sequence[str]) -> str:
+    """A row; what precedes it would take a star or a bracket at its beginning for its own."""
+    row = f"{' & '.join(map(latex_text, cells))} \\\\"
+    return f"{{}}{row}" if row.lstrip().startswith(("*", "[")) else row
+
+
 def _escaped(text: str) -> str:
-    return "".join(_LATEX.get(letter, letter) for letter in " ".join(text.split("\n")))
+    return "".join(_LATEX.get(letter, letter) for letter in _one_line(text))
 
 
 def _markdown(text: str) -> str:
-    return _MARKDOWN.sub(r"\\\1", " ".join(text.split("\n")))
+    return _MARKDOWN.sub(r"\\\1", _one_line(text))
+
+
+def _one_line(text: str) -> str:
+    return for_markup(" ".join(text.split("\n")))

@@ -11,12 +11,12 @@ import numpy as np
 from qcompile.arrays import FloatArray
 from qcompile.calibration import Calibration
 from qcompile.ir import Circuit
-from qcompile.noise import expected_error, unusable
+from qcompile.noise import expected_error
 from qcompile.passes import LEVELS, Executable
 from qcompile.policy import Policy
 from qcompile.policy.decision import hold_values
 from qcompile.report.drawing.text import gate_words
-from qcompile.report.placement import print_placement
+from qcompile.report.placement import left_out, print_placement
 from qcompile.report.tables import print_hold, print_table
 
 
@@ -60,7 +60,6 @@ def executable_values(
                 "expected_error": None if device.is_ideal else expected_error(device, qubit),
             }
         )
-    calibrated = range(len(device.qubits)) if calibration is None else calibration.qubits
     values = {
         "backend": device.name,
         "level": executable.level,
@@ -69,8 +68,8 @@ def executable_values(
         "rounds": executable.round_count,
         "copies_that_fit": executable.copies_that_fit,
         "left_out": [
-            {"qubit": qubit, "reason": reason if qubit in calibrated else "was not calibrated"}
-            for qubit, reason in unusable(device).items()
+            {"qubit": qubit, "reason": reason}
+            for qubit, reason in left_out(device, calibration).items()
         ],
         "circuits": circuits,
         "definitions": [str(late) for late in native.late_angles],

@@ -78,7 +78,8 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
             bound.arguments[name] = _argument(name, value, str(form.parameters[name].annotation))
         result = function(*bound.args, **bound.kwargs)
         if isinstance(result, Reported):
-            result.call = call_words(function.__name__, bound.arguments)
+            paths = [name for name, one in form.parameters.items() if "Name" in str(one.annotation)]
+            result.call = call_words(function.__name__, bound.arguments, paths)
         return result
 
     return call

@@ -18,6 +18,7 @@ from qcompile.mitigation.misfit import misfit_warnings
 from qcompile.output import check_writable
 from qcompile.page.calibration import calibration_document
 from qcompile.page.document import Document
+from qcompile.page.words import without_folders
 from qcompile.report.calibration_values import calibration_table
 from qcompile.report.figure import Figure, check_figure_path
 from qcompile.report.style import AnyStyle, Style
@@ -102,18 +103,17 @@ class CalibrationResult(Reported):
 
     def table(self) -> Table:
         """A row for each qubit."""
-        return calibration_table(self.to_dict())
+        return calibration_table(self.to_dict(), self.warnings)
+
+    @property
+    def warnings(self) -> list[str]:
+        """What a reader must know before the fits."""
+        return misfit_warnings(self.to_dict()["calibration_misfits"])
 
     def document(self, command: str) -> Document:
-        values = self.to_dict()
-        warnings = [*misfit_warnings(values["calibration_misfits"]), *self._warnings()]
         return calibration_document(
-            self.calibration, values, self.plot, warnings=warnings, command=command
+            self.calibration, self.to_dict(), self.plot, warnings=self.warnings, command=command
         )
-
-    def _warnings(self) -> Sequence[str]:
-        """What a reader must know first."""
-        return ()
 
 
 class DriftCheck(CalibrationResult):
@@ -135,10 +135,12 @@ class DriftCheck(CalibrationResult):
         self.failures = _failures(self.to_dict(), max_age_hours)
         self._backend = backend
 
-    def _warnings(self) -> Sequence[str]:
+    @property
+    def warnings(self) -> list[str]:
         if self.holds:
-            return ()
-        return ["\n".join((f"{self.to_dict()['check']['file']} no longer holds.", *self.failures))]
+            return super().warnings
+        file = without_folders(self.to_dict()["check"]["file"])
+        return [*super().warnings, "\n".join((f"{file} no longer holds.", *self.failures))]
 
     @property
     def holds(self) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from os import PathLike
 from typing import Any, Literal
 
@@ -18,6 +18,7 @@ from qcompile.live.connection import Connection
 from qcompile.page.circuits import Compiled
 from qcompile.page.document import Document
 from qcompile.page.plan import plan_document
+from qcompile.page.words import HIDDEN, PRIVATE, without_folders
 from qcompile.planning.command import run_command
 from qcompile.planning.point import Point
 from qcompile.planning.search import KEEP, Goal, search
@@ -46,9 +47,14 @@ class Plan(Reported):
     least as good. `recommended` has the cheapest of them that keep the reward and fit, or None.
     """
 
-    def __init__(self, values: Mapping[str, Any], compiled: Compiled | None = None):
+    def __init__(
+        self,
+        values: Mapping[str, Any],
+        compiled: Compiled | None = None,
+        shared_command: str | None = None,
+    ):
         super().__init__(values)
-        self._compiled = compiled
+        self._compiled, self._shared_command = compiled, shared_command
 
     @property
     def strategies(self) -> list[dict[str, Any]]:
@@ -84,6 +90,7 @@ class Plan(Reported):
             self.plot,
             self._compiled,
             remark=self.remark,
+            recommended=self._shared_command,
             command=command,
         )
 
@@ -202,9 +209,8 @@ def plan(
         title = f"planning for {opened.device.name}"
         with bars.progress_bar(title, 1.0, enabled=progress) as show:
             searched = search(policies, opened, goal, show)
-    chosen = policies[0]
-    if searched is not None and searched.recommended is not None:
-        chosen = searched.recommended.policy
+    point = None if searched is None else searched.recommended
+    chosen = policies[0] if point is None else point.policy
     settings = RunSettings.of(settings, **{"shots": _SHOTS, "copies": copies, **given})
     task = run_task(chosen, opened.device, settings, episodes, backend=opened.device.name)
     forecasted = forecast(task, opened)
@@ -221,22 +227,35 @@ def plan(
         "free_seconds": FREE_SECONDS,
         "strategies": [way.values(usd_per_second) for way in strategies(task, forecasted)],
     }
+    shared_command = None
     if searched is not None:
         words = dict(zip(map(id, policies), names, strict=True))
         spend = {"max-qpu-seconds": within, "account": account, "instance": instance}
 
-        def command(point: Point) -> str | None:
+        def command(point: Point, named: Callable[[str], str] = str) -> str | None:
             typed = words[id(point.policy)], backend, calibration or ""
             if not all(isinstance(word, str | PathLike) for word in typed):
                 return None  # an object has no name to type
             policy, machine, _ = map(str, typed)
             modules = [*map(str, several(imports))]
-            return run_command(point, policy, machine, modules, env, spend if live else {})
+            shown = spend if named is str else _without_account(spend)
+            return run_command(point, policy, machine, modules, env, shown if live else {}, named)
 
         way, reward = values["strategies"][0], float(forecasted.rewards.mean())
         values["paper"] = way | {"shots": task.shots, "mean_reward": reward}
         values |= within_values(searched, command)
-    return Plan(values, Compiled(chosen, opened.device, task.level, task.copies or 1))
+        shared_command = None if point is None else command(point, without_folders)
+    played = task.copies if point is None else point.settings.copies
+    compiled = Compiled(chosen, opened.device, task.level, played or 1, opened.calibration)
+    return Plan(values, compiled, shared_command)
+
+
+def _without_account(spend: Mapping[str, Any]) -> dict[str, Any]:
+    """The options of a live run as a page shows them."""
+    return {
+        name: HIDDEN if name in PRIVATE and value is not None else value
+        for name, value in spend.items()
+    }
 
 
 def _opened(

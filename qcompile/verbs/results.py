@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from html import escape
 from pathlib import Path
 from typing import Any
 
+from qcompile.notebook import html_paragraphs
 from qcompile.output import write_file
 from qcompile.report.table import Table
 from qcompile.sweep.arguments import Name
@@ -45,5 +45,4 @@ class Result:
         return "\n".join(filter(None, [str(self.table()), self.remark]))
 
     def _repr_html_(self) -> str:
-        remark = f"<p>{escape(self.remark)}</p>" if self.remark else ""
-        return self.table()._repr_html_() + remark
+        return self.table()._repr_html_() + html_paragraphs([self.remark] if self.remark else [])

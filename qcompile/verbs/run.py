@@ -35,8 +35,9 @@ from qcompile.report.film import Film, check_suffix
 from qcompile.report.rewards import draw_rewards
 from qcompile.report.scene import Scene
 from qcompile.report.style import AnyStyle
-from qcompile.report.table import Cell, Column, Table
-from qcompile.report.tables import INTERVAL, interval_cell
+from qcompile.report.summary import caveats, interruption
+from qcompile.report.table import Table
+from qcompile.report.tables import run_table
 from qcompile.sweep.arguments import Name, Planned, Shots, Words, ignore, several, shots_of
 from qcompile.verbs.arguments import calibration_settings, checked
 from qcompile.verbs.live import Live, check_live, spend
@@ -102,31 +103,27 @@ class RunResult(Reported):
 
     def table(self) -> Table:
         """A row with the settings, the mean reward and its interval."""
-        values = self.to_dict()
-        mean = self.mean_reward
-        words = "-" if mean is None else reward_text(mean)
-        mitigation = "predistort" if values["predistort"] else values["mitigation"]
-        hold = values["hold"]
-        row = [values["policy"], values["backend"], values["kind"], str(values["shots"])]
-        row += [mitigation, *[str(hold)] * (hold > 1), str(len(self.episodes))]
-        names = ["policy", "backend", "kind", "shots", "mitigation", *["hold"] * (hold > 1)]
-        numbers = ("shots", "hold", "episodes")
-        columns = [Column(name, right=name in numbers) for name in (*names, "episodes")]
-        score = Column("mean reward", parts=("mean reward",))
-        cells = [*row, Cell(words, (mean,)), interval_cell(values)]
-        return Table([*columns, score, INTERVAL], [cells])
+        return run_table(self.to_dict(), self._requested, self.warnings)
+
+    @property
+    def warnings(self) -> list[str]:
+        """What a reader must know before the mean reward."""
+        interruption = " ".join(self._interruption)
+        return [*filter(None, [interruption]), *caveats(self.to_dict())]
 
     def document(self, command: str) -> Document:
-        values = self.to_dict()
-        warnings = [*filter(None, [self.remark]), *misfit_warnings(values["calibration_misfits"])]
         return run_document(
-            values, self.plot, self._compiled, self.film, warnings=warnings, command=command
+            self.to_dict(),
+            self.plot,
+            self._compiled,
+            self.film,
+            warnings=self.warnings,
+            command=command,
         )
 
     @property
-    def remark(self) -> str:
-        interrupted = f"interrupted: {len(self.episodes)} of {self._requested} episodes finished"
-        return interrupted if self.to_dict()["interrupted"] else ""
+    def _interruption(self) -> list[str]:
+        return interruption(self.to_dict(), self._requested)
 
     def check_complete(self) -> None:
         """Check that all episodes were played.
@@ -134,15 +131,8 @@ class RunResult(Reported):
         Raises:
             QcompileError: Ctrl-C ended the run before.
         """
-        if self.to_dict()["interrupted"]:
-            bias = "These are the shortest ones: their mean does not estimate the policy's score."
-            if self.to_dict()["speculate"] != 1:
-                bias = "Which ones finished depends on the predictions, so no mean is reported."
-            raise QcompileError(
-                f"Interrupted: {len(self.episodes)} of {self._requested} episodes finished.",
-                *([bias] if self.episodes else []),
-                "For a shorter run, use fewer --episodes.",
-            )
+        if words := self._interruption:
+            raise QcompileError(*words, "For a shorter run, use fewer --episodes.")
 
 
 @checked
@@ -243,13 +233,26 @@ def run(
             on_note=on_note,
         )
         if film is not None:
+            if not result.episodes:
+                film.keep_earlier()
             show(len(rewards), "writing the film")
     if film is not None:
-        words = f"film of the first episode in {video}"
-        on_note(words if film.clip else "no film: no step was played")
-    compiled = Compiled(loaded, opened.device, playing.settings.level, playing.settings.copies or 1)
+        on_note(_film_words(film))
+    settings = playing.settings
+    compiled = Compiled(
+        loaded, opened.device, settings.level, settings.copies or 1, opened.calibration
+    )
     clip = None if film is None else film.clip
     return RunResult(result.summary(), episodes, compiled, clip)
+
+
+def _film_words(film: Film) -> str:
+    """Where the film is, or why there is none."""
+    if film.clip is not None:
+        return f"film of the first episode in {film.path}"
+    if film.frames:
+        return f"no film: no episode was finished, and {film.path} is kept"
+    return "no film: no step was played"
 
 
 def _filming(film: Film, player: Player, show: bars.Show) -> Callable[[Frame], None]:

@@ -21,7 +21,7 @@ from qcompile.mitigation.misfit import misfit_warnings
 from qcompile.policy import Policy, load_circuits
 from qcompile.policy.arguments import with_arguments
 from qcompile.policy.files import policy_values
-from qcompile.report.table import Table
+from qcompile.report.table import Cell, Column, Table
 from qcompile.sweep.arguments import Name, Words, ignore, several
 from qcompile.verbs.arguments import checked
 from qcompile.verbs.live import Live, check_live, spend
@@ -51,11 +51,14 @@ class Validation(Result):
         values = self.to_dict()
         columns = ["qubits", "chi_square", "degrees", "p_value"]
         rows = [
-            [*(f"{value:.4g}" for value in row), "fails" if row[0] in self.failed else "holds"]
+            [
+                *(Cell.of(value, ".4g") for value in row),
+                "fails" if row[0] in self.failed else "holds",
+            ]
             for row in zip(*(values[column] for column in columns), strict=True)
         ]
-        names = ["qubit", "chi-square", "expected", "p-value", "twin"]
-        return Table.of_words(names, rows, left=["twin"])
+        names = ["qubit", "chi-square", "expected", "p-value"]
+        return Table([*map(Column, names), Column("twin", right=False)], rows)
 
     def check_passed(self) -> None:
         """Check that the twin passed.

@@ -88,3 +88,30 @@ def test_the_suffix_says_what_is_saved(tmp_path: Path, name: str) -> None:
 def test_a_notebook_shows_a_table_and_a_terminal_its_columns() -> None:
     assert "<td>a_b|c &amp; &lt;d&gt;</td>" in TABLE._repr_html_()
     assert str(TABLE).splitlines()[0].split() == ["policy", "mean", "±", "std", "time,", "s"]
+
+
+def test_notes_stand_beside_the_rows_but_not_in_csv() -> None:
+    table = Table([Column("a")], [["1"]], notes=["2 of 3 *finished*.\nNo more."])
+    assert table.markdown().endswith("| 1 |\n\n2 of 3 \\*finished\\*. No more.\n")
+    assert table.latex().startswith("% 2 of 3 *finished*. No more.\n\\begin{tabular}")
+    assert str(table).endswith("No more.")
+    assert "<p>2 of 3 *finished*." in table._repr_html_()
+    assert table.csv() == "a\n1\n"
+
+
+@pytest.mark.parametrize("first", ["[5cm] x", "*star", " [x]"])
+def test_the_beginning_of_a_row_is_no_argument_of_what_precedes_it(first: str) -> None:
+    r"""\\ and \midrule take a bracket behind them for their own, and \\ a star."""
+    lines = Table([Column(first)], [[first], [first]]).latex().splitlines()
+    assert [line for line in lines if line.endswith("\\\\")] == [f"{{}}{first} \\\\"] * 3
+
+
+def test_letters_of_latex_that_every_encoding_has() -> None:
+    assert latex_text('"αλπ"') == "''$\\alpha$$\\lambda$$\\pi$''"
+
+
+def test_a_number_and_a_null() -> None:
+    cells = [Cell.of(1.23456, ".2f"), Cell.of(None), Cell.of("exact")]
+    table = Table([Column(name) for name in "abc"], [cells])
+    assert table.words == [["1.23", "-", "exact"]]
+    assert table.csv() == "a,b,c\n1.23456,,exact\n"

@@ -78,10 +78,10 @@ def test_a_policy_has_bare_numbers_in_its_table() -> None:
 def test_an_interrupted_run_says_so() -> None:
     values = qcompile.run("cartpole", episodes=2, max_steps=1).to_dict()
     result = RunResult(values | {"interrupted": True}, 10)
-    words = "interrupted: 2 of 10 episodes finished"
-    assert repr(result).splitlines()[-1] == words
-    assert result._repr_html_().endswith(f"</table><p>{words}</p>")
-    assert "interrupted" not in repr(RunResult(values, 2))
+    words = "Interrupted: 2 of 10 episodes finished. These are the shortest ones:"
+    assert repr(result).splitlines()[2].startswith(words)
+    assert f"</table><p>{words}" in result._repr_html_()
+    assert "nterrupted" not in repr(RunResult(values, 2))
 
 
 def test_only_means_of_episodes_are_doubted() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from itertools import chain, product
 from os import fspath
@@ -53,7 +53,8 @@ class Evaluation:
 
     `played` is the number of cells played now, `there` of those that the folder already had;
     `failures` are those that could not be played. `paths` are the files written, without those of
-    the cells.
+    the cells. `typed` are the names of policies, backends and calibrations that were typed: they
+    may be paths.
     """
 
     cells: tuple[Cell, ...]
@@ -62,6 +63,7 @@ class Evaluation:
     there: int
     failures: tuple[CellFailure, ...]
     paths: tuple[Path, ...]
+    typed: frozenset[str] = frozenset()
 
     def to_dict(self) -> dict[str, Any]:
         """The document of `qcompile evaluate --json`."""
@@ -137,7 +139,10 @@ def evaluate(
         on_note(f"Left out: {why}.")
     pool = Pool(engine, address, workers, on_loss)
     completed = _completed(cells, out, pool, on_progress)
-    return _written(cells, completed, out, lambda objects: write_figures(objects, out))
+    evaluation = _written(cells, completed, out, lambda objects: write_figures(objects, out))
+    names = {policy.name for policy in different}.intersection(words)
+    typed = (*names, *(backend.name for backend in opened), *(file.name for file in files))
+    return replace(evaluation, typed=frozenset(typed))
 
 
 def _left_out(

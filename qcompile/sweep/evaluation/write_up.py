@@ -10,7 +10,7 @@ from typing import Any
 from qcompile.output import file_name
 from qcompile.report.figure import Figure
 from qcompile.report.intervals import Interval, Panel, draw_intervals
-from qcompile.report.tables import plural
+from qcompile.report.tables import interval_words, plural
 from qcompile.sweep.evaluation.summary import results_csv
 from qcompile.sweep.pages import write_files
 
@@ -72,8 +72,8 @@ def panels(objects: Sequence[Mapping[str, Any]], title: str = "") -> list[Panel]
 
 
 def interval(values: Mapping[str, Any]) -> Interval:
-    """A cell's mean reward and its 95 % interval, for a figure; for one episode only the mean."""
-    low, high = values["ci95"] or (values["mean_reward"],) * 2
+    """A cell's mean reward and its 95 % interval, for a figure; of few episodes only the mean."""
+    low, high = _ends(values)
     shots = values["shots"]
     return Interval(
         column=values["backend"],
@@ -89,9 +89,14 @@ def reference_line(objects: Sequence[Mapping[str, Any]]) -> tuple[float, float, 
     """Mean and 95 % interval of the reference cell, if it was played."""
     for values in objects:
         if values["reference"]:
-            mean = values["mean_reward"]
-            return (mean, *(values["ci95"] or (mean, mean)))
+            return (values["mean_reward"], *_ends(values))
     return None
+
+
+def _ends(values: Mapping[str, Any]) -> tuple[float, float]:
+    """The interval of a cell where tables show it, else the mean at both ends."""
+    low, high = values["ci95"] if interval_words(values) else (values["mean_reward"],) * 2
+    return low, high
 
 
 def mitigation_words(mitigation: str) -> str:
