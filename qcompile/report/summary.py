@@ -12,7 +12,7 @@ from rich.text import Text
 
 from qcompile.mitigation import CALIBRATION_SHOTS
 from qcompile.mitigation.misfit import misfit_warnings
-from qcompile.notebook import reward_text
+from qcompile.notebook import reward_digits, reward_text
 from qcompile.policy.decision import hold_text
 from qcompile.report.tables import cost_in_words, interval_words, plural, wide_console
 
@@ -63,8 +63,10 @@ def _reward_lines(summary: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
                 "mean reward",
                 f"[bold]{mean}[/] ± {deviation} over {plural(len(rewards), 'episode')}{interval}",
             )
-        yield "rewards", f"{_bars(rewards)}  {min(rewards):.0f} to {max(rewards):.0f}"
-        if interval and min(rewards) == max(rewards):
+        low, high = min(rewards), max(rewards)
+        digits = reward_digits(low, high)
+        yield "rewards", f"{_bars(rewards)}  {low:.{digits}f} to {high:.{digits}f}"
+        if interval and low == high:
             share = f"{unseen_share(len(rewards)):.0%}"
             yield (
                 "all equal",
