@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any, TypeVar
@@ -219,8 +220,15 @@ def _beyond_format_1(encoder: Encoder) -> dict[str, Any]:
     return values
 
 
+def trained_name(environment: str) -> str:
+    """What a trained policy is called until it has a file, such as trained-cartpole."""
+    return f"trained-{environment.rsplit('-v', 1)[0].lower()}"
+
+
 def save_policy(policy: AnyPolicy, path: str | Path) -> None:
     """Write `policy` to `path`, whole or not at all; the suffix .pt or .json sets the format.
+
+    A trained policy that was not named yet is named after the file.
 
     Raises:
         PolicyError: the suffix is different, or the policy cannot be stored in a file.
@@ -234,6 +242,8 @@ def save_policy(policy: AnyPolicy, path: str | Path) -> None:
     path = Path(path)
     if path.suffix not in SUFFIXES:
         raise PolicyError(f"{path} is not a policy file name.", "It must end with .pt or .json.")
+    if policy.name == trained_name(policy.environment):
+        policy = replace(policy, name=path.stem)
     file = policy_file(policy)
     if path.suffix == ".json":
         write_file(path, file.model_dump_json(indent=1, exclude_unset=True).encode())

@@ -81,7 +81,7 @@ def _reward_lines(summary: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
                 f"[bold]{mean}[/] ± {deviation} over {plural(len(rewards), 'episode')}{interval}",
             )
         low, high = min(rewards), max(rewards)
-        form = ".0f" if max(-low, high) >= 1 else reward_form(low, high)
+        form = reward_form(low, high)
         yield "rewards", f"{_bars(rewards)}  {low:{form}} to {high:{form}}"
         yield from _equal_lines(summary)
 

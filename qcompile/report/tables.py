@@ -79,7 +79,8 @@ def _widths(columns: Sequence[str], cells: Sequence[Sequence[str]], room: int) -
     """The width of each column; the widest give way, one by one, where `room` is negative."""
     widths, least = [], []
     for header, column in zip(columns, cells, strict=True):
-        inside = max(map(cell_len, column), default=0)
+        lines = [line for cell in column for line in cell.split("\n")]
+        inside = max(map(cell_len, lines), default=0)
         is_text = any(cell[:1].isalpha() and cell_len(cell) > _LEAST_TEXT for cell in column)
         word = max(map(cell_len, header.split()), default=0)
         widths.append(max(cell_len(header), inside))

@@ -45,7 +45,7 @@ def test_trainings() -> None:
     trainer = Trainer("CartPole-v1", settings_for("paper", "CartPole-v1").changed(episodes=2), 4)
     assert repr(trainer) == "Trainer(CartPole-v1, svqc, seed 4, 0 episodes, 0% of the training)"
     result = trainer.train()
-    policy = "Policy(cartpole, CartPole-v1, 4 circuits, 14 parameters, 2 actions)"
+    policy = "Policy(trained-cartpole, CartPole-v1, 4 circuits, 14 parameters, 2 actions)"
     assert repr(result).startswith(f"TrainingResult({policy}, 2 episodes, ")
 
 
