@@ -143,6 +143,8 @@ def grid_table(objects: Sequence[Mapping[str, Any]]) -> Table:
         ]
         named = [values["policy"], *[values["environment"]] * several]
         rows.append([*named, *map(str, settings), *cells])
+    if not objects:
+        return Table(columns, rows)
     played = plural(len(objects[0]["episodes"]), "episode")
     greedy = ", greedy" * objects[0]["greedy"]
     return Table(columns, rows, f"{' and '.join(environments)}, {played}{greedy}")

@@ -65,7 +65,7 @@ def test_a_page_takes_no_other_file_of_the_command(qcompile: Call) -> None:
     words = ("calibrate", "--backend", "ibm_lima", "--out", "a.html", "--report", "./a.html")
     answer = qcompile(*words)
     assert answer.code == 2
-    assert "report and out are the same file, a.html." in answer.err
+    assert "--out and --report are the same file, a.html." in answer.err
 
 
 def test_an_interrupted_run_says_so(
