@@ -43,9 +43,7 @@ def page_of(browser: Any, path: Path) -> Iterator[Any]:
     opened.on("pageerror", lambda error: opened.trouble.append(str(error)))
     opened.on(
         "request",
-        lambda asked: (
-            asked.url.startswith(("data:", "file:")) or opened.trouble.append(asked.url)
-        ),
+        lambda asked: asked.url.startswith(("data:", "file:")) or opened.trouble.append(asked.url),
     )
     opened.goto(path.as_uri())
     yield opened

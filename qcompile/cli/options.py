@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
@@ -201,6 +201,15 @@ class Several(click.ParamType[tuple[Any, ...]]):
         if not all(parts):
             self.fail(f"{value!r} has an empty value beside a comma.", param, ctx)
         return tuple(self.inner.convert(part, param, ctx) for part in parts)
+
+
+def check_only(allowed: Container[str], option: str, why: str) -> None:
+    """Raise click.UsageError if the command line has a parameter that `option` makes useless."""
+    ctx = click.get_current_context()
+    for param in ctx.command.params:
+        source = ctx.get_parameter_source(str(param.name))
+        if param.name not in allowed and source is click.core.ParameterSource.COMMANDLINE:
+            raise click.UsageError(f"{param.opts[0]} cannot be used with {option}: {why}.")
 
 
 def explicit(**values: Any) -> dict[str, Any]:

@@ -22,8 +22,7 @@ from qcompile.cli.options import (
     level_option,
     max_steps_option,
 )
-from qcompile.cli.outputs import Outputs, output_options
-from qcompile.cli.reports import check_report, report_option, write_report
+from qcompile.cli.outputs import Outputs, output_options, report_option
 from qcompile.limits import (
     FREE_SECONDS,
     MAX_EPISODES,
@@ -116,7 +115,7 @@ def _one_or_several(
     help="With --within: the share of the reward to keep. 0 is the reward of random actions, 1 "
     "that of the policy without noise.",
 )
-@output_options("the QPU seconds of each way, or with --within reward against seconds")
+@output_options("the QPU seconds of each way, or with --within reward against seconds", "plan")
 @import_option
 @env_option
 @click.option(
@@ -155,7 +154,6 @@ def command(
     live: bool,
     account: str | None,
     instance: str | None,
-    report: Path | None,
     as_json: bool,
     outputs: Outputs,
 ) -> None:
@@ -172,7 +170,6 @@ def command(
     from qcompile.report.tables import plural, print_table
     from qcompile.verbs.plan import plan
 
-    check_report(report, calibration=calibration, plot=outputs.plot, table=outputs.table)
     planned = plan(
         policy,
         backend,
@@ -237,6 +234,4 @@ def command(
         )
         if planned.recommended is not None:
             click.echo(planned.remark)
-    outputs.save(planned)
-    write_report(planned, report)
-    planned.check_fits()
+    outputs.save(planned, planned.check_fits)

@@ -172,7 +172,7 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
     help="Overwrite --out and --checkpoint. A resumed training overwrites its own files without "
     "--force.",
 )
-@output_options("the learning curve of each training")
+@output_options("the learning curve of each training", "curves")
 @json_option
 def command(environment: str, as_json: bool, outputs: Outputs, **options: Any) -> None:
     """Train a policy in ENVIRONMENT, such as CartPole-v1, with PPO.
@@ -193,8 +193,5 @@ def command(environment: str, as_json: bool, outputs: Outputs, **options: Any) -
             table = training.table()
             print_table(table.header, table.words, right=range(5))
         click.echo(training.words)
-    try:
-        if training.episodes or not training.interrupted:
-            outputs.save(training)
-    finally:
-        training.check_complete()
+    is_empty = training.interrupted and not training.episodes
+    outputs.save(training, training.check_complete, is_empty=is_empty)

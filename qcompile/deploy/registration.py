@@ -39,6 +39,12 @@ _PROCESS = uuid4().hex
 """A unique ID of this process, across machines."""
 
 
+def module_path(module: str | os.PathLike[str]) -> Path:
+    """The file of a module, where it is one of the working folder."""
+    name = os.fspath(module)
+    return Path(name if name.endswith(".py") else f"{name.replace('.', os.sep)}.py")
+
+
 def import_modules(modules: Iterable[str | os.PathLike[str]]) -> None:
     """Import modules, each once, to register their environments.
 

@@ -55,6 +55,13 @@ def policy_names() -> list[str]:
     return names("trained", SUFFIXES)
 
 
+def policy_path(policy: object) -> Path | None:
+    """The file that a policy is loaded from; None for an object, or if there is none."""
+    if not isinstance(policy, str | PathLike):
+        return None
+    return find("trained", fspath(policy), SUFFIXES)
+
+
 def load_policy(policy: str | PathLike[str] | AnyPolicy) -> AnyPolicy:
     """The policy in a file, or the shipped policy with a bare name.
 
@@ -67,7 +74,7 @@ def load_policy(policy: str | PathLike[str] | AnyPolicy) -> AnyPolicy:
         return policy
     if not isinstance(policy, str | PathLike):
         raise PolicyError(f"load_policy takes a name or a file, not {describe(policy)}.")
-    path = find("trained", fspath(policy), SUFFIXES)
+    path = policy_path(policy)
     if path is None:
         raise PolicyError(
             f"Unknown policy {fspath(policy)!r}.",

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from qcompile.characters import for_markup
 from qcompile.errors import FigureError
-from qcompile.output import write_file
+from qcompile.output import checked_path, write_file
 from qcompile.report.style import Style
 
 if TYPE_CHECKING:
@@ -77,13 +77,20 @@ class Figure:
 
         Raises:
             FigureError: the file has another ending; as `png`.
+            OptionError: the path is neither a name nor a path.
             OutputError: the file cannot be written.
         """
-        file = Path(path)
+        file = checked_path(path)
         check_figure_path(file)
-        svg = file.suffix == ".svg"
-        contents = self.svg().encode() if svg else self._file(file.suffix.removeprefix("."))
-        write_file(file, contents)
+        write_file(file, self.contents(file.suffix))
+
+    def contents(self, suffix: str) -> bytes:
+        """The bytes of a file with this suffix.
+
+        Raises:
+            FigureError: as `png`.
+        """
+        return self.svg().encode() if suffix == ".svg" else self._file(suffix.removeprefix("."))
 
     def _file(self, form: str) -> bytes:
         if form not in self._files:

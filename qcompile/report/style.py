@@ -14,14 +14,18 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from qcompile.errors import FigureError
+from qcompile.errors import FigureError, QcompileError
+from qcompile.output import checked_path
 from qcompile.reading.files import ContentsError, read_file
 from qcompile.reading.text import decode
+from qcompile.report.fonts import fonts_noted_once
+from qcompile.terminal import first_line
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawing
 
 HOUSE = Path(__file__).with_name("qcompile.mplstyle")
+_PACKAGE = HOUSE.parent.parent
 
 _GAP_IN = 0.2
 _PAGE_IN = 4.5
@@ -33,7 +37,12 @@ _FOREIGN = re.compile(
     r"|savefig\.(directory|format)|svg\.image_inline"
 )
 """Settings of windows, programs and other files; none of how a figure looks."""
-_LIMITS = {"savefig.dpi": (30, 1200), "figure.dpi": (30, 1200), "font.size": (1, 100)}
+_LIMITS = {
+    "savefig.dpi": (30, 1200),
+    "figure.dpi": (30, 1200),
+    "font.size": (1, 100),
+    "savefig.pad_inches": (0, 5),
+}
 _SIZE_IN = (0.5, 40.0)
 
 
@@ -42,6 +51,7 @@ class Style:
     """Settings of matplotlib: the house's, and over them those of a file."""
 
     settings: Mapping[str, Any]
+    file: Path | None = None
 
     @classmethod
     def of(cls, style: Style | str | PathLike[str] | None) -> Style:
@@ -49,11 +59,14 @@ class Style:
 
         Raises:
             FigureError: the file cannot be read, or holds what matplotlib does not take.
+            OptionError: it is neither a style nor a file.
         """
         if isinstance(style, Style):
             return style
-        house = _read(HOUSE)
-        return cls(house if style is None else {**house, **_read(Path(style))})
+        if style is None:
+            return cls(_house())
+        file = checked_path(style, "style")
+        return cls({**_house(), **_settings(file)}, file)
 
     @property
     def colours(self) -> list[Any]:
@@ -89,18 +102,33 @@ class Style:
 
     @contextmanager
     def applied(self) -> Iterator[None]:
-        """What is drawn within looks like this, whatever else matplotlib was told."""
+        """What is drawn within looks like this, whatever else matplotlib was told.
+
+        Raises:
+            FigureError: nothing can be drawn with the settings of the file.
+        """
         import matplotlib as mpl
 
         settings: Any = mpl.rcParams
         default = {
             key: value for key, value in mpl.rcParamsDefault.items() if not _FOREIGN.fullmatch(key)
         }
-        with warnings.catch_warnings(), mpl.rc_context():
+        with warnings.catch_warnings(), mpl.rc_context(), fonts_noted_once():
             warnings.simplefilter("ignore", mpl.MatplotlibDeprecationWarning)
             settings.update(default)
             settings.update({"text.usetex": False, **self.settings})
-            yield
+            try:
+                yield
+            except QcompileError:
+                raise
+            except Exception as error:
+                if self.file is None or _PACKAGE in self.file.parents:
+                    raise  # a defect of qcompile
+                raise FigureError(
+                    f"Nothing can be drawn with {self.file}.",
+                    f"matplotlib fails: {type(error).__name__}: {first_line(str(error))}",
+                    "Remove its settings one by one to find the one that matplotlib cannot use.",
+                ) from error
 
 
 AnyStyle: TypeAlias = Style | str | PathLike[str] | None
@@ -110,10 +138,6 @@ AnyStyle: TypeAlias = Style | str | PathLike[str] | None
 @cache
 def _house() -> Mapping[str, Any]:
     return _settings(HOUSE)
-
-
-def _read(path: Path) -> Mapping[str, Any]:
-    return _house() if path == HOUSE else _settings(path)
 
 
 def _settings(path: Path) -> dict[str, Any]:
@@ -148,7 +172,7 @@ def _settings(path: Path) -> dict[str, Any]:
             raise FigureError(
                 f"{path}, line {number}: matplotlib has no setting {name[:60]!r}."
             ) from None
-        except ValueError as error:
+        except Exception as error:  # matplotlib raises ValueError, TypeError, RuntimeError
             raise FigureError(f"{path}, line {number}: {_one_line(error)}.") from None
     return dict(found)
 
@@ -197,6 +221,6 @@ def _check_value(name: str, value: Any) -> None:
             raise ValueError(f"{name} is between {least} and {most}")
 
 
-def _one_line(error: ValueError) -> str:
+def _one_line(error: Exception) -> str:
     words = " ".join(str(error).split()).removeprefix("Key ").rstrip(".")
     return words if len(words) <= 200 else f"{words[:197]}..."

@@ -13,7 +13,7 @@ from pathlib import Path
 from qcompile.characters import for_markup
 from qcompile.errors import FigureError
 from qcompile.notebook import html_paragraphs, html_table, text_table
-from qcompile.output import write_file
+from qcompile.output import checked_path, write_file
 
 SUFFIXES = (".md", ".csv", ".tex")
 
@@ -154,11 +154,14 @@ class Table:
         """Write the table to a .md, .csv or .tex file, which is overwritten.
 
         Raises:
-            FigureError: the file has another ending.
+            FigureError: the file has another ending, or the table has no rows.
+            OptionError: the path is neither a name nor a path.
             OutputError: the file cannot be written.
         """
-        file = Path(path)
+        file = checked_path(path)
         check_table_path(file)
+        if not self.rows:
+            raise FigureError(f"The table has no rows: {file} was not written.")
         forms = {".md": self.markdown, ".csv": self.csv, ".tex": self.latex}
         write_file(file, forms[file.suffix]().encode(errors="replace"))
 

@@ -166,6 +166,8 @@ def grid_table(objects: Sequence[Mapping[str, Any]], notes: Sequence[str] = ()) 
         first = [values["policy"], *[environment_words(values)] * named]
         first += [str(values.get("hold", 1))] * holds
         rows.append([*first, *map(str, settings), *cells])
+    if not objects:
+        return Table(columns, rows)
     played = plural(len(objects[0]["episodes"]), "episode")
     greedy = ", greedy" * objects[0]["greedy"]
     return Table(columns, rows, f"{' and '.join(environments)}, {played}{greedy}", notes)

@@ -16,6 +16,7 @@ from typing import Any, ParamSpec, TypeVar
 import numpy as np
 
 from qcompile.calibration import Calibration, age_warnings, load_calibration
+from qcompile.caller import option
 from qcompile.errors import OptionError
 from qcompile.limits import MAX_EPISODES
 from qcompile.page.words import call as call_words
@@ -103,11 +104,13 @@ def calibration_settings(calibration: Name | Calibration | None, on_note: Words)
 def _argument(name: str, value: Any, annotation: str) -> Any:
     plain, fits = _plain(value, annotation)
     if not fits:
-        raise OptionError(f"{name} cannot be {_shown(value)}.", f"It must be {_words(annotation)}.")
+        raise OptionError(
+            f"{option(name)} cannot be {_shown(value)}.", f"It must be {_words(annotation)}."
+        )
     least, most = _RANGES.get(name, (-math.inf, math.inf))
     if isinstance(plain, int | float) and not least <= plain <= most:
         limit = f"in [{least}, {most}]" if most < math.inf else f"{least} or more"
-        raise OptionError(f"{name} cannot be {_shown(value)}.", f"It must be {limit}.")
+        raise OptionError(f"{option(name)} cannot be {_shown(value)}.", f"It must be {limit}.")
     return plain
 
 

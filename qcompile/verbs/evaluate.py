@@ -10,7 +10,9 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from qcompile.calibration import Calibration
-from qcompile.deploy.registration import import_modules
+from qcompile.caller import option
+from qcompile.clashes import beside
+from qcompile.deploy.registration import import_modules, module_path
 from qcompile.device import Device
 from qcompile.errors import StudyError
 from qcompile.execution import Backend
@@ -77,8 +79,10 @@ class EvaluationResult(Reported):
 
         Raises:
             FigureError: the style cannot be read.
-            StudyError: there is no such policy.
+            StudyError: there is no such policy, or no cell could be played.
         """
+        if not self.cells:
+            raise StudyError("There is nothing to draw: no cell could be played.")
         names = list(dict.fromkeys(values["policy"] for values in self.cells))
         if policy is not None and policy not in names:
             raise StudyError(
@@ -181,8 +185,10 @@ def evaluate(
         QcompileError: a name, a file or a combination cannot be used; an output cannot be written;
             Ctrl-C. Cells that fail on their own are in `failures` instead.
     """
-    import_modules(several(imports))
-    with _folder(out) as folder, bars.progress_bar("evaluate", 1, enabled=progress) as show:
+    modules = several(imports)
+    import_modules(modules)
+    files = beside(reads={option("imports"): [*map(module_path, modules)]})
+    with files, _folder(out) as folder, bars.progress_bar("evaluate", 1, enabled=progress) as show:
         evaluation = grids.evaluate(
             policies,
             backends,

@@ -7,9 +7,11 @@ from os import PathLike
 from typing import Any, Literal
 
 from qcompile.calibration import Calibration
-from qcompile.deploy.registration import import_modules
+from qcompile.caller import option
+from qcompile.clashes import check_clashes
+from qcompile.deploy.registration import import_modules, module_path
 from qcompile.deploy.settings import RunSettings
-from qcompile.device import Device
+from qcompile.device import Device, backend_path
 from qcompile.errors import BudgetError, DeviceError, OptionError
 from qcompile.execution import Backend, Executor, load_backend
 from qcompile.execution.backend import DeviceBackend
@@ -25,6 +27,7 @@ from qcompile.planning.search import KEEP, Goal, search
 from qcompile.planning.strategies import forecast, run_task, strategies
 from qcompile.policy import Policy, load_circuits
 from qcompile.policy.arguments import with_arguments
+from qcompile.policy.files import policy_path
 from qcompile.report import progress as bars
 from qcompile.report.figure import Figure
 from qcompile.report.frontier import draw_frontier
@@ -33,6 +36,7 @@ from qcompile.report.style import AnyStyle
 from qcompile.report.table import Cell, Column, Table
 from qcompile.sweep.arguments import Name, Words, ignore, several, shots_of
 from qcompile.verbs.arguments import calibration_settings, checked
+from qcompile.verbs.files import path_of
 from qcompile.verbs.reports import Reported
 from qcompile.verbs.within import advice, frontier_table, within_values
 
@@ -181,13 +185,20 @@ def plan(
     """
     if shots_of(1 if shots is None else shots) is None:
         raise OptionError("A plan needs a number of shots: a machine cannot give exact values.")
-    for option, value in (("account", account), ("instance", instance)):
+    for name, value in (("account", account), ("instance", instance)):
         if value is not None and not live:
-            raise OptionError(f"{option} needs live.")
+            raise OptionError(f"{option(name)} needs {option('live')}.")
     names = several(policy)
     if within is None and (len(names) != 1 or keep != KEEP):
-        what = "keep needs" if len(names) == 1 else f"{len(names)} policies need"
-        raise OptionError(f"{what} within, a limit of QPU seconds.")
+        what = f"{option('keep')} needs" if len(names) == 1 else f"{len(names)} policies need"
+        raise OptionError(f"{what} {option('within')}, a limit of QPU seconds.")
+    reads = {
+        "the policy": [*map(policy_path, names)],
+        option("backend"): backend_path(backend),
+        option("calibration"): path_of(calibration),
+        option("imports"): [*map(module_path, several(imports))],
+    }
+    check_clashes(reads, {})
     import_modules(several(imports))
     policies = [with_arguments(load_circuits(name), env, for_file=True) for name in names]
     opened = _opened(backend, account, instance, live=live)

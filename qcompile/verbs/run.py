@@ -8,15 +8,17 @@ from pathlib import Path
 from typing import Any, Literal
 
 from qcompile.calibration import Calibration
+from qcompile.caller import option
+from qcompile.clashes import check_clashes
 from qcompile.deploy.depth import Speculate
 from qcompile.deploy.filming import Frame
 from qcompile.deploy.lockstep import Episode
 from qcompile.deploy.network import refuse_options
 from qcompile.deploy.play import play, player
 from qcompile.deploy.player import Player
-from qcompile.deploy.registration import import_modules
+from qcompile.deploy.registration import import_modules, module_path
 from qcompile.deploy.settings import RunSettings
-from qcompile.device import Device
+from qcompile.device import Device, backend_path
 from qcompile.errors import OptionError, QcompileError
 from qcompile.execution import Backend, Executor, load_backend
 from qcompile.mitigation import CALIBRATION_SHOTS
@@ -28,6 +30,7 @@ from qcompile.page.run import run_document
 from qcompile.planning.strategies import forecast, run_task
 from qcompile.policy import AnyPolicy, Network, Policy, load_circuits, load_policy
 from qcompile.policy.arguments import with_arguments
+from qcompile.policy.files import policy_path
 from qcompile.report import progress as bars
 from qcompile.report.clip import Clip
 from qcompile.report.figure import Figure
@@ -40,6 +43,7 @@ from qcompile.report.table import Table
 from qcompile.report.tables import run_table
 from qcompile.sweep.arguments import Name, Planned, Shots, Words, ignore, several, shots_of
 from qcompile.verbs.arguments import calibration_settings, checked
+from qcompile.verbs.files import path_of
 from qcompile.verbs.live import Live, check_live, spend
 from qcompile.verbs.proposal import explicit_only, live_settings, offline
 from qcompile.verbs.reports import Reported
@@ -132,7 +136,7 @@ class RunResult(Reported):
             QcompileError: Ctrl-C ended the run before.
         """
         if words := self._interruption:
-            raise QcompileError(*words, "For a shorter run, use fewer --episodes.")
+            raise QcompileError(*words, f"For a shorter run, use fewer {option('episodes')}.")
 
 
 @checked
@@ -205,6 +209,13 @@ def run(
         predistort=predistort,
         greedy=greedy,
     )
+    reads = {
+        "the policy": policy_path(policy),
+        option("backend"): backend_path(backend),
+        option("calibration"): path_of(calibration),
+        option("imports"): [*map(module_path, several(imports))],
+    }
+    check_clashes(reads, {option("video"): path_of(video)})
     import_modules(several(imports))
     loaded = with_arguments(load_policy(policy), env, for_file=live is not None)
     settings = RunSettings.of(settings, **calibration_settings(calibration, on_note))
@@ -279,12 +290,15 @@ def _settings(
     if live is not None:
         if video is not None:
             raise OptionError(
-                "video and live exclude each other: a live run is not filmed.",
-                "Film the same settings without live, on the noise model or the machine's twin.",
+                f"{option('video')} cannot be combined with {option('live')}: a live run is not "
+                "filmed.",
+                f"Film the same settings without {option('live')}, on the noise model or the "
+                "machine's twin.",
             )
-        wrong = {"shots exact": settings.shots is None, "sampler": sampler is not None}
+        exact = f"{option('shots')} exact"
+        wrong = {exact: settings.shots is None, "sampler": sampler is not None}
         for name in (name for name, given in wrong.items() if given):
-            raise OptionError(f"{name} cannot be combined with live.")
+            raise OptionError(f"{name} cannot be combined with {option('live')}.")
     return settings
 
 

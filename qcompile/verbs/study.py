@@ -45,7 +45,7 @@ class StudyResult(Reported):
             StudyError: the folder has no trainings of that figure.
         """
         panels = figure_panels(self._study.request.study, self._study.summaries)
-        if figure is not None and figure not in panels:
+        if figure is not None and figure not in [*panels]:
             raise StudyError(
                 f"There are no trainings of figure {figure!r}.",
                 f"Figures with trainings: {', '.join(panels)}.",

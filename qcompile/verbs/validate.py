@@ -10,6 +10,7 @@ import numpy as np
 
 from qcompile.arrays import FloatArray
 from qcompile.calibration import Calibration, load_calibration
+from qcompile.caller import option
 from qcompile.deploy.registration import import_modules
 from qcompile.deploy.twin_check import check_twin, wide_observations
 from qcompile.deploy.twin_power import EFFECT, POWER, choose_check
@@ -108,10 +109,14 @@ def validate(
     check_live(live)
     is_free = observations is None or shots is None
     if power is not None and not is_free:
-        raise OptionError("power chooses observations or shots: give at most two of the three.")
+        raise OptionError(
+            f"{option('power')} chooses {option('observations')} or {option('shots')}: give at "
+            "most two of the three."
+        )
     if live is not None and backend is not None:
         raise OptionError(
-            "backend cannot be combined with live: the calibration names the machine."
+            f"{option('backend')} cannot be combined with {option('live')}: the calibration names "
+            "the machine."
         )
     if isinstance(calibration, Calibration):
         known, file = calibration, f"the calibration of {calibration.backend}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from qcompile.caller import option
 from qcompile.notebook import reward_text
 from qcompile.planning.point import Point
 from qcompile.planning.search import SearchResult
@@ -91,7 +92,7 @@ def advice(values: Mapping[str, Any]) -> str:
     fits = [
         plural(nearest["episodes"], "episode") if nearest["episodes"] else "",
         f"{nearest['within']:,.0f} QPU seconds" if nearest["within"] else "",
-        f"keep {nearest['keep']:g}" if (nearest["keep"] or 0) > 0 else "",
+        f"{option('keep')} {nearest['keep']:g}" if (nearest["keep"] or 0) > 0 else "",
     ]
     limit = f"No settings keep {100 * keep:g} % of the reward within {within:,g} QPU seconds."
     changes = " or ".join(filter(None, fits))

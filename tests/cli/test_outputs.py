@@ -66,7 +66,7 @@ def test_a_plan_and_a_calibration(policy: Callable[..., str], qcompile: Call) ->
     words = ("calibrate", "--backend", "fake_lima", "--shots", 100)
     answer = qcompile(*words, "--plot", "b.pdf", "--table", "b.md")
     assert answer.code == 0
-    assert "figure written to b.pdf\ntable written to b.md\n" in answer.out
+    assert answer.err == "figure written to b.pdf\ntable written to b.md\n"
     files("b.pdf", "b.md")
 
 

@@ -12,8 +12,8 @@ from typing import Any
 import click
 import pytest
 
-from qcompile.cli.reports import _parts
 from qcompile.cli.run import command as run_command
+from qcompile.cli.typed_command import _parts
 from qcompile.deploy.deployment import Deployment
 
 Call = Callable[..., Any]
@@ -71,7 +71,7 @@ def test_a_page_takes_no_other_file_of_the_command(qcompile: Call) -> None:
     words = ("calibrate", "--backend", "ibm_lima", "--out", "a.html", "--report", "./a.html")
     answer = qcompile(*words)
     assert answer.code == 2
-    assert "report and out are the same file, a.html." in answer.err
+    assert "--out and --report are the same file, a.html." in answer.err
 
 
 def test_an_interrupted_run_says_so(

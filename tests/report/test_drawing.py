@@ -106,7 +106,9 @@ def test_one_circuit_of_each_shape_is_drawn() -> None:
 
 def test_one_circuit_alone() -> None:
     assert ALIKE.draw(circuit=4) == "circuit 4  |0>─ ry(x0) ─ M\n"
-    with pytest.raises(FigureError, match=r"^There is no circuit 6\.\n  There are 6\.$"):
+    with pytest.raises(
+        FigureError, match=r"^There is no circuit 6\.\n  There are circuits 0 to 5\.$"
+    ):
         ALIKE.draw(circuit=6)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from io import BytesIO
 from pathlib import Path
+from typing import get_args
 from xml.etree import ElementTree
 
 import matplotlib as mpl
@@ -12,9 +13,10 @@ import pytest
 from PIL import Image
 
 from qcompile.errors import FigureError, OutputError
-from qcompile.report.figure import Figure
+from qcompile.report.figure import SUFFIXES, Figure
 from qcompile.report.rewards import draw_rewards
 from qcompile.report.style import HOUSE, Style
+from qcompile.report.trial import Kind, check_style
 
 SUMMARY = {
     "policy": "a $b$ <c> & d",
@@ -131,6 +133,8 @@ def test_nothing_that_matplotlib_was_told_before_matters() -> None:
         ("axes.prop_cycle: ().__class__\n", "a cycle is made with cycler(...) alone."),
         ("axes.prop_cycle: cycler(color=print(1))\n", "a cycle has plain values in lists."),
         ("axes.prop_cycle: cycler(nosuch=[1])\n", "line 1: "),
+        ("axes.ymargin: -0.6\n", "line 1: Value must be >-0.5; got -0.6."),
+        ("savefig.bbox: tight\nsavefig.pad_inches: 1e6\n", "pad_inches is between 0 and 5."),
     ],
 )
 def test_what_is_wrong_with_a_style_is_told_in_words(
@@ -158,6 +162,58 @@ def test_a_style_without_room_is_told_in_words(tmp_path: Path) -> None:
     style = write(tmp_path, "figure.figsize: 0.5, 0.5\nfont.size: 40\naxes.labelsize: 40\n")
     with pytest.raises(FigureError, match=r"^The style leaves no room"):
         figure(style).save(tmp_path / "a.png")
+
+
+@pytest.mark.parametrize(
+    ("text", "words", "kinds"),
+    [
+        ("axes.prop_cycle: cycler('color', [])\n", "ZeroDivisionError", get_args(Kind)),
+        ('path.effects: [("x",)]\n', "AttributeError", get_args(Kind)),
+        (
+            "lines.dashed_pattern: 0,0\nlines.linestyle: --\n",
+            "ValueError: At least one value",
+            ("curves", "plan", "rewards"),  # which have dashed lines
+        ),
+    ],
+    ids=["no colours", "no effects", "no dashes"],
+)
+def test_what_matplotlib_cannot_draw_is_told_in_words(
+    tmp_path: Path, text: str, words: str, kinds: tuple[Kind, ...]
+) -> None:
+    style = write(tmp_path, text)
+    for kind in kinds:
+        with pytest.raises(FigureError) as error:
+            check_style(kind, style, tmp_path / "a.svg")
+        first, why, hint = str(error.value).splitlines()
+        assert first == f"Nothing can be drawn with {style}."
+        assert words in why
+        assert "one by one" in hint
+
+
+@pytest.mark.parametrize("kind", get_args(Kind))
+def test_a_trial_finds_a_style_without_room_and_writes_nothing(tmp_path: Path, kind: Kind) -> None:
+    style = write(tmp_path, "figure.figsize: 0.5, 0.5\n")
+    with pytest.raises(FigureError, match=r"^The style leaves no room"):
+        check_style(kind, style, tmp_path / "a.png")
+    for suffix in SUFFIXES:
+        check_style(kind, write(tmp_path, "figure.figsize: 3, 2\n"), tmp_path / f"a{suffix}")
+    assert [path.name for path in tmp_path.iterdir()] == [style.name]
+
+
+def test_a_defect_of_a_figure_is_not_put_on_the_style(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("qcompile.report.rewards.labelled", lambda *axes: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        figure()
+
+
+def test_a_font_that_is_missing_is_noted_once(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    style = write(tmp_path, "font.family: No Such Letters\n")
+    for name in ("a.svg", "b.svg"):
+        figure(style).save(tmp_path / name)
+    words = "Font family 'No Such Letters' not found: another font is used instead."
+    assert [record.getMessage() for record in caplog.records] == [words]
 
 
 def test_the_house_style_is_a_style_file_as_others_are() -> None:

@@ -89,7 +89,7 @@ def test_only_means_of_episodes_are_doubted() -> None:
     with pytest.raises(QcompileError, match="shortest"):
         RunResult(values, 3).check_complete()
     with pytest.raises(
-        QcompileError, match=r"^Interrupted: 0 of 3 .*\n  For a shorter run, use fewer --episodes"
+        QcompileError, match=r"^Interrupted: 0 of 3 .*\n  For a shorter run, use fewer episodes"
     ):
         RunResult(values | {"episodes": []}, 3).check_complete()
 

@@ -141,7 +141,7 @@ def test_noise_brings_shots_and_mitigation() -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"evaluate_episodes": 3}, "evaluate-episodes needs evaluate-every"),
+        ({"evaluate_episodes": 3}, "evaluate_episodes needs evaluate_every"),
         ({"settings": {"clp": 1}}, "Unknown setting 'clp'.\n  Did you mean clip?"),
         ({"settings": {"model": "fcn"}}, "'model' cannot be changed as a setting"),
         ({"settings": {"reuse": 2}, "reuse": 2}, "reuse is given twice, as an option"),

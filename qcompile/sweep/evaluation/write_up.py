@@ -14,6 +14,9 @@ from qcompile.report.tables import interval_words, plural
 from qcompile.sweep.evaluation.summary import results_csv
 from qcompile.sweep.pages import write_files
 
+RESULTS = ("results.json", "results.csv")
+"""Files of every evaluation."""
+
 
 def write_results(objects: Sequence[Mapping[str, Any]], folder: Path) -> list[Path]:
     """Write results.json and results.csv; their paths.
@@ -24,8 +27,8 @@ def write_results(objects: Sequence[Mapping[str, Any]], folder: Path) -> list[Pa
     document = json.dumps({"results": list(objects)}, indent=1, allow_nan=False)
     return write_files(
         {
-            folder / "results.json": f"{document}\n".encode(),
-            folder / "results.csv": results_csv(objects).encode(),
+            folder / RESULTS[0]: f"{document}\n".encode(),
+            folder / RESULTS[1]: results_csv(objects).encode(),
         }
     )
 
@@ -39,12 +42,17 @@ def write_figures(objects: Sequence[Mapping[str, Any]], folder: Path) -> list[Pa
     policies = dict.fromkeys(values["policy"] for values in objects)
     return write_files(
         {
-            folder / f"{file_name(policy)}.png": _figure(
+            folder / figure_name(policy): _figure(
                 [values for values in objects if values["policy"] == policy]
             ).png
             for policy in policies
         }
     )
+
+
+def figure_name(policy: str) -> str:
+    """The file of a policy's figure."""
+    return f"{file_name(policy)}.png"
 
 
 def _figure(objects: Sequence[Mapping[str, Any]]) -> Figure:

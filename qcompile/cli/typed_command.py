@@ -1,57 +1,21 @@
-"""The option --report of several commands."""
+"""The command that was typed, as a page shows it."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
-from qcompile.cli.options import Decorator, NamePath, OutputPath, Several, echo_note
-
-if TYPE_CHECKING:
-    from qcompile.verbs.reports import Reported
+from qcompile.cli.options import NamePath, Several
 
 
-report_option: Decorator = click.option(
-    "--report",
-    type=OutputPath(".html"),
-    help="Write an HTML page with scores, figures, circuits and settings; .html, overwritten.",
-)
-
-
-def check_report(report: Path | None, **others: Path | None) -> None:
-    """Check that the page can be written and is none of the other files.
-
-    Raises:
-        OptionError: it is one of the other files.
-        OutputError: it cannot be written.
-    """
-    if report is None:
-        return
-    from qcompile.output import check_writable
-    from qcompile.verbs.files import check_distinct
-
-    for option, path in others.items():
-        check_distinct({"report": report, option: path})
-    check_writable(report)
-
-
-def write_report(result: Reported, report: Path | None) -> None:
-    """Write the page of a result, if requested, with the command line that was typed.
-
-    Raises:
-        OutputError: it cannot be written.
-    """
-    if report is None:
-        return
+def typed_command() -> str:
+    """The command line of the current command, one option per line where it is long."""
     from qcompile.page.words import command_line
 
-    command = command_line(_parts(click.get_current_context(), sys.argv[1:]))
-    result.report(report, command=command)
-    echo_note(f"report written to {report}")
+    return command_line(_parts(click.get_current_context(), sys.argv[1:]))
 
 
 def _parts(ctx: click.Context, words: Sequence[str]) -> list[list[str]]:
