@@ -8,19 +8,9 @@ from typing import TYPE_CHECKING
 import click
 
 from qcompile.cli.live_options import live_options
-from qcompile.cli.options import (
-    Integer,
-    NamePath,
-    Parts,
-    Positive,
-    Qubits,
-    Shots,
-    check_only,
-    echo_json,
-    echo_note,
-    json_option,
-)
+from qcompile.cli.options import check_only, echo_json, echo_note, json_option
 from qcompile.cli.outputs import Outputs, output_options, report_option
+from qcompile.cli.types import Integer, NamePath, Parts, Positive, Qubits, Shots
 
 if TYPE_CHECKING:
     from qcompile.mitigation.measure import Part

@@ -9,11 +9,6 @@ import click
 
 from qcompile.cli.options import (
     BACKEND_HELP,
-    Integer,
-    NamePath,
-    OutputPath,
-    Several,
-    Shots,
     echo_json,
     echo_note,
     engine_options,
@@ -23,6 +18,7 @@ from qcompile.cli.options import (
     once,
 )
 from qcompile.cli.outputs import Outputs, output_options, report_option
+from qcompile.cli.types import Integer, NamePath, OutputPath, Several, Shots
 from qcompile.limits import MAX_EPISODES
 
 if TYPE_CHECKING:

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import click
 
-from qcompile.cli.options import Decorator, OutputPath, echo_note
+from qcompile.cli.options import Decorator, echo_note
 from qcompile.cli.typed_command import typed_command
+from qcompile.cli.types import OutputPath
 
 if TYPE_CHECKING:
     from qcompile.report.figure import Figure

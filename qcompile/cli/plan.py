@@ -8,11 +8,6 @@ from typing import Any, Literal
 import click
 
 from qcompile.cli.options import (
-    Integer,
-    NamePath,
-    Positive,
-    Share,
-    Shots,
     backend_option,
     echo_json,
     echo_note,
@@ -23,6 +18,7 @@ from qcompile.cli.options import (
     max_steps_option,
 )
 from qcompile.cli.outputs import Outputs, output_options, report_option
+from qcompile.cli.types import Integer, NamePath, Positive, Share, Shots
 from qcompile.limits import (
     FREE_SECONDS,
     MAX_EPISODES,

@@ -9,10 +9,6 @@ import click
 
 from qcompile.cli.live_options import live_options
 from qcompile.cli.options import (
-    Depth,
-    Integer,
-    NamePath,
-    Shots,
     backend_option,
     calibration_shots_option,
     echo_json,
@@ -26,6 +22,7 @@ from qcompile.cli.options import (
     split_option,
 )
 from qcompile.cli.outputs import Outputs, output_options, report_option
+from qcompile.cli.types import Depth, Integer, NamePath, Shots
 from qcompile.limits import MAX_EPISODES
 
 if TYPE_CHECKING:

@@ -8,15 +8,8 @@ from typing import TYPE_CHECKING
 import click
 from click.core import ParameterSource
 
-from qcompile.cli.options import (
-    Integer,
-    OutputPath,
-    backend_option,
-    echo_json,
-    echo_note,
-    json_option,
-    level_option,
-)
+from qcompile.cli.options import backend_option, echo_json, echo_note, json_option, level_option
+from qcompile.cli.types import Integer, OutputPath
 from qcompile.output import check_writable, write_file
 
 if TYPE_CHECKING:

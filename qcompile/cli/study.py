@@ -8,9 +8,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from qcompile.cli.options import (
-    Integer,
-    NamePath,
-    OutputPath,
     check_only,
     echo_json,
     echo_note,
@@ -20,6 +17,7 @@ from qcompile.cli.options import (
     json_option,
 )
 from qcompile.cli.outputs import Outputs, output_options, report_option
+from qcompile.cli.types import Integer, NamePath, OutputPath
 
 _LISTING = {
     *("name", "figures", "rows", "seeds", "episodes", "evaluation"),

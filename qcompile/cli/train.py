@@ -8,16 +8,9 @@ from typing import Any
 import click
 
 from qcompile.cli.assignments import Assignment, as_mapping
-from qcompile.cli.options import (
-    Integer,
-    Shots,
-    echo_json,
-    echo_note,
-    env_option,
-    import_option,
-    json_option,
-)
+from qcompile.cli.options import echo_json, echo_note, env_option, import_option, json_option
 from qcompile.cli.outputs import Outputs, output_options
+from qcompile.cli.types import Integer, Shots
 from qcompile.limits import MAX_EPISODES
 
 _FILE = click.Path(dir_okay=False, path_type=Path)

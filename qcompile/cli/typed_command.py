@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from qcompile.cli.options import NamePath, Several
+from qcompile.cli.types import NamePath, Several
 
 
 def typed_command() -> str:

@@ -93,7 +93,7 @@ def test_all_that_went_wrong_is_in_one_message(
 def test_a_defect_is_not_hidden_and_the_rest_is_saved(
     qcompile: Call, policy: Call, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("qcompile.verbs.run.draw_rewards", lambda *_: 1 / 0)
+    monkeypatch.setattr("qcompile.verbs.run_result.draw_rewards", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         qcompile("run", policy(), "--episodes", 1, "--plot", "a.svg", "--table", "a.md")
     assert Path("a.md").exists()

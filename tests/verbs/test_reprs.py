@@ -12,7 +12,7 @@ import qcompile
 from qcompile.errors import QcompileError
 from qcompile.rl.ppo import Trainer
 from qcompile.rl.presets import settings_for
-from qcompile.verbs.run import RunResult
+from qcompile.verbs.run_result import RunResult
 from qcompile.verbs.validate import Validation
 
 POLICY = qcompile.load_policy("lunarlander")

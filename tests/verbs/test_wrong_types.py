@@ -10,7 +10,7 @@ import pytest
 
 import qcompile
 from qcompile.errors import FigureError
-from qcompile.verbs.run import RunResult
+from qcompile.verbs.run_result import RunResult
 
 PROGRAM: Any = qcompile.load_policy("cartpole").program
 
