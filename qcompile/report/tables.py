@@ -15,7 +15,7 @@ from qcompile.mitigation.misfit import misfit_warnings
 from qcompile.notebook import reward_digits, reward_text
 from qcompile.policy.decision import hold_text
 from qcompile.report.console import PlainConsole, console
-from qcompile.report.table import Cell, Column, Table
+from qcompile.report.table import INTERVAL_NAME, Cell, Column, Table
 
 _LEAST_FOR_INTERVAL = 5
 _LEAST_TEXT = 12
@@ -120,13 +120,15 @@ def grid_table(objects: Sequence[Mapping[str, Any]]) -> Table:
     levels = _has_levels(objects)
     environments = list(dict.fromkeys(values["environment"] for values in objects))
     several = len(environments) > 1
+    holds = any(values.get("hold", 1) > 1 for values in objects)
     columns = [
-        Column("policy", right=False),
-        *[Column("environment", right=False)] * several,
-        Column("backend", right=False),
-        Column("shots"),
-        Column("mitigation", right=False),
-        *[Column("level")] * levels,
+        Column("policy", right=False, setting=True),
+        *[Column("environment", right=False, setting=True)] * several,
+        *[Column("hold", setting=True)] * holds,
+        Column("backend", right=False, setting=True),
+        Column("shots", setting=True),
+        Column("mitigation", right=False, setting=True),
+        *[Column("level", setting=True)] * levels,
         *(SCORE, INTERVAL),
         Column("to ideal", parts=("to ideal",)),
         Column("solved", right=False),
@@ -142,14 +144,18 @@ def grid_table(objects: Sequence[Mapping[str, Any]]) -> Table:
             str(scores[3]),
         ]
         named = [values["policy"], *[values["environment"]] * several]
-        rows.append([*named, *map(str, settings), *cells])
+        named += [str(values.get("hold", 1))] * holds
+        by = values["backend"] if values["reference"] else ""
+        backend, *others = map(str, settings)
+        chosen = [Cell(word, (word,), by) for word in others]
+        rows.append([*named, backend, *chosen, *cells])
     played = plural(len(objects[0]["episodes"]), "episode")
     greedy = ", greedy" * objects[0]["greedy"]
     return Table(columns, rows, f"{' and '.join(environments)}, {played}{greedy}")
 
 
 SCORE = Column("mean ± std", parts=("mean reward", "standard deviation"))
-INTERVAL = Column("95 % interval", parts=("95 % interval, low", "95 % interval, high"))
+INTERVAL = Column(INTERVAL_NAME, parts=(f"{INTERVAL_NAME}, low", f"{INTERVAL_NAME}, high"))
 
 
 def score_cell(mean: float | None, deviation: float | None = None) -> Cell:

@@ -19,7 +19,6 @@ from qcompile.page.evaluation import evaluation_document
 from qcompile.policy import AnyPolicy
 from qcompile.report import progress as bars
 from qcompile.report.figure import Figure
-from qcompile.report.intervals import draw_intervals
 from qcompile.report.style import AnyStyle
 from qcompile.report.table import Table
 from qcompile.report.tables import grid_table, plural
@@ -27,7 +26,7 @@ from qcompile.sweep.arguments import Name, Shots, Words, ignore, several
 from qcompile.sweep.complete import CellFailure
 from qcompile.sweep.engine import Engine
 from qcompile.sweep.evaluation import run as grids
-from qcompile.sweep.evaluation.write_up import panels
+from qcompile.sweep.evaluation.write_up import figure
 from qcompile.verbs.arguments import checked
 from qcompile.verbs.reports import Reported
 
@@ -67,7 +66,8 @@ class EvaluationResult(Reported):
     def plot(self, policy: str | None = None, style: AnyStyle = None) -> Figure:
         """Mean rewards and their 95 % intervals, a panel per policy, or of one policy only.
 
-        Policies of one environment share the axis of rewards.
+        Policies of one environment share the axis of rewards. More than two numbers of shots have
+        an axis, and each backend and mitigation a line.
 
         Raises:
             FigureError: the style cannot be read.
@@ -78,17 +78,7 @@ class EvaluationResult(Reported):
             raise StudyError(
                 f"There is no policy {policy!r} in the grid.", f"It has: {', '.join(names)}."
             )
-        shown = names if policy is None else [policy]
-        drawing = [
-            panel
-            for name in shown
-            for panel in panels([cell for cell in self.cells if cell["policy"] == name], name)
-        ]
-        episodes = plural(len(self.cells[0]["episodes"]), "episode")
-        environments = {cell["environment"] for cell in self.cells if cell["policy"] in shown}
-        greedy = ", greedy" * self.cells[0]["greedy"]
-        title = f"{' and '.join(sorted(environments))}, {episodes}{greedy}"
-        return draw_intervals(title, drawing, style)
+        return figure(self.cells, names if policy is None else [policy], style)
 
     def document(self, command: str) -> Document:
         cells = self._evaluation.cells
