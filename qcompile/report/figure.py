@@ -7,6 +7,7 @@ import warnings
 from io import BytesIO
 from os import PathLike
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 from qcompile.characters import for_markup
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawing
 
 SUFFIXES = (".png", ".svg", ".pdf")
+_TITLE_AT = 0.01
+"""Where a title begins, of the width of a figure."""
 
 _UNDATED: dict[str, dict[str, Any]] = {
     "png": {"Software": None},
@@ -113,6 +116,21 @@ class Figure:
     def __repr__(self) -> str:
         width, height = self._drawing.get_size_inches()
         return f"Figure({width:.1f} x {height:.1f} in; .save('figure.pdf') writes it)"
+
+
+def write_title(drawing: Drawing, words: str) -> None:
+    """Write the title above a drawing, in lines that fit.
+
+    A figure.titlesize of 0, in the style that is applied, leaves it out.
+    """
+    import matplotlib as mpl
+
+    if mpl.rcParams["figure.titlesize"] == 0:
+        return
+    title = drawing.suptitle(literal(words), x=_TITLE_AT, ha="left")
+    share = title.get_window_extent().width / ((1 - 2 * _TITLE_AT) * drawing.bbox.width)
+    if share > 1:
+        title.set_text(literal("\n".join(wrap(words, max(int(len(words) / share), 1)))))
 
 
 def literal(words: str) -> str:

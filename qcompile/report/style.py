@@ -28,8 +28,6 @@ HOUSE = Path(__file__).with_name("qcompile.mplstyle")
 _PACKAGE = HOUSE.parent.parent
 
 _GAP_IN = 0.2
-_PAGE_IN = 4.5
-"""A style with wider figures than this draws for a page: its widest figures stay as they are."""
 _MOST_BYTES = 1 << 20
 _FOREIGN = re.compile(
     r"(animation|backend|docstring|interactive|keymap|pgf|timezone|tk|toolbar|webagg)(\..*|_.*)?"
@@ -48,10 +46,14 @@ _SIZE_IN = (0.5, 40.0)
 
 @dataclass(frozen=True)
 class Style:
-    """Settings of matplotlib: the house's, and over them those of a file."""
+    """Settings of matplotlib: the house's, and over them those of a file.
+
+    With `one_width`, because the file sets figure.figsize, every figure has the width that it says.
+    """
 
     settings: Mapping[str, Any]
     file: Path | None = None
+    one_width: bool = False
 
     @classmethod
     def of(cls, style: Style | str | PathLike[str] | None) -> Style:
@@ -66,7 +68,8 @@ class Style:
         if style is None:
             return cls(_house())
         file = checked_path(style, "style")
-        return cls({**_house(), **_settings(file)}, file)
+        own = _settings(file)
+        return cls({**_house(), **own}, file, one_width="figure.figsize" in own)
 
     @property
     def colours(self) -> list[Any]:
@@ -82,12 +85,11 @@ class Style:
     @property
     def page_in(self) -> float:
         """The width of a figure across two columns, in inches."""
-        width = self.column_in
-        return width if width > _PAGE_IN else 2 * width + _GAP_IN
+        return self.column_in if self.one_width else 2 * self.column_in + _GAP_IN
 
     @property
     def height_in(self) -> float:
-        """The usual height of a figure, in inches."""
+        """The usual height of a row of panels, in inches."""
         return float(self.settings["figure.figsize"][1])
 
     def drawing(self, height_in: float, *, wide: bool = False) -> Drawing:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import StringIO
 from os import PathLike
 from pathlib import Path
@@ -16,7 +16,10 @@ from qcompile.notebook import html_paragraphs, html_table, text_table
 from qcompile.output import checked_path, write_file
 
 SUFFIXES = (".md", ".csv", ".tex")
+INTERVAL_NAME = "95 % interval"
+"""The column beside which a paper's table needs no standard deviation."""
 
+_SPREAD = " ± "
 _NUMBER = re.compile(r"(?<![\w.])([+-]?\d[\d,]*(?:\.\d+)?)(?:e([+-]?\d+))?(?!\w)")
 _GREEK = "αβγδεζηθικλμνξπρστυφχψω"
 _GREEK_NAMES = (
@@ -54,12 +57,16 @@ def check_table_path(path: Path) -> None:
 
 @dataclass(frozen=True)
 class Column:
-    """A column: its name, the unit of its numbers, and the names of a cell's several `parts`."""
+    """A column: its name, the unit of its numbers, and the names of a cell's several `parts`.
+
+    A `setting` is what rows were made with, not a result.
+    """
 
     name: str
     unit: str = ""
     parts: tuple[str, ...] = ()
     right: bool = True
+    setting: bool = False
 
     @property
     def header(self) -> str:
@@ -74,10 +81,14 @@ class Column:
 
 @dataclass(frozen=True)
 class Cell:
-    """What is shown, such as 12.3 ± 4.5, and the `values` that a program reads: one or several."""
+    """What is shown, such as 12.3 ± 4.5, and the `values` that a program reads: one or several.
+
+    `implied_by` names what leaves no choice: exact expectations on ideal, for instance.
+    """
 
     words: str
     values: tuple[str | float | None, ...]
+    implied_by: str = ""
 
     @classmethod
     def of(cls, value: str | float | None, form: str = "") -> Cell:
@@ -104,17 +115,51 @@ class Table:
     @property
     def words(self) -> list[list[str]]:
         """What the cells show, row by row."""
-        return [
-            [cell if isinstance(cell, str) else cell.words for cell in row] for row in self.rows
-        ]
+        return [[_words(cell) for cell in row] for row in self.rows]
+
+    def for_paper(self) -> Table:
+        """The table in fewer columns, as LaTeX and Markdown show it.
+
+        Settings that are the same in all rows move to the title; columns of dashes and standard
+        deviations beside a 95 % interval go.
+        """
+        said, kept = [self.title] * bool(self.title), []
+        for index, column in enumerate(self.columns):
+            cells = [row[index] for row in self.rows]
+            if cells and all(_words(cell) == "-" for cell in cells):
+                continue
+            if column.setting and (words := _only_value(column, cells)):
+                said.append(words)
+            else:
+                kept.append(index)
+        has_interval = any(
+            self.columns[index].name == INTERVAL_NAME
+            and all(_words(row[index]) != "-" for row in self.rows)
+            for index in kept
+        )
+        cut = {index for index in kept if has_interval and _SPREAD in self.columns[index].name}
+        names = {index: self.columns[index].name.split(_SPREAD)[0] for index in cut}
+        return replace(
+            self,
+            columns=[
+                replace(self.columns[index], name=names.get(index, self.columns[index].name))
+                for index in kept
+            ],
+            rows=[
+                [_words(row[k]).split(_SPREAD)[0] if k in cut else row[k] for k in kept]
+                for row in self.rows
+            ],
+            title=", ".join(said),
+        )
 
     def markdown(self) -> str:
         """A table of Markdown, as GitHub and documentation builders read it."""
-        marks = ["---:" if column.right else "---" for column in self.columns]
-        lines = [self.header, *self.words]
+        table = self.for_paper()
+        marks = ["---:" if column.right else "---" for column in table.columns]
+        lines = [table.header, *table.words]
         head, *body = [f"| {' | '.join(map(_markdown, line))} |" for line in lines]
-        notes = [f"\n{_markdown(note)}" for note in self.notes]
-        return "\n".join([head, f"| {' | '.join(marks)} |", *body, *notes, ""])
+        below = [f"\n{_markdown(text)}" for text in (table.title, *table.notes) if text]
+        return "\n".join([head, f"| {' | '.join(marks)} |", *body, *below, ""])
 
     def csv(self) -> str:
         """Comma-separated values: a column for each number, none of them rounded."""
@@ -132,12 +177,14 @@ class Table:
         return stream.getvalue()
 
     def latex(self) -> str:
-        r"""A tabular of LaTeX with the rules of booktabs: \usepackage{booktabs}, then \input it."""
-        form = "".join("r" if column.right else "l" for column in self.columns)
-        head, *body = [_latex_row(line) for line in [self.header, *self.words]]
-        comments = (for_markup(" ".join(text.split())) for text in (self.title, *self.notes))
+        r"""A tabular of LaTeX with the rules of booktabs, to be read by \input."""
+        table = self.for_paper()
+        form = "".join("r" if column.right else "l" for column in table.columns)
+        head, *body = [_latex_row(line) for line in [table.header, *table.words]]
+        comments = (for_markup(" ".join(text.split())) for text in (table.title, *table.notes))
         return "\n".join(
             [
+                "% needs \\usepackage{booktabs}",
                 *(f"% {words}" for words in comments if words),
                 f"\\begin{{tabular}}{{{form}}}",
                 "\\toprule",
@@ -174,6 +221,22 @@ class Table:
     def _repr_html_(self) -> str:
         table = html_table(self.header, self.words, self.title)
         return table + html_paragraphs(self.notes)
+
+
+def _words(cell: Cell | str) -> str:
+    return cell if isinstance(cell, str) else cell.words
+
+
+def _only_value(column: Column, cells: Sequence[Cell | str]) -> str:
+    """The setting that all cells share but those that are implied; empty where they differ."""
+    implied = {c.implied_by: c.words for c in cells if isinstance(c, Cell) and c.implied_by}
+    chosen = [c for c in cells if isinstance(c, str) or not c.implied_by] or cells
+    values = {_words(cell) for cell in chosen}
+    if len(chosen) < 2 or len(values) > 1:
+        return ""
+    value = values.pop()
+    others = "".join(f" ({by}: {words})" for by, words in implied.items() if words != value)
+    return f"{column.header} {value}{others}"
 
 
 def latex_text(text: str) -> str:

@@ -16,7 +16,7 @@ from qcompile.mitigation.misfit import misfit_warnings
 from qcompile.notebook import reward_form, reward_text
 from qcompile.policy.decision import hold_text
 from qcompile.report.console import PlainConsole, console
-from qcompile.report.table import Cell, Column, Table
+from qcompile.report.table import INTERVAL_NAME, Cell, Column, Table
 
 _LEAST_FOR_INTERVAL = 5
 _LEAST_TEXT = 12
@@ -142,13 +142,13 @@ def grid_table(objects: Sequence[Mapping[str, Any]], notes: Sequence[str] = ()) 
     named = len(environments) > 1 or any(v.get("environment_kwargs") for v in objects)
     holds = any(values.get("hold", 1) > 1 for values in objects)
     columns = [
-        Column("policy", right=False),
-        *[Column("environment", right=False)] * named,
-        *[Column("hold")] * holds,
-        Column("backend", right=False),
-        Column("shots"),
-        Column("mitigation", right=False),
-        *[Column("level")] * levels,
+        Column("policy", right=False, setting=True),
+        *[Column("environment", right=False, setting=True)] * named,
+        *[Column("hold", setting=True)] * holds,
+        Column("backend", right=False, setting=True),
+        Column("shots", setting=True),
+        Column("mitigation", right=False, setting=True),
+        *[Column("level", setting=True)] * levels,
         *(SCORE, INTERVAL),
         Column("to ideal", parts=("to ideal",)),
         Column("solved", right=False),
@@ -165,7 +165,10 @@ def grid_table(objects: Sequence[Mapping[str, Any]], notes: Sequence[str] = ()) 
         ]
         first = [values["policy"], *[environment_words(values)] * named]
         first += [str(values.get("hold", 1))] * holds
-        rows.append([*first, *map(str, settings), *cells])
+        by = values["backend"] if values["reference"] else ""
+        backend, *others = map(str, settings)
+        chosen = [Cell(word, (word,), by) for word in others]
+        rows.append([*first, backend, *chosen, *cells])
     if not objects:
         return Table(columns, rows)
     played = plural(len(objects[0]["episodes"]), "episode")
@@ -174,7 +177,7 @@ def grid_table(objects: Sequence[Mapping[str, Any]], notes: Sequence[str] = ()) 
 
 
 SCORE = Column("mean ± std", parts=("mean reward", "standard deviation"))
-INTERVAL = Column("95 % interval", parts=("95 % interval, low", "95 % interval, high"))
+INTERVAL = Column(INTERVAL_NAME, parts=(f"{INTERVAL_NAME}, low", f"{INTERVAL_NAME}, high"))
 _UNCUT = Column(
     "its 95 % interval", parts=("95 % interval uncut, low", "95 % interval uncut, high")
 )

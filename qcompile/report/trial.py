@@ -14,7 +14,8 @@ import numpy as np
 from qcompile.report.curves import Curve, CurvePanel, draw_curves
 from qcompile.report.figure import Figure
 from qcompile.report.frontier import draw_frontier
-from qcompile.report.intervals import Interval, Panel, draw_intervals
+from qcompile.report.intervals import draw_intervals
+from qcompile.report.means import Interval, Panel
 from qcompile.report.rewards import draw_rewards
 from qcompile.report.seconds import draw_seconds
 from qcompile.report.style import AnyStyle, Style

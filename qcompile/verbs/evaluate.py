@@ -24,7 +24,6 @@ from qcompile.page.words import without_folders
 from qcompile.policy import AnyPolicy
 from qcompile.report import progress as bars
 from qcompile.report.figure import Figure
-from qcompile.report.intervals import draw_intervals
 from qcompile.report.style import AnyStyle
 from qcompile.report.table import Table
 from qcompile.report.tables import grid_table, grid_warnings, plural
@@ -32,7 +31,7 @@ from qcompile.sweep.arguments import Name, Shots, Words, ignore, several
 from qcompile.sweep.complete import CellFailure
 from qcompile.sweep.engine import Engine
 from qcompile.sweep.evaluation import run as grids
-from qcompile.sweep.evaluation.write_up import panels
+from qcompile.sweep.evaluation.write_up import figure
 from qcompile.verbs.arguments import checked
 from qcompile.verbs.reports import Reported
 
@@ -75,7 +74,8 @@ class EvaluationResult(Reported):
     def plot(self, policy: str | None = None, style: AnyStyle = None) -> Figure:
         """Mean rewards and their 95 % intervals, a panel per policy, or of one policy only.
 
-        Policies of one environment share the axis of rewards.
+        Policies of one environment share the axis of rewards. More than two numbers of shots have
+        an axis, and each backend and mitigation a line.
 
         Raises:
             FigureError: the style cannot be read.
@@ -88,7 +88,7 @@ class EvaluationResult(Reported):
             raise StudyError(
                 f"There is no policy {policy!r} in the grid.", f"It has: {', '.join(names)}."
             )
-        return _drawn(self.cells, names if policy is None else [policy], style)
+        return figure(self.cells, names if policy is None else [policy], style)
 
     def document(self, command: str) -> Document:
         names = _page_names(self._evaluation.typed)
@@ -113,7 +113,7 @@ class EvaluationResult(Reported):
         ]
         return evaluation_document(
             renamed,
-            lambda policy, style: _drawn(renamed, [policy], style),
+            lambda policy, style: figure(renamed, [policy], style),
             [*compiled.values()],
             warnings=self._warnings(renamed, names),
             command=command,
@@ -245,21 +245,6 @@ def evaluate_paper(
             on_loss=on_note,
         )
     return EvaluationResult(evaluation, evaluation.paths)
-
-
-def _drawn(cells: Sequence[Mapping[str, Any]], policies: Sequence[str], style: AnyStyle) -> Figure:
-    """The mean rewards of policies, a panel for each."""
-    shown = [cell for cell in cells if cell["policy"] in policies]
-    drawing = [
-        panel
-        for name in policies
-        for panel in panels([cell for cell in shown if cell["policy"] == name], name)
-    ]
-    episodes = plural(len(cells[0]["episodes"]), "episode")
-    environments = {cell["environment"] for cell in shown}
-    greedy = ", greedy" * cells[0]["greedy"]
-    title = f"{' and '.join(sorted(environments))}, {episodes}{greedy}"
-    return draw_intervals(title, drawing, style)
 
 
 def _page_names(typed: Iterable[str]) -> dict[str, str]:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from qcompile.output import file_name
 from qcompile.report.figure import Figure
-from qcompile.report.intervals import Interval, Panel, draw_intervals
+from qcompile.report.intervals import draw_intervals
+from qcompile.report.means import Interval, Panel
+from qcompile.report.style import AnyStyle
 from qcompile.report.tables import interval_words, plural
 from qcompile.sweep.evaluation.summary import results_csv
 from qcompile.sweep.pages import write_files
@@ -41,12 +44,7 @@ def write_figures(objects: Sequence[Mapping[str, Any]], folder: Path) -> list[Pa
     """
     policies = dict.fromkeys(values["policy"] for values in objects)
     return write_files(
-        {
-            folder / figure_name(policy): _figure(
-                [values for values in objects if values["policy"] == policy]
-            ).png
-            for policy in policies
-        }
+        {folder / figure_name(policy): figure(objects, [policy]).png for policy in policies}
     )
 
 
@@ -55,15 +53,28 @@ def figure_name(policy: str) -> str:
     return f"{file_name(policy)}.png"
 
 
-def _figure(objects: Sequence[Mapping[str, Any]]) -> Figure:
-    """The mean rewards of one policy."""
+def figure(
+    objects: Sequence[Mapping[str, Any]], policies: Sequence[str], style: AnyStyle = None
+) -> Figure:
+    """The mean rewards of some policies, side by side.
+
+    Raises:
+        FigureError: the style cannot be read.
+    """
+    alone = len(policies) == 1
+    cells = {
+        policy: [values for values in objects if values["policy"] == policy] for policy in policies
+    }
     first = objects[0]
-    episodes = plural(len(first["episodes"]), "episode")
-    title = f"{first['policy']} in {first['environment']}, {episodes}{', greedy' * first['greedy']}"
-    return draw_intervals(title, panels(objects))
+    environments = {values["environment"] for own in cells.values() for values in own}
+    title = f"{' and '.join(sorted(environments))}, {plural(len(first['episodes']), 'episode')}"
+    drawn = [panel for name, own in cells.items() for panel in _panels(own, "" if alone else name)]
+    return draw_intervals(
+        f"{policies[0]} in " * alone + title + ", greedy" * first["greedy"], drawn, style
+    )
 
 
-def panels(objects: Sequence[Mapping[str, Any]], title: str = "") -> list[Panel]:
+def _panels(objects: Sequence[Mapping[str, Any]], title: str) -> list[Panel]:
     """The mean rewards of one policy: a panel for each level, below the title."""
     played = [values for values in objects if not values["reference"]] or list(objects)
     levels = sorted({values["level"] for values in played})
@@ -90,6 +101,7 @@ def interval(values: Mapping[str, Any]) -> Interval:
         mean=values["mean_reward"],
         low=low,
         high=high,
+        shots=math.inf if shots == "exact" else shots,
     )
 
 
