@@ -98,16 +98,24 @@ def _of_first(cells: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
 def _headline(
     cells: Sequence[Mapping[str, Any]], policies: Sequence[str]
 ) -> Iterator[tuple[str, str]]:
-    """The scores of a policy; of several, those of each, up to _MOST_POLICIES."""
+    """The scores of a policy; of several, the range of each, up to _MOST_POLICIES."""
     for policy in policies[:_MOST_POLICIES]:
-        facts = [*_scores([cell for cell in cells if cell["policy"] == policy])]
+        own = [cell for cell in cells if cell["policy"] == policy]
         if len(policies) == 1:
-            yield from facts
+            yield from _scores(own)
         else:
-            yield policy, "; ".join(f"{name} {words}" for name, words in facts)
+            yield f"{policy}, mean rewards", _range_words(own)
     if len(policies) > _MOST_POLICIES:
         yield "more policies", f"{len(policies) - _MOST_POLICIES}, in the tables below"
     yield "cells", str(len(cells))
+
+
+def _range_words(cells: Sequence[Mapping[str, Any]]) -> str:
+    """From the lowest to the highest mean reward of a policy on its backends."""
+    means = [float(cell["mean_reward"]) for cell in cells if not cell["reference"]]
+    means = means or [float(cell["mean_reward"]) for cell in cells]
+    ends = [reward_text(mean) for mean in (min(means), max(means))]
+    return " to ".join(dict.fromkeys(ends))
 
 
 def _scores(cells: Sequence[Mapping[str, Any]]) -> Iterator[tuple[str, str]]:
