@@ -107,7 +107,18 @@ def without_checks(app: object, domain: str, kind: str, content: Any) -> None:
             annotation.parent.remove(annotation)
 
 
+def commands_as_code(app: object, ctx: object, lines: list[str]) -> None:
+    """Show the lines of a help page that sphinx-click marks with bars, as typed, as code."""
+    code = [line.startswith("| ") for line in lines]
+    for index in range(len(lines) - 1, -1, -1):
+        if code[index]:
+            lines[index] = f"    {lines[index][2:]}"
+            if index == 0 or not code[index - 1]:
+                lines[index:index] = [".. code-block:: text", ""]
+
+
 def setup(app: Any) -> None:
+    app.connect("sphinx-click-process-description", commands_as_code)
     app.connect("autodoc-process-signature", plain_signature)
     app.connect("autodoc-process-docstring", starts_with_prose, priority=400)
     app.connect("object-description-transform", without_checks)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from functools import cached_property
+from os import PathLike, fspath
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -178,6 +179,13 @@ def _is_device_file(name: str) -> bool:
     return _FORMAT.encode() in text and CALIBRATION_MARK not in text
 
 
+def backend_path(backend: object) -> Path | None:
+    """The file that a backend is read from; None for an object, or if there is none."""
+    if not isinstance(backend, str | PathLike):
+        return None
+    return find("hardware", fspath(backend), [".json"])
+
+
 def load_device(name: str | Path) -> Device:
     """The device with this name or alias, or from the file at this path.
 
@@ -193,7 +201,7 @@ def load_device(name: str | Path) -> Device:
     name = str(name)
     if name == IDEAL_NAME:
         return IDEAL
-    path = find("hardware", name, [".json"])
+    path = backend_path(name)
     if path is not None:
         return _read(path)
     for known in device_names()[1:]:

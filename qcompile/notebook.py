@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from html import escape
+
+from qcompile.characters import for_markup
 
 Rows = Sequence[Sequence[str]]
 
@@ -11,20 +14,30 @@ MAX_ROWS = 40
 """Longer tables are cut to their beginning and their end."""
 
 
+_LEAST_REWARD, _LEAST_FIXED = 0.1, 1e-4
+"""A smaller reward has more than two decimals, and one below that a power of ten."""
+
+
 def count(number: int, noun: str) -> str:
     """1 circuit, 2 circuits."""
     return f"{number:,} {noun}" if number == 1 else f"{number:,} {noun}s"
 
 
-def reward_digits(*rewards: float) -> int:
-    """The number of decimals for rewards shown together: two if all are below 10, else one."""
-    return 2 if max(map(abs, rewards)) < 10 else 1
+def reward_form(*rewards: float) -> str:
+    """The format of rewards shown together, by the greatest of them.
+
+    It has one decimal from 10 on, two below, and more where these would be less than two digits.
+    """
+    greatest = max(map(abs, rewards))
+    if greatest == 0 or greatest >= _LEAST_REWARD:
+        return ".2f" if greatest < 10 else ".1f"
+    return f".{1 - math.floor(math.log10(greatest))}f" if greatest >= _LEAST_FIXED else ".2e"
 
 
 def reward_text(mean: float, deviation: float | None = None, sign: str = "") -> str:
     """Mean ± standard deviation of rewards; `sign` "+" puts a plus before a positive mean."""
-    digits = reward_digits(mean)
-    return f"{mean:{sign}.{digits}f}" + ("" if deviation is None else f" ± {deviation:.{digits}f}")
+    form = reward_form(mean, deviation or 0.0) if abs(mean) < _LEAST_REWARD else reward_form(mean)
+    return f"{mean:{sign}{form}}" + ("" if deviation is None else f" ± {deviation:{form}}")
 
 
 def shortened(text: str, most: int = 100) -> str:
@@ -51,10 +64,19 @@ def text_table(columns: Sequence[str], rows: Rows) -> str:
 
 def html_table(columns: Sequence[str], rows: Rows, title: str = "") -> str:
     """The same table in HTML, below a title."""
-    head = "".join(f"<th>{escape(name)}</th>" for name in columns)
+    head = "".join(f"<th>{html_text(name)}</th>" for name in columns)
     body = "".join(
-        "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>"
+        "<tr>" + "".join(f"<td>{html_text(cell)}</td>" for cell in row) + "</tr>"
         for row in shortened_rows(rows)
     )
-    caption = f"<p>{escape(title)}</p>" if title else ""
+    caption = html_paragraphs([title] if title else [])
     return f"{caption}<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def html_text(text: str) -> str:
+    """Text for HTML or SVG: escaped, of characters that these can hold."""
+    return escape(for_markup(text))
+
+
+def html_paragraphs(texts: Sequence[str]) -> str:
+    return "".join(f"<p>{html_text(text)}</p>" for text in texts)

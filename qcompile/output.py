@@ -12,7 +12,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from qcompile.errors import OutputError, QcompileError
+from qcompile.caller import option
+from qcompile.errors import OptionError, OutputError, QcompileError
 
 _SAFE = re.compile(r"\w[\w.-]{0,79}", re.ASCII)
 
@@ -24,6 +25,22 @@ def file_name(name: str) -> str:
     digits = hashlib.sha256(name.encode()).hexdigest()[:8]
     rest = re.sub(r"[^A-Za-z0-9_.-]+", "-", name).lstrip(".-")  # a leading dot would hide the file
     return f"{rest[:60]}-{digits}" if rest else digits
+
+
+def checked_path(path: object, name: str = "path") -> Path:
+    """The path of the file that an argument, called `name`, names.
+
+    Raises:
+        OptionError: it is neither a name nor a path.
+    """
+    if isinstance(path, str | os.PathLike) and isinstance(word := os.fspath(path), str):
+        if "\0" not in word:
+            return Path(word)
+        raise OptionError(
+            f"{name} cannot be {word!a:.60}.", "The name of a file has no null character."
+        )
+    what = "None" if path is None else f"of type {type(path).__name__}"
+    raise OptionError(f"{name} cannot be {what}.", "It must be a name or a path.")
 
 
 def write_file(path: Path, contents: bytes) -> None:
@@ -132,7 +149,9 @@ def new_folder(path: Path) -> Iterator[Path]:
         OutputError: `path` exists and is not an empty folder, or cannot be created.
     """
     if path.is_file() or (path.is_dir() and any(path.iterdir())):
-        raise OutputError(f"{path} already exists.", "Remove it, or choose another with --out.")
+        raise OutputError(
+            f"{path} already exists.", f"Remove it, or choose another with {option('out')}."
+        )
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         temporary = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}."))

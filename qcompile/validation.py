@@ -8,8 +8,9 @@ from collections.abc import Mapping, Sequence
 from reprlib import Repr
 from typing import Annotated, TypeVar
 
-from pydantic import BaseModel, ConfigDict, FailFast, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, FailFast, Field, ValidationError
 
+from qcompile.characters import is_line
 from qcompile.limits import MAX_QUBITS
 
 T = TypeVar("T")
@@ -54,8 +55,18 @@ _SHORT.maxlevel = 3
 _SHORT.maxstring = _SHORT.maxlong = _SHORT.maxother = 60
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
-Line = Annotated[str, Field(pattern=r"^[^\x00-\x1f\x7f-\x9f]+$", max_length=500)]
-"""One line of text without control characters, safe to print to a terminal."""
+LINE = "one line of text, without control characters and noncharacters"
+"""What `Line` is, for messages."""
+
+
+def _line(text: str) -> str:
+    if not is_line(text):
+        raise ValueError(f"must be {LINE}")
+    return text
+
+
+Line = Annotated[str, Field(max_length=500), AfterValidator(_line)]
+"""One line of text that a terminal can print and every file can hold."""
 
 
 def listed(words: Sequence[str], most: int = 8) -> str:

@@ -1,5 +1,7 @@
 """Pages that are typed along: commands after `$`, and what is printed below them.
 
+A command goes on in the next line where its line ends with a backslash.
+
     QCOMPILE_GOLDEN=1 pytest tests/test_sessions.py tests/live/test_first_hardware_page.py
 
 writes into the pages what is printed now, but where a page leaves lines out (`...`).
@@ -8,6 +10,7 @@ writes into the pages what is printed now, but where a page leaves lines out (`.
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -19,6 +22,7 @@ WIDTH = 80
 """Columns of a terminal whose lines fit a page."""
 
 _FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+_COMMAND = re.compile(r"(?:.*\\\n)*.*\n?")
 _ANY = r"(?:.*\n)*?"
 
 
@@ -30,8 +34,14 @@ def blocks(page: str) -> list[tuple[str, str]]:
 def typed(block: str) -> Iterator[tuple[str, str]]:
     """Each command of a block, and what is printed below it."""
     for part in re.split(r"^\$ ", block, flags=re.MULTILINE)[1:]:
-        line, _, answer = part.partition("\n")
-        yield line, answer
+        found = _COMMAND.match(part)
+        assert found is not None
+        yield found[0].removesuffix("\n"), part[found.end() :]
+
+
+def words_of(command: str) -> list[str]:
+    """The words of a command, as a shell reads them."""
+    return shlex.split(command.replace("\\\n", ""))
 
 
 def matches(printed: str, answer: str) -> bool:

@@ -16,9 +16,9 @@ import qcompile
 PACKAGE = Path(qcompile.__file__).parent
 
 ORDER = (
-    {"arrays", "errors", "limits", "version"},
+    {"arrays", "caller", "characters", "errors", "limits", "version"},
     {"catalogue", "foreign", "notebook", "output", "streams", "terminal", "validation"},
-    {"reading"},
+    {"reading", "clashes"},
     {"ir"},
     {"simulate", "qasm", "native"},
     {"device"},

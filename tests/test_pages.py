@@ -155,6 +155,14 @@ def test_the_commands_page_has_every_command_and_option(site: Path) -> None:
         assert not [option for option in options if option not in shown], name
 
 
+def test_commands_of_a_help_page_are_code_on_the_commands_page(site: Path) -> None:
+    """Beside each is what it does: without the spaces between them the two were one sentence."""
+    blocks = re.findall(r"<pre>(.*?)</pre>", (site / "reference/commands.html").read_text(), re.S)
+    texts = [re.sub(r"<[^>]*>", "", block) for block in blocks]
+    shown = "qcompile run --backend ibm_lima        play the shipped LunarLander policy"
+    assert any(shown in text for text in texts)
+
+
 def test_expectations_are_on_the_pages(site: Path) -> None:
     for page in (
         "background/mitigation",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shlex
 import sys
 from collections.abc import Iterator
 from contextlib import nullcontext
@@ -11,6 +10,7 @@ from pathlib import Path
 
 import click
 import pytest
+from sessions import words_of
 from standin import StandIn
 from trackers import trackers
 
@@ -25,7 +25,7 @@ PAGES = sorted(
 
 _FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 _LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
-_COMMAND = re.compile(r"(?:^|`)(qcompile [^`#\n|]*)", re.MULTILINE)
+_COMMAND = re.compile(r"(?:^|`)(qcompile (?:[^`#\n|\\]|\\\n)*)", re.MULTILINE)
 
 
 def blocks(page: Path, language: str) -> list[str]:
@@ -72,7 +72,7 @@ def commands() -> Iterator[tuple[str, str]]:
 
 def check_command(line: str) -> None:
     """Fail where a command, an argument or an option in `line` is not of the command line."""
-    words = [word for word in shlex.split(line)[1:] if word not in ("...", "COMMAND")]
+    words = [word for word in words_of(line)[1:] if word not in ("...", "COMMAND")]
     command: click.Command = cli
     context = click.Context(cli, info_name="qcompile", **cli.context_settings)
     while words and isinstance(command, click.Group):

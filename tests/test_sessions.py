@@ -7,16 +7,22 @@ Python is what that prints. A block whose first line is a comment with a file's 
 from __future__ import annotations
 
 import re
-import shlex
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
-from sessions import DOCS, WIDTH, Transcript, blocks, matches, typed
+from golden_files import REWRITES
+from sessions import DOCS, WIDTH, Transcript, blocks, matches, typed, words_of
 
 PAGES = ("start/getting-started.md", "howto/paper-figure.md")
+PICTURES = {
+    "howto/paper-figure.md": {"paper-figure.svg": "devices.svg", "paper-shots.svg": "shots.svg"}
+}
+"""The pictures of a page, and the files of its commands that they are."""
 FILE = re.compile(r"# ([\w-]+\.\w+)\n")
+WORDS = re.compile(r"<text style=\"([^\"]*)\"[^>]*>(.*?)</text>")
+"""Fonts and words of a picture; where they stand is matplotlib's."""
 
 
 @pytest.fixture
@@ -37,7 +43,7 @@ def test_a_page_prints_what_its_commands_answer(
             Path(named[1]).write_text(block)
         elif language == "console":
             for line, expected in typed(block):
-                name, *words = shlex.split(line)
+                name, *words = words_of(line)
                 if name == "cat":
                     now = Path(*words).read_text()
                 else:
@@ -53,11 +59,25 @@ def test_a_page_prints_what_its_commands_answer(
             assert matches(block, printed), printed
             printed = None
     transcript.check()
+    for picture, name in PICTURES.get(page, {}).items():
+        drawn, shown = Path(name).read_text(), DOCS / "images" / picture
+        if REWRITES:
+            shown.write_text(drawn)
+        assert WORDS.findall(drawn) == WORDS.findall(shown.read_text()), picture
 
 
 def test_the_readme_shows_the_first_run_as_the_page_does() -> None:
-    _, first = next(typed(blocks("start/getting-started.md")[2][1]))
+    page = blocks("start/getting-started.md")
+    _, first = next(typed(next(block for language, block in page if language == "console")))
     assert f"```\n{first}```\n" in (DOCS.parent / "README.md").read_text()
+
+
+def test_a_command_goes_on_after_a_backslash() -> None:
+    block = "$ qcompile run cartpole \\\n    --shots 32\nan answer\n$ cat a.md\n"
+    (first, answer), (second, nothing) = typed(block)
+    assert words_of(first) == ["qcompile", "run", "cartpole", "--shots", "32"]
+    assert words_of(second) == ["cat", "a.md"]
+    assert (answer, nothing) == ("an answer\n", "")
 
 
 def test_another_answer_would_be_noticed() -> None:

@@ -20,7 +20,7 @@ from qcompile.device import CALIBRATION_MARK, Device, Kind
 from qcompile.errors import CalibrationError
 from qcompile.foreign import describe
 from qcompile.limits import CALIBRATION_HOURS, CLOCK_HOURS
-from qcompile.output import write_file
+from qcompile.output import checked_path, write_file
 from qcompile.reading import ContentsError, load_json, read_file, read_json
 from qcompile.validation import Line, Many, Record, explain
 
@@ -124,7 +124,8 @@ class Calibration(Record):
         from qcompile.page.calibration import calibration_document
         from qcompile.page.render import write_report
 
-        write_report(calibration_document(self, self.to_dict(), self.plot), Path(path))
+        file = checked_path(path)
+        write_report(calibration_document(self, self.to_dict(), self.plot), file)
 
     def __repr__(self) -> str:
         measured = {"readout": self.readout_counts, "response": self.response_counts}
@@ -151,7 +152,7 @@ class Calibration(Record):
         Raises:
             OutputError: the file cannot be written.
         """
-        write_file(Path(path), self.model_dump_json(indent=1).encode() + b"\n")
+        write_file(checked_path(path), self.model_dump_json(indent=1).encode() + b"\n")
 
 
 def load_calibration(path: str | PathLike[str]) -> Calibration:

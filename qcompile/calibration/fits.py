@@ -11,6 +11,7 @@ from pydantic import Field, model_validator
 
 from qcompile.arrays import FloatArray
 from qcompile.calibration.counts import ROUNDING, Count
+from qcompile.caller import option
 from qcompile.device import Probability
 from qcompile.validation import Many, Record, listed
 
@@ -109,7 +110,7 @@ def fit_problems(fit: ReadoutFit | ResponseFit, qubits: Sequence[int]) -> list[s
         return [
             f"The {part} of qubit {listed(weak)} preserves less than {INVERTIBLE_CONTRAST} of <Z>, "
             "so its errors cannot be undone.",
-            "Exclude it (`left_out` in the device file), or run with --mitigation none.",
+            f"Exclude it (`left_out` in the device file), or run with {option('mitigation')} none.",
         ]
     limit = np.minimum(MAX_ERROR, contrast / _SIGN_KNOWN)
     unknown = [

@@ -10,6 +10,7 @@ from io import TextIOWrapper
 from types import TracebackType
 from typing import NoReturn
 
+from qcompile.caller import command_line
 from qcompile.cli.interrupts import after_imports
 from qcompile.errors import OptionError, QcompileError
 from qcompile.terminal import plain, plain_output
@@ -48,7 +49,7 @@ def main() -> None:
     if not os.environ.get("COLUMNS", "1").strip("0"):
         del os.environ["COLUMNS"]  # no terminal is 0 wide
     sys.excepthook = _show_traceback
-    with plain_output(), after_imports():
+    with command_line(), plain_output(), after_imports():
         if "--traceback" in sys.argv[1:]:
             _run()
         try:

@@ -6,21 +6,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
-from click.core import ParameterSource
 
 from qcompile.cli.live_options import live_options
-from qcompile.cli.options import (
-    Integer,
-    Parts,
-    Positive,
-    Qubits,
-    Shots,
-    echo_json,
-    echo_note,
-    json_option,
-)
-from qcompile.cli.outputs import Outputs, plot_option, style_option, table_option
-from qcompile.cli.reports import check_report, report_option, write_report
+from qcompile.cli.options import check_only, echo_json, echo_note, json_option
+from qcompile.cli.outputs import Outputs, output_options, report_option
+from qcompile.cli.types import Integer, NamePath, Parts, Positive, Qubits, Shots
 
 if TYPE_CHECKING:
     from qcompile.mitigation.measure import Part
@@ -37,6 +27,7 @@ _REFIT_OPTIONS = {
 @click.command("calibrate")
 @click.option(
     "--backend",
+    type=NamePath(),
     metavar="NAME",
     help="Device name, device file, calibration file, or qiskit:NAME for a Qiskit backend; with "
     "--live an IBM machine.",
@@ -51,7 +42,11 @@ _REFIT_OPTIONS = {
     "--shots", type=Shots(), default=8192, show_default=True, help="Shots of each circuit."
 )
 @click.option("--qubits", type=Qubits(), help="Qubits to measure.  [default: all usable ones]")
-@click.option("--policy", help="Measure the qubits that this policy's circuits are placed on.")
+@click.option(
+    "--policy",
+    type=NamePath(),
+    help="Measure the qubits that this policy's circuits are placed on.",
+)
 @click.option(
     "--parts", type=Parts(), help="What to measure.  [default: both; with --live response]"
 )
@@ -61,9 +56,7 @@ _REFIT_OPTIONS = {
     help="File to write.  [default: BACKEND-calibration.json; none with --check]",
 )
 @click.option("--force", is_flag=True, help="Overwrite the file.")
-@plot_option("curves, residuals and readout errors")
-@style_option
-@table_option
+@output_options("curves, residuals and readout errors", "calibration")
 @click.option(
     "--check",
     type=click.Path(dir_okay=False, path_type=Path),
@@ -79,9 +72,7 @@ _REFIT_OPTIONS = {
 @report_option
 @live_options
 @json_option
-@click.pass_context
 def command(
-    ctx: click.Context,
     backend: str | None,
     from_file: Path | None,
     shots: int | None,
@@ -90,15 +81,12 @@ def command(
     parts: tuple[Part, ...] | None,
     out: Path | None,
     force: bool,
-    plot: Path | None,
-    style: Path | None,
-    table: Path | None,
     check: Path | None,
     max_age_hours: float | None,
     seed: int | None,
-    report: Path | None,
     as_json: bool,
     live: Live | None,
+    outputs: Outputs,
 ) -> None:
     """Measure the readout and response of a device's qubits, and write them to a file.
 
@@ -111,15 +99,11 @@ def command(
     from qcompile.verbs.calibrate import calibrate_into, check_calibration, refit
     from qcompile.verbs.calibration_request import CalibrationRequest
 
-    outputs = Outputs(plot, style, table)
-    outputs.check()
-    others = {"check": check, "from": from_file}
-    check_report(report, out=out, plot=plot, table=table, **others)
     if from_file is not None:
-        _refuse_measuring(ctx)
-        refitted = refit(from_file, qubits, out=out, force=force, plot=plot, style=style)
-        _show(refitted, outputs, as_json)
-        write_report(refitted, report)
+        check_only(_REFIT_OPTIONS, "--from", "nothing is run")
+        refitted = refit(from_file, qubits, out=out, force=force)
+        _show(refitted, as_json)
+        outputs.save(refitted)
         return
     if backend is None:
         raise click.UsageError(
@@ -131,33 +115,20 @@ def command(
         backend, qubits, shots, policy, parts, seed, live=live, on_note=echo_note
     )
     if check is None:
-        calibrated = calibrate_into(request, out, force=force, plot=plot, style=style)
-        _show(calibrated, outputs, as_json)
-        write_report(calibrated, report)
+        calibrated = calibrate_into(request, out, force=force)
+        _show(calibrated, as_json)
+        outputs.save(calibrated)
         return
-    checked = check_calibration(
-        check, request, max_age_hours=max_age_hours, out=out, force=force, plot=plot, style=style
-    )
-    _show(checked, outputs, as_json)
-    write_report(checked, report)
-    checked.check_holds()
+    checked = check_calibration(check, request, max_age_hours=max_age_hours, out=out, force=force)
+    _show(checked, as_json)
+    outputs.save(checked, checked.check_holds)
 
 
-def _refuse_measuring(ctx: click.Context) -> None:
-    """Raise click.UsageError if an option of a measurement is given with --from."""
-    for param in ctx.command.params:
-        source = ctx.get_parameter_source(str(param.name))
-        if param.name not in _REFIT_OPTIONS and source is ParameterSource.COMMANDLINE:
-            raise click.UsageError(f"{param.opts[0]} cannot be used with --from: nothing is run.")
-
-
-def _show(result: CalibrationResult, outputs: Outputs, as_json: bool) -> None:
+def _show(result: CalibrationResult, as_json: bool) -> None:
     from qcompile.mitigation.misfit import misfit_warnings
     from qcompile.report.calibration_values import print_calibration
     from qcompile.report.live import charged
 
-    if outputs.table is not None:
-        result.table().save(outputs.table)
     values = result.to_dict()
     if as_json:
         echo_json(values)
@@ -168,8 +139,8 @@ def _show(result: CalibrationResult, outputs: Outputs, as_json: bool) -> None:
         drifted = ", ".join(map(str, check["drifted"])) or "none"
         age = f"{check['age_hours']:.1f} hours old"
         lines.append(f"{check['file']} is {age}; drifted qubits: {drifted}")
-    files = {"calibration": result.file, "figure": outputs.plot, "table": outputs.table}
-    lines += [f"{name} written to {path}" for name, path in files.items() if path]
+    if result.file is not None:
+        lines.append(f"calibration written to {result.file}")
     if "run" in values:
         lines.append(charged(values))
     for line in lines:

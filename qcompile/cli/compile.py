@@ -42,12 +42,15 @@ def command(
     Physical qubits named in the program are kept. Qubits without gates and measurements are left
     out.
     """
+    from qcompile.clashes import check_clashes
+    from qcompile.device import backend_path
     from qcompile.execution import open_device
     from qcompile.jobs.program_file import compile_source
     from qcompile.output import write_file
     from qcompile.qasm.read import read_file
     from qcompile.report.wires import executable_values
 
+    check_clashes({"FILE": file, "--backend": backend_path(backend)}, {"--output": output})
     version: Literal["3", "2"] = "3" if format == "qasm3" else "2"
     compiled = compile_source(read_file(file), open_device(backend), level, version)
     if output is not None:

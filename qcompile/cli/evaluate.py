@@ -9,10 +9,6 @@ import click
 
 from qcompile.cli.options import (
     BACKEND_HELP,
-    Integer,
-    OutputPath,
-    Several,
-    Shots,
     echo_json,
     echo_note,
     engine_options,
@@ -21,8 +17,8 @@ from qcompile.cli.options import (
     json_option,
     once,
 )
-from qcompile.cli.outputs import Outputs, output_options
-from qcompile.cli.reports import check_report, report_option, write_report
+from qcompile.cli.outputs import Outputs, output_options, report_option
+from qcompile.cli.types import Integer, NamePath, OutputPath, Several, Shots
 from qcompile.limits import MAX_EPISODES
 
 if TYPE_CHECKING:
@@ -43,11 +39,11 @@ class _Mitigation(click.ParamType[str]):
 
 
 @click.command("evaluate")
-@click.argument("policies", nargs=-1, metavar="[POLICY]...")
+@click.argument("policies", type=NamePath(), nargs=-1, metavar="[POLICY]...")
 @click.option(
     "--backend",
     "backends",
-    type=Several(click.STRING),
+    type=Several(NamePath()),
     multiple=True,
     callback=once,
     metavar="NAME",
@@ -124,7 +120,7 @@ class _Mitigation(click.ParamType[str]):
     type=OutputPath(".md"),
     help="With --paper: Markdown page to write.  [default: devices.md in --out]",
 )
-@output_options("mean rewards, a panel for each policy")
+@output_options("mean rewards, a panel for each policy", "intervals")
 @report_option
 @engine_options("cells")
 @json_option
@@ -143,7 +139,6 @@ def command(
     paper: bool,
     out: Path,
     page: Path | None,
-    report: Path | None,
     engine: Engine,
     address: str | None,
     workers: int | None,
@@ -179,7 +174,6 @@ def command(
         )
     if page is not None and not paper:
         raise click.UsageError("--page needs --paper.")
-    check_report(report, page=page, plot=outputs.plot, table=outputs.table)
     shared: dict[str, Any] = {
         "episodes": episodes,
         "seed": seed,
@@ -201,6 +195,4 @@ def command(
         click.echo(
             f"{plural(result.played, 'cell')} played, {result.there} loaded; written: {paths}"
         )
-    outputs.save(result)
-    write_report(result, report)
-    result.check_complete()
+    outputs.save(result, result.check_complete)

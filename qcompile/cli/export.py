@@ -7,7 +7,8 @@ from typing import Literal
 
 import click
 
-from qcompile.cli.options import Integer, backend_option, echo_json, json_option, level_option
+from qcompile.cli.options import backend_option, echo_json, json_option, level_option
+from qcompile.cli.types import Integer
 from qcompile.limits import MAX_SHOTS
 from qcompile.output import file_name
 

@@ -10,7 +10,8 @@ from typing import Any
 
 import click
 
-from qcompile.cli.options import Decorator, Integer, Positive
+from qcompile.cli.options import Decorator
+from qcompile.cli.types import Integer, Positive
 from qcompile.limits import MAX_QPU_SECONDS
 
 runs_option: Decorator = click.option(

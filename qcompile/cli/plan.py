@@ -8,10 +8,6 @@ from typing import Any, Literal
 import click
 
 from qcompile.cli.options import (
-    Integer,
-    Positive,
-    Share,
-    Shots,
     backend_option,
     echo_json,
     echo_note,
@@ -21,8 +17,8 @@ from qcompile.cli.options import (
     level_option,
     max_steps_option,
 )
-from qcompile.cli.outputs import Outputs, output_options
-from qcompile.cli.reports import check_report, report_option, write_report
+from qcompile.cli.outputs import Outputs, output_options, report_option
+from qcompile.cli.types import Integer, NamePath, Positive, Share, Shots
 from qcompile.limits import (
     FREE_SECONDS,
     MAX_EPISODES,
@@ -47,7 +43,9 @@ def _one_or_several(
 
 
 @click.command("plan")
-@click.argument("policy", nargs=-1, callback=_one_or_several, metavar="[POLICY]...")
+@click.argument(
+    "policy", type=NamePath(), nargs=-1, callback=_one_or_several, metavar="[POLICY]..."
+)
 @backend_option("ibm_lima")
 @click.option(
     "--shots",
@@ -113,7 +111,7 @@ def _one_or_several(
     help="With --within: the share of the reward to keep. 0 is the reward of random actions, 1 "
     "that of the policy without noise.",
 )
-@output_options("the QPU seconds of each way, or with --within reward against seconds")
+@output_options("the QPU seconds of each way, or with --within reward against seconds", "plan")
 @import_option
 @env_option
 @click.option(
@@ -152,7 +150,6 @@ def command(
     live: bool,
     account: str | None,
     instance: str | None,
-    report: Path | None,
     as_json: bool,
     outputs: Outputs,
 ) -> None:
@@ -169,7 +166,6 @@ def command(
     from qcompile.report.tables import plural, print_table
     from qcompile.verbs.plan import plan
 
-    check_report(report, calibration=calibration, plot=outputs.plot, table=outputs.table)
     planned = plan(
         policy,
         backend,
@@ -234,6 +230,4 @@ def command(
         )
         if planned.recommended is not None:
             click.echo(planned.remark)
-    outputs.save(planned)
-    write_report(planned, report)
-    planned.check_fits()
+    outputs.save(planned, planned.check_fits)

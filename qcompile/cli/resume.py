@@ -16,13 +16,8 @@ from qcompile.cli.live_options import (
     wait_option,
     yes_option,
 )
-from qcompile.cli.options import (
-    Positive,
-    echo_json,
-    echo_note,
-    import_option,
-    json_option,
-)
+from qcompile.cli.options import echo_json, echo_note, import_option, json_option
+from qcompile.cli.types import Positive
 from qcompile.limits import MAX_QPU_SECONDS
 
 if TYPE_CHECKING:

@@ -9,9 +9,6 @@ import click
 
 from qcompile.cli.live_options import live_options
 from qcompile.cli.options import (
-    Depth,
-    Integer,
-    Shots,
     backend_option,
     calibration_shots_option,
     echo_json,
@@ -24,8 +21,8 @@ from qcompile.cli.options import (
     max_steps_option,
     split_option,
 )
-from qcompile.cli.outputs import Outputs, output_options
-from qcompile.cli.reports import check_report, report_option, write_report
+from qcompile.cli.outputs import Outputs, output_options, report_option
+from qcompile.cli.types import Depth, Integer, NamePath, Shots
 from qcompile.limits import MAX_EPISODES
 
 if TYPE_CHECKING:
@@ -33,7 +30,7 @@ if TYPE_CHECKING:
 
 
 @click.command("run")
-@click.argument("policy", default="lunarlander", metavar="[POLICY]")
+@click.argument("policy", type=NamePath(), default="lunarlander", metavar="[POLICY]")
 @backend_option()
 @click.option(
     "--shots",
@@ -105,7 +102,7 @@ if TYPE_CHECKING:
     help="Film the first episode, with the `<Z>` of every circuit and the probabilities of the "
     "actions; .mp4, .gif or .webm, overwritten.",
 )
-@output_options("the reward of each episode")
+@output_options("the reward of each episode", "rewards")
 @report_option
 @live_options
 @json_option
@@ -128,7 +125,6 @@ def command(
     imports: tuple[str, ...],
     env: dict[str, Any],
     video: Path | None,
-    report: Path | None,
     as_json: bool,
     live: Live | None,
     outputs: Outputs,
@@ -142,8 +138,6 @@ def command(
     from qcompile.report.summary import print_run
     from qcompile.verbs.run import run
 
-    others = {"video": video, "calibration": calibration_file}
-    check_report(report, **others, plot=outputs.plot, table=outputs.table)
     result = run(
         policy,
         backend,
@@ -169,8 +163,4 @@ def command(
         echo_json(result.to_dict())
     else:
         print_run(result.to_dict())
-    try:
-        outputs.save(result)
-        write_report(result, report)
-    finally:
-        result.check_complete()
+    outputs.save(result, result.check_complete, is_empty=not result.episodes)

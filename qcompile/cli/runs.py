@@ -113,11 +113,13 @@ def export(of_group: Path, run_id: str, out: Path | None, runs: Path | None) -> 
     """Write the whole record of run ID as JSON: settings, jobs with counts, steps, result."""
     import json
 
+    from qcompile.clashes import check_clashes
     from qcompile.live.runs import find_journal
     from qcompile.output import write_file
     from qcompile.report.live import exported
 
     with find_journal(runs or of_group, run_id) as journal:
+        check_clashes({"the journal": journal.path}, {"--out": out})
         values = exported(journal)
     if out is None:
         click.echo(json.dumps(values))

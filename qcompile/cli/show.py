@@ -8,16 +8,9 @@ from typing import TYPE_CHECKING
 import click
 from click.core import ParameterSource
 
-from qcompile.cli.options import (
-    Integer,
-    OutputPath,
-    backend_option,
-    echo_json,
-    echo_note,
-    json_option,
-    level_option,
-)
-from qcompile.output import write_file
+from qcompile.cli.options import backend_option, echo_json, echo_note, json_option, level_option
+from qcompile.cli.types import Integer, OutputPath
+from qcompile.output import check_writable, write_file
 
 if TYPE_CHECKING:
     from qcompile.policy import Network
@@ -75,6 +68,8 @@ def command(
     from qcompile.report.wires import executable_values, print_executable
 
     form = None if draw is None else form_of(draw)
+    if draw is not None:
+        _check_file(draw, subject, backend)
     policy = None if Path(subject).suffix == ".qasm" else load_policy(subject)
     if isinstance(policy, Network):
         _show_network(ctx, policy, as_json)
@@ -95,14 +90,32 @@ def command(
     values = executable_values(
         executable, importance, numbers, policy=policy, calibration=opened.calibration
     )
+    drawn = ""
+    if form is not None:
+        drawn = draw_executable(executable, form, circuit, numbers=numbers)
     if as_json:
         echo_json(values)
     else:
         print_executable(executable, values)
-    if draw is not None and form is not None:
-        drawn = draw_executable(executable, form, circuit, numbers=numbers)
+    if draw is not None:
         write_file(draw, drawn.encode())
         echo_note(f"drawing written to {draw}")
+
+
+def _check_file(draw: Path, subject: str, backend: str) -> None:
+    """Check that the drawing can be written and overwrites nothing that is shown.
+
+    Raises:
+        OptionError: it is the file of the subject or of the backend.
+        OutputError: it cannot be written.
+    """
+    from qcompile.clashes import check_clashes
+    from qcompile.device import backend_path
+    from qcompile.policy.files import policy_path
+
+    reads = {subject: policy_path(subject), "--backend": backend_path(backend)}
+    check_clashes(reads, {"--draw": draw})
+    check_writable(draw)
 
 
 def _check_surrogate(ctx: click.Context, subject: str) -> None:
@@ -113,7 +126,7 @@ def _check_surrogate(ctx: click.Context, subject: str) -> None:
         )
     for name in _circuit_options(ctx):
         raise click.UsageError(
-            f"--surrogate and --{name} cannot be combined: nothing is compiled.", ctx
+            f"--surrogate and {name} cannot be combined: nothing is compiled.", ctx
         )
 
 
@@ -121,7 +134,7 @@ def _circuit_options(ctx: click.Context) -> list[str]:
     """The options given that apply only to circuits."""
     default = ParameterSource.DEFAULT
     return [
-        name
+        f"--{name}"
         for name in ("backend", "level", "draw")
         if ctx.get_parameter_source(name) is not default
     ]

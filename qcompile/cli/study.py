@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from qcompile.cli.options import (
-    Integer,
-    OutputPath,
+    check_only,
     echo_json,
     echo_note,
     engine_options,
@@ -17,15 +16,21 @@ from qcompile.cli.options import (
     import_option,
     json_option,
 )
-from qcompile.cli.outputs import Outputs, output_options
-from qcompile.cli.reports import check_report, report_option, write_report
+from qcompile.cli.outputs import Outputs, output_options, report_option
+from qcompile.cli.types import Integer, NamePath, OutputPath
+
+_LISTING = {
+    *("name", "figures", "rows", "seeds", "episodes", "evaluation"),
+    *("out", "imports", "env", "listing", "as_json"),
+}
+"""The options that can be used with --list."""
 
 if TYPE_CHECKING:
     from qcompile.sweep.engine import Engine
 
 
 @click.command("study")
-@click.argument("name", default="paper", metavar="[paper|FILE.toml]")
+@click.argument("name", type=NamePath(), default="paper", metavar="[paper|FILE.toml]")
 @click.option(
     "--figure",
     "figures",
@@ -70,7 +75,7 @@ if TYPE_CHECKING:
     type=OutputPath(".md"),
     help="Markdown page to write.  [default: reproduction.md in --out]",
 )
-@output_options("the learning curves, a panel for each figure")
+@output_options("the learning curves, a panel for each figure", "curves")
 @report_option
 @import_option
 @env_option
@@ -86,7 +91,6 @@ def command(
     listing: bool,
     as_json: bool,
     outputs: Outputs,
-    report: Path | None,
     **choice: Any,
 ) -> None:
     """Train every row of a study with several seeds, and write up the results.
@@ -101,6 +105,7 @@ def command(
     from qcompile.verbs.study import study
 
     if listing:
+        check_only(_LISTING, "--list", "nothing is trained")
         members = StudyRequest(**choice).left()
         if as_json:
             echo_json(members)
@@ -108,7 +113,6 @@ def command(
             columns = ["row", "environment", "seeds", "to do"]
             print_table(columns, [[*row.values()] for row in members])
         return
-    check_report(report, page=choice["page"], plot=outputs.plot, table=outputs.table)
     result = study(**choice, engine=engine, address=address, workers=workers, on_note=echo_note)
     if as_json:
         echo_json(result.to_dict())
@@ -120,4 +124,3 @@ def command(
             f"results written to {result.page}"
         )
     outputs.save(result)
-    write_report(result, report)

@@ -8,16 +8,9 @@ from typing import Any
 import click
 
 from qcompile.cli.assignments import Assignment, as_mapping
-from qcompile.cli.options import (
-    Integer,
-    Shots,
-    echo_json,
-    echo_note,
-    env_option,
-    import_option,
-    json_option,
-)
+from qcompile.cli.options import echo_json, echo_note, env_option, import_option, json_option
 from qcompile.cli.outputs import Outputs, output_options
+from qcompile.cli.types import Integer, Shots
 from qcompile.limits import MAX_EPISODES
 
 _FILE = click.Path(dir_okay=False, path_type=Path)
@@ -172,7 +165,7 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
     help="Overwrite --out and --checkpoint. A resumed training overwrites its own files without "
     "--force.",
 )
-@output_options("the learning curve of each training")
+@output_options("the learning curve of each training", "curves")
 @json_option
 def command(environment: str, as_json: bool, outputs: Outputs, **options: Any) -> None:
     """Train a policy in ENVIRONMENT, such as CartPole-v1, with PPO.
@@ -193,7 +186,5 @@ def command(environment: str, as_json: bool, outputs: Outputs, **options: Any) -
             table = training.table()
             print_table(table.header, table.words, right=range(5))
         click.echo(training.words)
-    try:
-        outputs.save(training)
-    finally:
-        training.check_complete()
+    is_empty = training.interrupted and not training.episodes
+    outputs.save(training, training.check_complete, is_empty=is_empty)

@@ -8,15 +8,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from qcompile.cli.live_options import live_options
-from qcompile.cli.options import (
-    Integer,
-    Share,
-    echo_json,
-    echo_note,
-    env_option,
-    import_option,
-    json_option,
-)
+from qcompile.cli.options import echo_json, echo_note, env_option, import_option, json_option
+from qcompile.cli.types import Integer, Share
 from qcompile.limits import MAX_SHOTS
 
 if TYPE_CHECKING:

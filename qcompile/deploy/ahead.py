@@ -33,6 +33,7 @@ from gymnasium.wrappers.utils import RunningMeanStd
 from numpy.typing import NDArray
 
 from qcompile.arrays import FloatArray, IntArray
+from qcompile.caller import option
 from qcompile.deploy.environments import Environment, environment_name
 from qcompile.deploy.lockstep import Act, Episode
 from qcompile.deploy.rows import Rows
@@ -269,6 +270,6 @@ def check_repeatable(environment: Environment) -> None:
                 raise OptionError(
                     f"{environment_name(environment)} keeps running statistics "
                     f"({type(layer).__name__}): its steps cannot be measured ahead.",
-                    "Use speculate 1.",
+                    f"Use {option('speculate')} 1.",
                 )
         layer = vars(layer).get("env")

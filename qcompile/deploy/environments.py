@@ -14,6 +14,7 @@ import numpy as np
 from gymnasium.spaces import Box, Discrete
 from numpy.typing import NDArray
 
+from qcompile.caller import option
 from qcompile.catalogue import close_names
 from qcompile.deploy.flattening import StateNumber, vector_observations
 from qcompile.errors import EnvironmentMismatchError
@@ -149,7 +150,7 @@ def _not_filmed(name: str, why: list[str]) -> EnvironmentMismatchError:
     return EnvironmentMismatchError(
         f"Environment {name!r} cannot be filmed: it renders no pictures.",
         *why,
-        "Run without --video.",
+        f"Run without {option('video')}.",
     )
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from qcompile.arrays import FloatArray, IntArray
+from qcompile.caller import option
 from qcompile.deploy.player import GATES
 from qcompile.deploy.rows import Rows
 from qcompile.deploy.settings import RunSettings
@@ -52,7 +53,7 @@ class NetworkPlayer:
         refuse_options(
             network,
             [
-                name
+                option(name)
                 for name, value in _SETTINGS.items()
                 if getattr(chosen, name) not in (value, getattr(default, name))
             ],
@@ -100,7 +101,7 @@ class NetworkPlayer:
 
 
 def refuse_options(network: Network, names: Sequence[str]) -> None:
-    """Check that no option for circuits is named.
+    """Check that no option for circuits is named; `names` are as the caller writes them.
 
     Raises:
         OptionError: one is.

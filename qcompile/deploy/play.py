@@ -10,6 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from qcompile.arrays import FloatArray, IntArray
+from qcompile.caller import option
 from qcompile.deploy.ahead import Foresight, ahead, check_repeatable
 from qcompile.deploy.completion import completed_rewards
 from qcompile.deploy.deployment import Deployment
@@ -47,7 +48,7 @@ def player(
     if isinstance(policy, Policy):
         return Deployment(policy, backend, settings, **changes)
     device = load_backend(backend).device
-    refuse_options(policy, [] if device.is_ideal else [f"backend {device.name}"])
+    refuse_options(policy, [] if device.is_ideal else [f"{option('backend')} {device.name}"])
     return NetworkPlayer(policy, settings, **changes)
 
 

@@ -39,6 +39,12 @@ _PROCESS = uuid4().hex
 """A unique ID of this process, across machines."""
 
 
+def module_path(module: str | os.PathLike[str]) -> Path:
+    """The file of a module, where it is one of the working folder."""
+    name = os.fspath(module)
+    return Path(name if name.endswith(".py") else f"{name.replace('.', os.sep)}.py")
+
+
 def import_modules(modules: Iterable[str | os.PathLike[str]]) -> None:
     """Import modules, each once, to register their environments.
 
@@ -117,7 +123,8 @@ def environment_id(environment: str | EnvSpec | Callable[..., Any]) -> str:
 
     A class is registered as CLASS-v0, a function that makes an environment as FUNCTION-v0, a lambda
     or any other callable as CLASS-v0 of the environment it makes. An environment registered here
-    before is replaced, as a notebook redefines it. Other registrations stay.
+    before is replaced, as a notebook redefines it. Other registrations stay: a class or function
+    that has one without arguments goes by that.
 
     Raises:
         EnvironmentMismatchError: the id would import a module, or the callable fails.
@@ -148,12 +155,13 @@ def environment_id(environment: str | EnvSpec | Callable[..., Any]) -> str:
             "Give your environment an id with gymnasium.register.",
         )
     known = gymnasium.registry.get(spec.id)
-    if known is not None and _are_equal(known, spec):
+    if known is not None and (_are_equal(known, spec) or _makes_only(known, environment)):
         return spec.id
     if known is not None and known is not replaced:
         raise OptionError(
-            f"{spec.id!r} is already registered, with another environment or other arguments.",
-            "Register yours under a different id and use that.",
+            f"{spec.id!r} is already registered, to make {_made_by(known)}.",
+            f"To use that environment, give its id, {spec.id!r}.",
+            "To use yours, register it under another id, or make it in a function of another name.",
         )
     gymnasium.registry[spec.id] = spec
     if callable(environment):
@@ -167,6 +175,25 @@ def _are_equal(spec: EnvSpec, other: EnvSpec) -> bool:
         return spec == other
     except Exception:  # whatever an argument's == raises
         return False
+
+
+def _makes_only(spec: EnvSpec, make: object) -> bool:
+    """Whether a registered spec calls this class or function, and without arguments."""
+    made = spec.entry_point
+    return not spec.kwargs and (made == _path(make) if isinstance(made, str) else made is make)
+
+
+def _made_by(spec: EnvSpec) -> str:
+    """What a registered spec calls: corridor:Corridor, with the arguments cells."""
+    made = spec.entry_point
+    words = made if isinstance(made, str) else _path(made)
+    return f"{words}, with the arguments {', '.join(spec.kwargs)}" if spec.kwargs else words
+
+
+def _path(make: object) -> str:
+    """MODULE:NAME of a class or a function, as an entry point names it."""
+    named: Any = make if hasattr(make, "__qualname__") else type(make)
+    return f"{named.__module__}:{named.__qualname__}"
 
 
 def _name_of(make: Callable[..., Any]) -> str:

@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from qcompile.arrays import CircuitShots, CountArray, FloatArray
 from qcompile.calibration import Calibration
+from qcompile.caller import option
 from qcompile.deploy.depth import Speculate
 from qcompile.device import Device
 from qcompile.errors import CalibrationError, CircuitError, CountsError, OptionError
@@ -152,7 +153,7 @@ class RunSettings(BaseModel):
         if not self.split and self.copies is not None and self.copies > episodes:
             raise OptionError(
                 f"{self.copies} copies are more than the {count(episodes, 'episode')} there are.",
-                "--split spreads the shots of an episode over copies.",
+                f"{option('split')} spreads the shots of an episode over copies.",
             )
 
     def fitted(self, fit: int) -> Self:
@@ -172,7 +173,8 @@ class RunSettings(BaseModel):
             raise OptionError(
                 "There is nothing to split over: the circuits fit on the device "
                 f"{'once' if fit == 1 else f'{fit} times'}{shots}.",
-                "Remove split; it is for devices with several times more qubits than circuits.",
+                f"Remove {option('split')}; it is for devices with several times more qubits than "
+                "circuits.",
             )
         return self.model_copy(update={"copies": copies})
 
@@ -185,22 +187,27 @@ class RunSettings(BaseModel):
             )
         if self.predistort and self.mitigation != "none":
             raise OptionError(
-                f"predistort cannot be combined with mitigation {self.mitigation}.",
-                "Predistorted angles make the device show the ideal <Z>: use mitigation none.",
+                f"{option('predistort')} cannot be combined with {option('mitigation')} "
+                f"{self.mitigation}.",
+                "Predistorted angles make the device show the ideal <Z>: use "
+                f"{option('mitigation')} none.",
             )
         if self.calibration is not None and not self.calibrates:
             raise OptionError(
-                "A calibration needs mitigation readout or response, or predistort.",
+                f"A calibration needs {option('mitigation')} readout or response, or "
+                f"{option('predistort')}.",
                 "Nothing else uses it.",
             )
         if self.predistort or self.mitigation == "response":
             # Refused before anything is measured.
             check_response_level(self.level, predistort=self.predistort)
         if self.copies is not None and self.copies < 1:
-            raise CircuitError(f"copies cannot be {self.copies}.", "It must be at least 1.")
+            raise CircuitError(
+                f"{option('copies')} cannot be {self.copies}.", "It must be at least 1."
+            )
         if self.speculate != "auto" and not 1 <= self.speculate <= MOST_AHEAD:
             raise OptionError(
-                f"speculate cannot be {self.speculate}.",
+                f"{option('speculate')} cannot be {self.speculate}.",
                 f'It is a number of decisions from 1 to {MOST_AHEAD}, or "auto".',
             )
         if self.split:
@@ -208,13 +215,16 @@ class RunSettings(BaseModel):
         if self.calibration_shots != "auto":
             check_shots(self.calibration_shots)
         if self.max_steps is not None and self.max_steps < 1:
-            raise CountsError(f"max_steps cannot be {self.max_steps}.", "It must be at least 1.")
+            raise CountsError(
+                f"{option('max_steps')} cannot be {self.max_steps}.", "It must be at least 1."
+            )
 
     def _check_split(self) -> None:
         if self.copies == 1:
             raise OptionError(
-                "split spreads the shots of a row over several copies; copies is 1.",
-                "Set more copies, or leave copies out to use as many as fit.",
+                f"{option('split')} spreads the shots of a row over several copies; "
+                f"{option('copies')} is 1.",
+                f"Set more copies, or remove {option('copies')} to use as many as fit.",
             )
         if self.copies is not None and self.shots is not None and self.copies > self.shots:
             raise OptionError(

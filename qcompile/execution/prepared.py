@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from qcompile.arrays import CircuitShots, CountArray, FloatArray
+from qcompile.caller import option
 from qcompile.errors import CountsError
 from qcompile.limits import MAX_SHOTS
 from qcompile.passes import Executable
@@ -118,6 +119,6 @@ def check_shots(shots: int) -> int:
         raise CountsError(
             f"{shots!s:.60} shots cannot be run.",
             f"Use 1 to {MAX_SHOTS} shots; 1024 and 8192 are typical.",
-            "For expectations without shot noise use `--shots exact`.",
+            f"For expectations without shot noise use {option('shots')} exact.",
         )
     return shots

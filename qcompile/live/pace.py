@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
 
+from qcompile.caller import option
 from qcompile.errors import LiveError, OptionError
 from qcompile.live.charges import Charges
 from qcompile.live.client_errors import duration, retry_after_s
@@ -27,7 +28,7 @@ def check_seconds(name: str, value: float, most: float = math.inf) -> None:
     """
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value <= most:
         raise OptionError(
-            f"{name} cannot be {value!r}.",
+            f"{option(name)} cannot be {value!r}.",
             "It is a number of seconds above 0"
             + (f" and at most {most:g}." if most < math.inf else "."),
         )
@@ -44,7 +45,7 @@ def check_pace(jobs_per_minute: int | None, max_wait_s: float | None) -> None:
     jobs = jobs_per_minute
     if jobs is not None and (isinstance(jobs, bool) or not isinstance(jobs, int) or jobs < 1):
         raise OptionError(
-            f"jobs_per_minute cannot be {jobs!r}.",
+            f"{option('jobs_per_minute')} cannot be {jobs!r}.",
             "It is a whole number of jobs, at least 1; None sends them as fast as possible.",
         )
 

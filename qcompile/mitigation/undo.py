@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from qcompile.arrays import CircuitShots, FloatArray
 from qcompile.calibration import Calibration
+from qcompile.caller import option
 from qcompile.errors import CalibrationError
 from qcompile.mitigation.misfit import misfits
 from qcompile.mitigation.polar import polar_curves
@@ -192,8 +193,8 @@ def _check_tilt(tilted: NDArray[np.intp]) -> None:
         raise CalibrationError(
             f"The response of qubit {which} is tilted by more "
             f"than {MAX_TILT_RAD} rad, so one measured <Z> can come from two ideal ones.",
-            "Predistort the angles instead (--predistort), or use --mitigation readout, or other "
-            "qubits.",
+            f"Predistort the angles instead ({option('predistort')}), or use "
+            f"{option('mitigation')} readout, or other qubits.",
         )
 
 
@@ -201,7 +202,7 @@ def _missing_part_hint(other: str, fit: object, part: str) -> str:
     """What to try if a calibration lacks a part: use the other one, if it has that."""
     if fit is None:
         return f"Calibrate the {part}: `qcompile calibrate`."
-    return f"Use mitigation {other}, or calibrate the {part}."
+    return f"Use {option('mitigation')} {other}, or calibrate the {part}."
 
 
 def check_response_level(level: int, *, predistort: bool = False) -> None:
@@ -212,10 +213,10 @@ def check_response_level(level: int, *, predistort: bool = False) -> None:
     if level != 2:
         raise CalibrationError(
             f"Response curves need level 2, found level {level}.",
-            "They describe sx rz sx; use --level 2"
+            f"They describe sx rz sx; use {option('level')} 2"
             + (
-                ", or --mitigation readout without --predistort."
+                f", or {option('mitigation')} readout without {option('predistort')}."
                 if predistort
-                else " or --mitigation readout."
+                else f" or {option('mitigation')} readout."
             ),
         )

@@ -18,6 +18,7 @@ from qcompile.page.document import (
     Table,
     Tile,
 )
+from qcompile.page.words import without_folders
 from qcompile.report.calibration_values import calibration_table
 from qcompile.report.figure import Figure
 from qcompile.report.style import AnyStyle
@@ -129,7 +130,7 @@ def _check(values: Mapping[str, Any]) -> Iterator[Block]:
         return
     yield Facts(
         [
-            ("compared with", str(check["file"])),
+            ("compared with", without_folders(check["file"])),
             ("its age", f"{check['age_hours']:.1f} hours"),
             ("drifted qubits", ", ".join(map(str, check["drifted"])) or "none"),
         ]
@@ -162,6 +163,6 @@ def _settings(calibration: Calibration, values: Mapping[str, Any]) -> Iterator[t
             )
     yield "device", device.source
     if values.get("file"):
-        yield "file", str(values["file"])
+        yield "file", without_folders(values["file"])
     if "run" in values:
         yield "run", str(values["run"])

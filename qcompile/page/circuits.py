@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from qcompile.calibration import Calibration
 from qcompile.device import Device
-from qcompile.noise import REFERENCE_SHOTS, expected_error, unusable
+from qcompile.noise import REFERENCE_SHOTS, expected_error
 from qcompile.page.document import Block, Heading, Picture, Prose, Qubits, Section, Tile
 from qcompile.passes import LEVELS, Executable, compile
 from qcompile.policy import AnyPolicy, Network, Policy
-from qcompile.report.placement import PERFECT
+from qcompile.report.placement import PERFECT, left_out
 from qcompile.report.tables import plural
 
 _MOST_LETTERS = 200_000
@@ -23,12 +24,22 @@ _WARM = 2.0
 
 @dataclass(frozen=True, eq=False)
 class Compiled:
-    """A policy, compiled for a device as it was played."""
+    """A policy, compiled for a device as it was played.
+
+    `calibration` is that of a twin. A `backend` has a name of its own where it is not the device's.
+    """
 
     policy: AnyPolicy
     device: Device
     level: int = 2
     copies: int = 1
+    calibration: Calibration | None = None
+    backend: str = ""
+
+    @property
+    def name(self) -> str:
+        """What it was played on; different backends of one device have different names."""
+        return self.backend or self.device.name
 
     def executable(self) -> Executable | None:
         """The circuits, trained numbers as symbols; None for a network."""
@@ -94,11 +105,11 @@ def placement_section(compiled: Sequence[Compiled]) -> Section:
     policies = len({id(one.policy) for one in placed})
     for one in placed:
         executable = one.executable()
-        key = (id(one.policy), one.device.name)
+        key = (id(one.policy), one.name)
         if executable is None or key in seen:
             continue
         seen.add(key)
-        name = f"{one.policy.name} on {one.device.name}" if policies > 1 else one.device.name
+        name = f"{one.policy.name} on {one.name}" if policies > 1 else one.name
         blocks += _placement(one, executable, name)
     return Section("Placement", blocks)
 
@@ -110,7 +121,7 @@ def _placement(compiled: Compiled, executable: Executable, name: str) -> Iterato
     for index, qubit in enumerate(executable.qubits.tolist()):
         circuits.setdefault(qubit, []).append(index % count)
     errors = [expected_error(device, qubit) for qubit in range(len(device.qubits))]
-    left_out = unusable(device)
+    reasons = left_out(device, compiled.calibration)
     shown = sorted(circuits) if len(errors) > _MOST_TILES else range(len(errors))
     tiles = [
         Tile(
@@ -118,7 +129,7 @@ def _placement(compiled: Compiled, executable: Executable, name: str) -> Iterato
             "unknown" if (error := errors[qubit]) is None else f"{error:.4f}",
             1.0 if error is None else min(max((error / PERFECT - 1) / _WARM, 0.0), 1.0),
             _placed(circuits.get(qubit, [])),
-            left_out.get(qubit, ""),
+            reasons.get(qubit, ""),
         )
         for qubit in shown
     ]

@@ -15,7 +15,9 @@ from qcompile.report.figure import Figure
 from qcompile.report.style import AnyStyle
 
 STYLE = Path(__file__).with_name("page.mplstyle")
-_NUMBER = re.compile(r"[-+−±]?[\d.,]+(e[-+]?\d+)?( ?%| s)?( ?(±|to) ?[-+−]?[\d.,]+( ?%)?)?\*?|-")
+_NUMBER = re.compile(
+    r"[-+−±]?[\d.,]+(e[-+]?\d+)?( ?%| s)?( ?(±|to) ?[-+−]?[\d.,]+(e[-+]?\d+)?( ?%)?)?\*?|-"
+)
 
 
 @dataclass(frozen=True)

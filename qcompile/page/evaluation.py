@@ -8,13 +8,22 @@ from typing import Any
 from qcompile.notebook import reward_text
 from qcompile.page.circuits import Compiled, circuits_section, placement_section
 from qcompile.page.document import Block, Document, Facts, Heading, Picture, Score, Section, Table
+from qcompile.policy.decision import hold_text
 from qcompile.report.distribution import Sample, draw_distributions
 from qcompile.report.figure import Figure
 from qcompile.report.style import AnyStyle
-from qcompile.report.tables import grid_table, interval_words, plural
+from qcompile.report.tables import (
+    difference_text,
+    environment_words,
+    grid_table,
+    interval_words,
+    plural,
+)
 from qcompile.validation import listed
 
 _MOST_SAMPLES = 16
+_MOST_POLICIES = 4
+"""Of more policies the headline has these alone."""
 _PACKAGES = ("numpy", "gymnasium", "torch", "qiskit", "qiskit-aer", "qiskit-ibm-runtime")
 
 
@@ -31,7 +40,7 @@ def evaluation_document(
     `draw` draws the mean rewards of a policy; `compiled` is what was played.
     """
     policies = [*dict.fromkeys(cell["policy"] for cell in cells)]
-    environments = [*dict.fromkeys(cell["environment"] for cell in cells)]
+    environments = [*dict.fromkeys(map(environment_words, cells))]
     backends = [*dict.fromkeys(c["backend"] for c in cells if not c["reference"])]
     on = f" on {listed(backends)}" if backends else ""
     return Document(
@@ -42,7 +51,7 @@ def evaluation_document(
         if cells
         else "No cell could be played.",
         _score(cells),
-        [*_headline(cells)],
+        [*_headline(cells, policies)],
         [
             Section("Results", [*_results(cells, policies, draw)]),
             Section("Episodes", [*_episodes(cells, policies)]),
@@ -86,22 +95,48 @@ def _of_first(cells: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
     return [cell for cell in cells if cell["policy"] == cells[0]["policy"]]
 
 
-def _headline(cells: Sequence[Mapping[str, Any]]) -> Iterator[tuple[str, str]]:
-    own = _of_first(cells)
-    for cell in (cell for cell in own if cell["reference"]):
+def _headline(
+    cells: Sequence[Mapping[str, Any]], policies: Sequence[str]
+) -> Iterator[tuple[str, str]]:
+    """The scores of a policy; of several, the range of each, up to _MOST_POLICIES."""
+    for policy in policies[:_MOST_POLICIES]:
+        own = [cell for cell in cells if cell["policy"] == policy]
+        if len(policies) == 1:
+            yield from _scores(own)
+        else:
+            yield f"{policy}, mean rewards", _range_words(own)
+    if len(policies) > _MOST_POLICIES:
+        yield "more policies", f"{len(policies) - _MOST_POLICIES}, in the tables below"
+    yield "cells", str(len(cells))
+
+
+def _range_words(cells: Sequence[Mapping[str, Any]]) -> str:
+    """From the lowest to the highest mean reward of a policy on its backends."""
+    means = [float(cell["mean_reward"]) for cell in cells if not cell["reference"]]
+    means = means or [float(cell["mean_reward"]) for cell in cells]
+    ends = [reward_text(mean) for mean in (min(means), max(means))]
+    return " to ".join(dict.fromkeys(ends))
+
+
+def _scores(cells: Sequence[Mapping[str, Any]]) -> Iterator[tuple[str, str]]:
+    """The scores of one policy."""
+    for cell in (cell for cell in cells if cell["reference"]):
         interval = interval_words(cell)
         yield "without noise", reward_text(cell["mean_reward"])
         if interval:
             yield "its 95 % interval", interval
-    played = [cell for cell in own if not cell["reference"]]
+    played = [cell for cell in cells if not cell["reference"]]
     if played:
         worst = min(played, key=lambda cell: float(cell["mean_reward"]))
         yield "lowest mean reward", reward_text(worst["mean_reward"])
-        differences = [c["paired_difference"] for c in played if c["paired_difference"] is not None]
+        differences = [
+            (cell["paired_difference"], cell["mean_reward"])
+            for cell in played
+            if cell["paired_difference"] is not None
+        ]
         if differences:
-            low, high = (reward_text(edge(differences), sign="+") for edge in (min, max))
+            low, high = (difference_text(*edge(differences)) for edge in (min, max))
             yield "difference to ideal", f"{low} to {high}"
-    yield "cells", str(len(cells))
 
 
 def _results(
@@ -117,9 +152,10 @@ def _results(
         def of_policy(style: AnyStyle, policy: str = policy) -> Figure:
             return draw(policy, style)
 
-        yield Picture.of(
-            f"Mean rewards of {policy}", of_policy, "The table below has the same numbers."
-        )
+        words = "The table below has the same numbers."
+        if not all(map(interval_words, own)):
+            words += " Cells of few episodes have no interval."
+        yield Picture.of(f"Mean rewards of {policy}", of_policy, words)
         table = grid_table(own)
         played = [index for index, cell in enumerate(own) if not cell["reference"]]
         best = max(played, key=lambda index: float(own[index]["mean_reward"]), default=None)
@@ -165,7 +201,6 @@ def _settings(cells: Sequence[Mapping[str, Any]]) -> Iterator[Block]:
         return
     names = {
         "policies": "policy",
-        "environments": "environment",
         "backends": "backend",
         "shots": "shots",
         "mitigations": "mitigation",
@@ -178,6 +213,11 @@ def _settings(cells: Sequence[Mapping[str, Any]]) -> Iterator[Block]:
         values = [*dict.fromkeys(str(c[key]) for c in cells if c.get(key) is not None)]
         if values:
             facts.append((name, ", ".join(values)))
+    facts.insert(1, ("environments", ", ".join(dict.fromkeys(map(environment_words, cells)))))
+    if any(cell.get("hold", 1) > 1 for cell in cells):
+        held = {cell["policy"]: hold_text(cell.get("hold", 1)) for cell in cells}
+        texts = held.values() if len(held) == 1 else (": ".join(pair) for pair in held.items())
+        facts.append(("each decision", "; ".join(texts)))
     facts.append(("episodes of a cell", str(len(cells[0]["episodes"]))))
     facts.append(("actions", "the likeliest" if cells[0]["greedy"] else "sampled"))
     yield Facts(facts)

@@ -22,12 +22,13 @@ def plan_document(
     compiled: Compiled | None = None,
     *,
     remark: str = "",
+    recommended: str | None = None,
     command: str = "",
 ) -> Document:
     """The report of a plan: `values` are the document of `qcompile plan --json`.
 
     `table` and `remark` are those of the plan: the ways to run it, or the frontier and what is
-    recommended.
+    recommended; `recommended` is the command that plays it, as a page shows it.
     """
     is_within = "frontier" in values
     played = [] if compiled is None else [compiled]
@@ -40,7 +41,7 @@ def plan_document(
         _within_score(values) if is_within else _score(values),
         [*(_within_headline(values) if is_within else _headline(values))],
         [
-            Section("Recommended", [*_recommended(values, remark)]),
+            Section("Recommended", [*_recommended(recommended)]),
             Section("Frontier" if is_within else "Ways to run it", [*_figure(values, table, draw)]),
             circuits_section(played),
             placement_section(played),
@@ -98,10 +99,9 @@ def _within_headline(values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     yield "as in the paper", f"{paper['qpu_seconds']:,.0f} QPU seconds"
 
 
-def _recommended(values: Mapping[str, Any], remark: str) -> Iterator[Block]:
-    chosen = values.get("recommended")
-    if chosen is not None and chosen["command"]:
-        yield Code("Command that plays it", chosen["command"], wraps=True)
+def _recommended(command: str | None) -> Iterator[Block]:
+    if command is not None:
+        yield Code("Command that plays it", command, wraps=True)
 
 
 def _figure(
@@ -143,11 +143,27 @@ def _settings(values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     yield "policy", values["policy"]
     yield "backend", values["backend"]
     yield "episodes", str(values["episodes"])
-    yield "shots", f"{values['shots']:,}"
-    yield "episodes side by side", str(values["copies"])
-    yield "decisions", f"{values['decisions']:,}"
-    yield "environment steps", f"{values['env_steps']:,}"
-    yield "price", f"{values['usd_per_second']:g} USD a QPU second"
     if "within" in values:
+        if (chosen := values["recommended"]) is not None:
+            yield from _chosen_settings(chosen)
         yield "limit", f"{values['within']:g} QPU seconds"
         yield "share of the reward to keep", f"{values['keep']:g}"
+    else:
+        yield "shots", f"{values['shots']:,}"
+        yield "episodes side by side", str(values["copies"])
+        yield "decisions", f"{values['decisions']:,}"
+        yield "environment steps", f"{values['env_steps']:,}"
+    yield "price", f"{values['usd_per_second']:g} USD a QPU second"
+
+
+def _chosen_settings(point: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """The settings that are recommended."""
+    yield "shots", f"{point['shots']:,}"
+    name = "copies that share the shots" if point["split"] else "episodes side by side"
+    yield name, str(point["copies"])
+    yield "decisions in a job", str(point["speculate"])
+    yield "mitigation", point["mitigation"]
+    if isinstance(point["calibration_shots"], int):  # it measures one
+        yield "shots of the calibration", f"{point['calibration_shots']:,}"
+    if point["max_steps"] is not None:
+        yield "an episode ends after", plural(point["max_steps"], "step")

@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
+from qcompile.characters import for_markup
 from qcompile.errors import OptionError
+from qcompile.live.client_errors import without_secrets
 from qcompile.output import write_file
 from qcompile.page.document import Document
 from qcompile.page.svg import inline
-from qcompile.page.words import public
 from qcompile.version import versions
 
 if TYPE_CHECKING:
@@ -87,5 +88,7 @@ def _uri(data: bytes, media: str) -> Markup:
 
 
 def _public(value: Any) -> Any:
-    """What an expression of a template shows; markup was made public when it was made."""
-    return public(value) if isinstance(value, str) and not isinstance(value, Markup) else value
+    """What an expression of a template shows, without tokens; markup is as it was made."""
+    if not isinstance(value, str) or isinstance(value, Markup):
+        return value
+    return for_markup(without_secrets(value))

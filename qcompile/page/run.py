@@ -17,12 +17,13 @@ from qcompile.page.document import (
     Section,
     Table,
 )
+from qcompile.page.words import without_folders
 from qcompile.report.clip import Clip
 from qcompile.report.distribution import Sample, draw_distributions
 from qcompile.report.figure import Figure
 from qcompile.report.style import AnyStyle
 from qcompile.report.summary import kind_words, run_facts
-from qcompile.report.tables import interval_words, plural
+from qcompile.report.tables import environment_words, interval_words, plural
 
 _MOST_BARS = 60
 _MOST_ROWS = 500
@@ -44,14 +45,10 @@ def run_document(
     """
     episodes = summary["episodes"]
     played = [] if compiled is None else [compiled]
-    arguments = summary.get("environment_kwargs")
-    made_with = (
-        f", made with {', '.join(f'{k}={v}' for k, v in arguments.items())}" if arguments else ""
-    )
     return Document(
         "run",
         f"{summary['policy']} on {summary['backend']}",
-        f"{plural(len(episodes), 'episode')} of {summary['environment']}{made_with}, played on "
+        f"{plural(len(episodes), 'episode')} of {environment_words(summary)}, played on "
         f"{summary['backend']} ({kind_words(summary['kind'])}).",
         _score(summary),
         [*_headline(summary)],
@@ -61,12 +58,19 @@ def run_document(
             circuits_section(played),
             placement_section(played),
             Section("Budget", [*_budget(summary)]),
-            Section("Settings", [Facts(run_facts(summary))]),
+            Section("Settings", [Facts(_settings(summary))]),
         ],
         warnings,
         _PACKAGES,
         command=command,
     )
+
+
+def _settings(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """The settings; a calibration by the name of its file."""
+    file = summary["calibration"]
+    named = {"calibration": None if file is None else without_folders(file)}
+    return run_facts({**summary, **named})
 
 
 def _film(clip: Clip, summary: Mapping[str, Any]) -> Film:
@@ -82,6 +86,8 @@ def _score(summary: Mapping[str, Any]) -> Score | None:
         return None
     interval = interval_words(summary)
     words = f"95 % interval {interval}" if interval else "too few episodes for an interval"
+    if summary["interrupted"]:
+        words = "of the shortest episodes"
     return Score("mean reward", reward_text(summary["mean_reward"]), interval=words)
 
 

@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 
 from markupsafe import Markup
 
-from qcompile.page.words import public
+from qcompile.live.client_errors import without_secrets
 
 _SVG, _XLINK = "http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink"
 _SHAPES = {
@@ -73,11 +73,11 @@ def _kept(element: ElementTree.Element, prefix: str) -> ElementTree.Element:
         pairs = (f"{name}:{_painted(name, _local(v, prefix))}" for name, v in style.items())
         kept.set("style", ";".join(pairs))
     is_text = kept.tag in ("text", "tspan")
-    kept.text = public(element.text or "") if is_text else None
+    kept.text = without_secrets(element.text or "") if is_text else None
     for child in element:
         if child.tag.removeprefix(f"{{{_SVG}}}") in _SHAPES:
             inner = _kept(child, prefix)
-            inner.tail = public(child.tail or "") if is_text else None
+            inner.tail = without_secrets(child.tail or "") if is_text else None
             kept.append(inner)
     return kept
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from shlex import join
 from typing import Any
 
@@ -32,25 +32,28 @@ def run_command(
     imports: Sequence[str] = (),
     env: Mapping[str, Any] | None = None,
     live: Mapping[str, Any] | None = None,
+    named: Callable[[str], str] = str,
 ) -> str:
     """`qcompile run` with the settings of the point, and `policy` and `backend` as given.
 
     With `live`, the options of a live run, it plays on the machine. Only file names with spaces or
-    similar characters are quoted.
+    similar characters are quoted. `named` is how names and files are written.
     """
     settings = point.settings
+    file = settings.calibration_file
     usual = RunSettings.of(settings, mitigation=None).resolved(point.device)
     options: dict[str, Any] = {
         "seed": settings.seed or None,
         "mitigation": None if usual.mitigation == settings.mitigation else settings.mitigation,
-        "calibration": settings.calibration_file,
+        "calibration": None if file is None else named(file),
         "level": None if settings.level == 2 else settings.level,
     }
-    words = ["qcompile", "run", policy, "--backend", backend, "--episodes", str(point.episodes)]
+    words = ["qcompile", "run", named(policy), "--backend", named(backend)]
+    words += ["--episodes", str(point.episodes)]
     words += option_words(point)
     words += _words(options)
     words += ["--live"] * bool(live) + _words(live or {})
-    words += [word for module in imports for word in ("--import", module)]
+    words += [word for module in imports for word in ("--import", named(module))]
     for name, value in (env or {}).items():
         words += ["--env", f"{name}={_value_word(value)}"]
     return join(words)

@@ -14,6 +14,7 @@ from qcompile.arrays import FloatArray, IntArray
 from qcompile.errors import PolicyError
 from qcompile.ir import Program
 from qcompile.notebook import count
+from qcompile.output import checked_path
 from qcompile.policy.encoder import Encoder, check_arrays
 from qcompile.policy.policy import Policy
 
@@ -217,7 +218,7 @@ class Ansatz:
         """
         from qcompile.policy.ansatz_file import save_ansatz
 
-        save_ansatz(self, Path(path))
+        save_ansatz(self, checked_path(path))
 
     @property
     def has_own_names(self) -> bool:

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, TypeVar
 
+from qcompile.caller import option
 from qcompile.errors import OptionError
 from qcompile.policy.network import Network
 from qcompile.policy.policy import Policy
@@ -45,7 +46,7 @@ def check_env(env: Mapping[str, Any], *, for_file: bool = False) -> None:
     for name, value in env.items():
         if name in RESERVED or not name.isidentifier():
             raise OptionError(
-                f"env {name[:60]}: this is not an argument of an environment.",
+                f"{option('env')} {name[:60]}: this is not an argument of an environment.",
                 f"The arguments of gymnasium.make itself ({', '.join(RESERVED)}) are set by a run.",
             )
         try:
@@ -54,7 +55,7 @@ def check_env(env: Mapping[str, Any], *, for_file: bool = False) -> None:
             plain = False
         if not plain:
             raise OptionError(
-                f"env {name} is {value!r:.60}.",
+                f"{option('env')} {name} is {value!r:.60}.",
                 "An argument is a number, a string, true, false, null, or a list or dict of these; "
                 "use gymnasium.register for any other.",
             )
@@ -63,8 +64,9 @@ def check_env(env: Mapping[str, Any], *, for_file: bool = False) -> None:
             check_arguments(env)
         except ValueError as error:
             raise OptionError(
-                f"env cannot be stored in a policy file: {error}.",
-                "Register the environment with it in a module of your own: --import MODULE.",
+                f"{option('env')} cannot be stored in a policy file: {error}.",
+                "Register the environment with it in a module of your own: "
+                f"{option('imports')} MODULE.",
             ) from error
 
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from qcompile.arrays import FloatArray, IntArray, real_array
+from qcompile.characters import is_line
 from qcompile.errors import PolicyError
 from qcompile.foreign import describe
 from qcompile.notebook import count
+from qcompile.validation import LINE
 
 MOST_HELD = 1_000_000
 """The most environment steps that a decision can be held for."""
@@ -98,6 +100,17 @@ def check_hold(hold: int) -> None:
             f"hold is {hold!r}.",
             f"It must be a whole number of environment steps from 1 to {MOST_HELD:,}.",
         )
+
+
+def check_names(**names: str) -> None:
+    """Check that a policy can be called so, and that its environment can.
+
+    Raises:
+        PolicyError: one is not a line of text.
+    """
+    for key, text in names.items():
+        if not isinstance(text, str) or not is_line(text):
+            raise PolicyError(f"{key} is {text!a}.", f"It must be {LINE}.")
 
 
 def hold_text(hold: int) -> str:

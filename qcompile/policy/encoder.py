@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -130,6 +131,21 @@ class Encoder:
     def _repr_html_(self) -> str:
         rows = [[f"x{i}", self.formula(i)] for i in range(len(self.feature))]
         return html_table(["input", "of an observation"], rows)
+
+    def reading(self, index: int) -> dict[str, Any]:
+        """The plain numbers of input `index`: its feature, function, scale; others where set."""
+        feature = int(self.feature[index])
+        more = {
+            "gain": (self.gain, index),
+            "mean": (self.mean, feature),
+            "std": (self.std, feature),
+        }
+        return {
+            "feature": feature,
+            "function": self.functions[index],
+            "scale": float(self.scale[index]),
+            **{key: float(array[at]) for key, (array, at) in more.items() if array is not None},
+        }
 
     def formula(self, index: int) -> str:
         """Input `index` as text, such as "0.5*arctan(2 * (observation[3] - 1) / 4)"."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any, TypeVar
@@ -54,6 +55,13 @@ def policy_names() -> list[str]:
     return names("trained", SUFFIXES)
 
 
+def policy_path(policy: object) -> Path | None:
+    """The file that a policy is loaded from; None for an object, or if there is none."""
+    if not isinstance(policy, str | PathLike):
+        return None
+    return find("trained", fspath(policy), SUFFIXES)
+
+
 def load_policy(policy: str | PathLike[str] | AnyPolicy) -> AnyPolicy:
     """The policy in a file, or the shipped policy with a bare name.
 
@@ -66,7 +74,7 @@ def load_policy(policy: str | PathLike[str] | AnyPolicy) -> AnyPolicy:
         return policy
     if not isinstance(policy, str | PathLike):
         raise PolicyError(f"load_policy takes a name or a file, not {describe(policy)}.")
-    path = find("trained", fspath(policy), SUFFIXES)
+    path = policy_path(policy)
     if path is None:
         raise PolicyError(
             f"Unknown policy {fspath(policy)!r}.",
@@ -219,8 +227,15 @@ def _beyond_format_1(encoder: Encoder) -> dict[str, Any]:
     return values
 
 
+def trained_name(environment: str) -> str:
+    """What a trained policy is called until it has a file, such as trained-cartpole."""
+    return f"trained-{environment.rsplit('-v', 1)[0].lower()}"
+
+
 def save_policy(policy: AnyPolicy, path: str | Path) -> None:
     """Write `policy` to `path`, whole or not at all; the suffix .pt or .json sets the format.
+
+    A trained policy that was not named yet is named after the file.
 
     Raises:
         PolicyError: the suffix is different, or the policy cannot be stored in a file.
@@ -234,6 +249,8 @@ def save_policy(policy: AnyPolicy, path: str | Path) -> None:
     path = Path(path)
     if path.suffix not in SUFFIXES:
         raise PolicyError(f"{path} is not a policy file name.", "It must end with .pt or .json.")
+    if policy.name == trained_name(policy.environment):
+        policy = replace(policy, name=path.stem)
     file = policy_file(policy)
     if path.suffix == ".json":
         write_file(path, file.model_dump_json(indent=1, exclude_unset=True).encode())

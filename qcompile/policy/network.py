@@ -13,7 +13,13 @@ import numpy as np
 from qcompile.arrays import FloatArray
 from qcompile.errors import PolicyError
 from qcompile.notebook import count, html_table
-from qcompile.policy.decision import Softmax, check_hold, checked_observations, hold_text
+from qcompile.policy.decision import (
+    Softmax,
+    check_hold,
+    check_names,
+    checked_observations,
+    hold_text,
+)
 from qcompile.policy.encoder import check_arrays
 
 WIDTH = 3
@@ -100,8 +106,8 @@ class Network(Softmax):
     parameters, so its logits and action probabilities differ by rounding.
 
     Raises:
-        PolicyError: the shapes do not fit each other, a number is not finite, or `hold` is not a
-            number of steps.
+        PolicyError: the shapes do not fit each other, a number is not finite, `hold` is not a
+            number of steps, or a name is not a line of text.
     """
 
     name: str
@@ -125,6 +131,7 @@ class Network(Softmax):
         if self.std is not None and not (self.std > 0).all():
             raise PolicyError("std contains a number that is not positive.")
         check_hold(self.hold)
+        check_names(name=self.name, environment=self.environment)
 
     def _check_after(self, index: int, before: Layer, layer: Layer) -> None:
         if isinstance(layer, Convolution) and isinstance(before, Dense):

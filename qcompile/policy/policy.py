@@ -13,7 +13,13 @@ from qcompile.arrays import FloatArray
 from qcompile.errors import PolicyError
 from qcompile.ir import Program
 from qcompile.notebook import count, html_table
-from qcompile.policy.decision import Softmax, check_hold, checked_observations, hold_text
+from qcompile.policy.decision import (
+    Softmax,
+    check_hold,
+    check_names,
+    checked_observations,
+    hold_text,
+)
 from qcompile.policy.encoder import Encoder, check_arrays
 
 NO_THETA = np.zeros(0)
@@ -30,8 +36,8 @@ class Policy(Softmax):
     with the arguments `environment_kwargs`, and each decision is held for `hold` environment steps.
 
     Raises:
-        PolicyError: the shapes do not fit each other, a number is not finite, or `hold` is out of
-            range.
+        PolicyError: the shapes do not fit each other, a number is not finite, `hold` is out of
+            range, or a name is not a line of text.
     """
 
     name: str
@@ -59,6 +65,7 @@ class Policy(Softmax):
         if not circuits or not actions:
             raise PolicyError(f"The policy has {circuits} circuits and {actions} actions.")
         check_hold(self.hold)
+        check_names(name=self.name, environment=self.environment)
 
     @property
     def actions(self) -> int:

@@ -11,7 +11,7 @@ import numpy as np
 from qcompile.arrays import FloatArray
 from qcompile.calibration import Calibration, ReadoutCounts, ResponseCounts
 from qcompile.report.calibration_values import bad_fits, calibration_values
-from qcompile.report.figure import Figure, literal
+from qcompile.report.figure import Figure, write_title
 from qcompile.report.style import AnyStyle, Style
 
 if TYPE_CHECKING:
@@ -19,10 +19,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawing
     from matplotlib.figure import SubFigure
 
-_MOST_COLUMNS = 6
 _MOST_CURVES = 32
 """More qubits than that have a strip of numbers instead of a curve each."""
 _MOST_TICKS = 40
+_PANEL_IN = 1.15
+"""The width that a curve needs, in inches."""
 _CURVE_IN, _STRIP_IN = 1.15, 1.1
 """The height of a row of curves, and that of a strip."""
 _GREY = "0.55"
@@ -45,7 +46,7 @@ def draw_calibration(calibration: Calibration, style: AnyStyle = None) -> Figure
 def _draw(calibration: Calibration, style: Style) -> Drawing:
     values = calibration_values(calibration)
     count = len(calibration.qubits)
-    rows = math.ceil(count / _MOST_COLUMNS)
+    rows = math.ceil(count / max(int(style.page_in / _PANEL_IN), 1))
     columns = math.ceil(count / rows)
     rows *= calibration.response is not None and count <= _MOST_CURVES
     residuals = list(_residuals(calibration))
@@ -57,8 +58,8 @@ def _draw(calibration: Calibration, style: Style) -> Drawing:
     parts = iter(drawing.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0])
     shots = values["shots"]
     detail = "exact" if shots == "exact" else f"{shots} shots of each circuit"
-    title = f"{literal(calibration.backend)}, {calibration.created:%Y-%m-%d %H:%M} UTC, {detail}"
-    drawing.suptitle(title, x=0.01, ha="left")
+    title = f"{calibration.backend}, {calibration.created:%Y-%m-%d %H:%M} UTC, {detail}"
+    write_title(drawing, title)
     colours = style.colours * 2
     if rows:
         part = next(parts)
@@ -216,10 +217,11 @@ def _draw_residuals(
 def _draw_readout(axes: Axes, values: dict[str, Any], colours: Sequence[Any]) -> None:
     at = np.arange(len(values["qubits"]))
     names = {"p10": "p10 = P(1 | 0)", "p01": "p01 = P(0 | 1)"}
-    for (name, label), side, colour in zip(names.items(), (-0.2, 0.2), colours, strict=False):
+    for index, (name, label) in enumerate(names.items()):
+        side, colour, alpha = (-0.2, 0.2)[index], colours[index], (0.9, 0.5)[index]
         heights = [100 * row[name] for row in values["qubits"]]
         errors = [100 * row[f"{name}_error"] for row in values["qubits"]]
-        axes.bar(at + side, heights, 0.36, color=colour, label=label, alpha=0.85)
+        axes.bar(at + side, heights, 0.36, color=colour, label=label, alpha=alpha)
         if any(errors):
             axes.errorbar(
                 at + side,

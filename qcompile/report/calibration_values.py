@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from qcompile.calibration import Calibration, ReadoutFit, ResponseFit
+from qcompile.mitigation.measure import PARTS
 from qcompile.mitigation.misfit import misfits, p_values
 from qcompile.mitigation.polar import polar_curves
-from qcompile.report.table import Table
+from qcompile.report.table import Cell, Column, Table
 from qcompile.report.tables import plural, print_table
 
 
@@ -73,18 +73,26 @@ def _response(calibration: Calibration) -> dict[str, list[float]]:
     }
 
 
-def calibration_table(values: dict[str, Any]) -> Table:
+def calibration_table(values: dict[str, Any], notes: Sequence[str] = ()) -> Table:
     """The qubits of `calibration_values`; a fit has its chi-square of its expectation."""
     first = values["qubits"][0]
-    columns = ["qubit"]
+    columns = [Column("qubit")]
     if "p10" in first:
-        columns += ["p10 %", "p01 %"]
+        columns += [_with_error("p10 %"), _with_error("p01 %")]
     if "offset" in first:
-        columns += ["offset", "contrast", "tilt, mrad"]
-    columns += [f"{part} fit" for part in ("readout", "response") if f"{part}_degrees" in first]
+        offset, contrast, tilt = map(_with_error, ("offset", "contrast", "tilt, mrad"))
+        columns += [offset, contrast, tilt]
+    for part in PARTS:
+        if f"{part}_degrees" in first:
+            parts = (f"{part} chi-square", f"{part} expected", f"{part} fit")
+            columns.append(Column(f"{part} fit", parts=parts))
     bad = bad_fits(values)
     rows = [list(_cells(row, bad)) for row in values["qubits"]]
-    return replace(Table.of_words(columns, rows), title=calibration_title(values))
+    return Table(columns, rows, calibration_title(values), notes)
+
+
+def _with_error(name: str) -> Column:
+    return Column(name, parts=(name, f"{name}, error"))
 
 
 def calibration_title(values: dict[str, Any]) -> str:
@@ -106,22 +114,24 @@ def print_calibration(values: dict[str, Any]) -> None:
     print_table(table.header, table.words, table.title, tight=True, right=(0,))
 
 
-def _cells(row: dict[str, Any], bad: set[tuple[int, str]]) -> Iterator[str]:
-    yield str(row["qubit"])
+def _cells(row: dict[str, Any], bad: set[tuple[int, str]]) -> Iterator[Cell]:
+    yield Cell.of(row["qubit"])
     for name in ("p10", "p01"):
         if name in row:
-            error = 100 * row[f"{name}_error"]
+            value, error = 100 * row[name], 100 * row[f"{name}_error"]
             places = 2 if error < 1 else 1
-            yield f"{100 * row[name]:.{places}f}±{error:.{places}f}"
+            yield Cell(f"{value:.{places}f}±{error:.{places}f}", (value, error))
     if "offset" in row:
-        yield f"{row['offset']:+.4f}"
-        yield f"{row['contrast']:.4f}"
-        yield f"{1e3 * row['tilt_rad']:+.0f}±{1e3 * row['tilt_error_rad']:.0f}"
-    for part in ("readout", "response"):
+        yield Cell(f"{row['offset']:+.4f}", (row["offset"], row["offset_error"]))
+        yield Cell(f"{row['contrast']:.4f}", (row["contrast"], row["contrast_error"]))
+        tilt, error = 1e3 * row["tilt_rad"], 1e3 * row["tilt_error_rad"]
+        yield Cell(f"{tilt:+.0f}±{error:.0f}", (tilt, error))
+    for part in PARTS:
         if f"{part}_degrees" in row:
-            degrees = row[f"{part}_degrees"]
-            flag = " bad" if (row["qubit"], part) in bad else ""
-            yield f"{row[f'{part}_chi_square']:.0f} of {degrees}{flag}" if degrees else "-"
+            chi_square, degrees = row[f"{part}_chi_square"], row[f"{part}_degrees"]
+            flag = "bad" if (row["qubit"], part) in bad else ""
+            words = f"{chi_square:.0f} of {degrees} {flag}".rstrip() if degrees else "-"
+            yield Cell(words, (chi_square, degrees, flag or None))
 
 
 def bad_fits(values: dict[str, Any]) -> set[tuple[int, str]]:

@@ -10,14 +10,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from qcompile.report.figure import Figure, literal
+from qcompile.report.figure import Figure, literal, write_title
 from qcompile.report.legend import labelled, legend_below
+from qcompile.report.means import MARKERS, write_height
 from qcompile.report.style import AnyStyle, Style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_MOST_SIDE_BY_SIDE = 3
+_PANEL_IN = 2.2
+"""What a panel needs, in inches."""
+_MARK_EVERY = 0.2
+"""The distance of a curve's markers, of the diagonal of its panel."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +57,7 @@ def draw_curves(panels: Sequence[CurvePanel], style: AnyStyle = None) -> Figure:
         FigureError: the style cannot be read.
     """
     look = Style.of(style)
-    columns = min(len(panels), _MOST_SIDE_BY_SIDE)
+    columns = max(min(len(panels), int(look.page_in / _PANEL_IN)), 1)
     rows = math.ceil(len(panels) / columns)
     groups = list(dict.fromkeys(curve.group for panel in panels for curve in panel.curves))
     with look.applied():
@@ -64,7 +68,7 @@ def draw_curves(panels: Sequence[CurvePanel], style: AnyStyle = None) -> Figure:
         for axes, panel in zip(panes, panels, strict=False):
             _draw(axes, panel, groups, look, alone=len(panels) == 1)
         if len(panels) == 1:
-            drawing.suptitle(literal(panels[0].title), x=0.01, ha="left")
+            write_title(drawing, panels[0].title)
         for axes in drawing.axes[::columns]:
             axes.set_ylabel("mean reward of last 20")
         legend_below(drawing, labelled(*drawing.axes))
@@ -77,12 +81,22 @@ def _draw(axes: Axes, panel: CurvePanel, groups: list[str], style: Style, *, alo
 
     colours = style.colours
     for curve in panel.curves:
-        colour = colours[groups.index(curve.group) % len(colours)]
-        line = "--" if curve.dashed else "-"
-        axes.plot(curve.episodes, curve.mean, line, color=colour, label=curve.label)
+        group = groups.index(curve.group)
+        colour = colours[group % len(colours)]
+        axes.plot(
+            curve.episodes,
+            curve.mean,
+            color=colour,
+            label=curve.label,
+            linestyle="--" if curve.dashed else "-",
+            marker=MARKERS[group % len(MARKERS)] if len(groups) > 1 else None,
+            markerfacecolor=axes.get_facecolor() if curve.dashed else colour,
+            markevery=_MARK_EVERY,
+        )
         axes.fill_between(curve.episodes, curve.low, curve.high, color=colour, alpha=0.12, lw=0)
     if panel.target is not None:
-        _draw_target(axes, panel.target)
+        axes.axhline(panel.target, color="0.5", linewidth=0.8, linestyle=":")
+        write_height(axes, panel.target)
     ends = (int(curve.episodes[-1]) for curve in panel.curves if len(curve.episodes))
     longest = max(ends, default=1)
     axes.set_xlim(0, min(longest, panel.most_episodes or longest))
@@ -90,18 +104,3 @@ def _draw(axes: Axes, panel: CurvePanel, groups: list[str], style: Style, *, alo
     if not alone:
         axes.set_title(literal(panel.title))
     axes.set_xlabel("episode")
-
-
-def _draw_target(axes: Axes, target: float) -> None:
-    axes.axhline(target, color="0.5", linewidth=0.8, linestyle=":")
-    axes.annotate(
-        f"{target:g}".replace("-", "−"),
-        (1.0, target),
-        xycoords=("axes fraction", "data"),
-        xytext=(3, 0),
-        textcoords="offset points",
-        va="center",
-        color="0.4",
-        fontsize="medium",
-        annotation_clip=False,
-    )

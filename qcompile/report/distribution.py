@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from qcompile.arrays import FloatArray
-from qcompile.report.figure import Figure, literal
+from qcompile.report.figure import Figure, literal, write_title
 from qcompile.report.legend import labelled, legend_below
 from qcompile.report.style import AnyStyle, Style
 
@@ -75,7 +75,7 @@ def draw_distributions(
         axes.spines["left"].set_visible(False)
         axes.set_xlabel("reward of an episode")
         if title:
-            drawing.suptitle(literal(title), x=0.01, ha="left")
+            write_title(drawing, title)
         legend_below(drawing, labelled(axes))
     return Figure(drawing, look)
 

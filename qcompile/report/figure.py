@@ -7,16 +7,20 @@ import warnings
 from io import BytesIO
 from os import PathLike
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
+from qcompile.characters import for_markup
 from qcompile.errors import FigureError
-from qcompile.output import write_file
+from qcompile.output import checked_path, write_file
 from qcompile.report.style import Style
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawing
 
 SUFFIXES = (".png", ".svg", ".pdf")
+_TITLE_AT = 0.01
+"""Where a title begins, of the width of a figure."""
 
 _UNDATED: dict[str, dict[str, Any]] = {
     "png": {"Software": None},
@@ -76,13 +80,20 @@ class Figure:
 
         Raises:
             FigureError: the file has another ending; as `png`.
+            OptionError: the path is neither a name nor a path.
             OutputError: the file cannot be written.
         """
-        file = Path(path)
+        file = checked_path(path)
         check_figure_path(file)
-        svg = file.suffix == ".svg"
-        contents = self.svg().encode() if svg else self._file(file.suffix.removeprefix("."))
-        write_file(file, contents)
+        write_file(file, self.contents(file.suffix))
+
+    def contents(self, suffix: str) -> bytes:
+        """The bytes of a file with this suffix.
+
+        Raises:
+            FigureError: as `png`.
+        """
+        return self.svg().encode() if suffix == ".svg" else self._file(suffix.removeprefix("."))
 
     def _file(self, form: str) -> bytes:
         if form not in self._files:
@@ -107,6 +118,21 @@ class Figure:
         return f"Figure({width:.1f} x {height:.1f} in; .save('figure.pdf') writes it)"
 
 
+def write_title(drawing: Drawing, words: str) -> None:
+    """Write the title above a drawing, in lines that fit.
+
+    A figure.titlesize of 0, in the style that is applied, leaves it out.
+    """
+    import matplotlib as mpl
+
+    if mpl.rcParams["figure.titlesize"] == 0:
+        return
+    title = drawing.suptitle(literal(words), x=_TITLE_AT, ha="left")
+    share = title.get_window_extent().width / ((1 - 2 * _TITLE_AT) * drawing.bbox.width)
+    if share > 1:
+        title.set_text(literal("\n".join(wrap(words, max(int(len(words) / share), 1)))))
+
+
 def literal(words: str) -> str:
     """Words as they are: to matplotlib a pair of dollars would be mathematics."""
-    return words.replace("$", r"\$")
+    return for_markup(words).replace("$", r"\$")

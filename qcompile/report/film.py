@@ -81,7 +81,7 @@ class Film:
     """
 
     def __init__(self, path: Path | None = None):
-        self._path, suffix = path, ".mp4"
+        self.path, suffix = path, ".mp4"
         if path is not None:
             check_suffix(path)
             check_writable(path)
@@ -98,6 +98,7 @@ class Film:
         """The last picture, where it is not in the film yet."""
         self._stills: list[tuple[int, Picture]] = []
         self.frames = 0
+        self._keeps_earlier = False
         self.clip: Clip | None = None
 
     def __enter__(self) -> Film:
@@ -107,12 +108,16 @@ class Film:
         self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
     ) -> None:
         try:
-            if kind is None and self.frames:
+            if kind is None and self.frames and not self._keeps_earlier:
                 self._finish()
         finally:
             self._end()
             self._said.close()
             self._folder.cleanup()
+
+    def keep_earlier(self) -> None:
+        """Make no film where `path` has one already: this one is not worth more."""
+        self._keeps_earlier = self.path is not None and self.path.exists()
 
     def _end(self) -> None:
         """Leave no process behind."""
@@ -185,8 +190,8 @@ class Film:
         if self._format is _FORMATS[".gif"]:
             self._draft = self._gif(self._draft)
         data = self._draft.read_bytes()
-        if self._path is not None:
-            write_file(self._path, data)
+        if self.path is not None:
+            write_file(self.path, data)
         self.clip = Clip.of(data, self._format.media_type, self._still(), self.frames, self._rate)
 
     def _gif(self, draft: Path) -> Path:

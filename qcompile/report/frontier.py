@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from qcompile.report.figure import Figure, literal
+from qcompile.report.figure import Figure, write_title
 from qcompile.report.legend import labelled, legend_below
 from qcompile.report.style import AnyStyle, Style
+from qcompile.report.tables import plural
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,11 +30,8 @@ def draw_frontier(plan: dict[str, Any], style: AnyStyle = None) -> Figure:
         drawing = look.drawing(1.2 * look.height_in)
         axes = drawing.subplots()
         _draw(axes, plan, look.colours)
-        drawing.suptitle(
-            f"{plan['episodes']} episodes on {literal(plan['backend'])}; numbers are shots",
-            x=0.01,
-            ha="left",
-        )
+        words = f"{plural(plan['episodes'], 'episode')} on {plan['backend']}; numbers are shots"
+        write_title(drawing, words)
         legend_below(drawing, labelled(axes))
     return Figure(drawing, look)
 
@@ -91,7 +89,7 @@ def _draw(axes: Axes, plan: dict[str, Any], colours: list[Any]) -> None:
             color=_GREY,
         )
     axes.set_xscale("log")
-    axes.set_xlabel("QPU seconds, by IBM's published estimate")
+    axes.set_xlabel("QPU seconds,\nby IBM's published estimate")
     axes.set_ylabel("mean reward")
 
 

@@ -1,212 +1,134 @@
-"""Means with their intervals, in columns, as figures."""
+"""Means with their intervals as figures: in columns, or over the number of shots."""
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from textwrap import wrap
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from qcompile.report.figure import Figure, literal
-from qcompile.report.legend import labelled, legend_below
+from qcompile.report.columns import Columns
+from qcompile.report.figure import Figure, literal, write_title
+from qcompile.report.legend import legend_below, letter_width_in
+from qcompile.report.lines import Lines
+from qcompile.report.means import Panel, draw_across, write_height
 from qcompile.report.style import AnyStyle, Style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import SubFigure
+    from matplotlib.text import Text
 
-_MARKERS = "osD^vP"
-_GREY = "0.45"
-_SPREAD = 0.6
-_LETTERS_PER_INCH = 15
-"""Of a column's name; twelve at least are left together."""
-_LEAST_LETTERS = 12
-_INTERVAL_IN, _SIDES_IN = 0.13, 0.35
-"""What an interval needs, and what a panel needs besides its columns."""
-_LINES = {"ideal": "ideal, exact expectations", "band": "its 95 % interval", "solved": "solved"}
-
-
-@dataclass(frozen=True)
-class Interval:
-    """A mean between `low` and `high`, in the column of that name.
-
-    Intervals of one `group` share a colour, those of one `variant` a marker; `grey` ones are what
-    the others are compared with.
-    """
-
-    column: str
-    group: str
-    variant: str
-    mean: float
-    low: float
-    high: float
-    grey: bool = False
-
-    @property
-    def label(self) -> str:
-        return ", ".join(part for part in (self.group, self.variant) if part)
-
-
-@dataclass(frozen=True)
-class Panel:
-    """Intervals on one axis; `ideal` (mean, low, high) and `solved` are drawn across.
-
-    Panels of one `scale` share the axis of rewards.
-    """
-
-    title: str
-    intervals: Sequence[Interval]
-    ideal: tuple[float, float, float] | None = None
-    solved: float | None = None
-    scale: str = ""
+_MOST_IN_COLUMNS = 2
+"""More numbers of shots than these have an axis."""
+_LINE_EM = 1.3
+"""The height of a line, in font sizes."""
+_SIDES_IN = 0.35
+"""What is left beside the name of a panel."""
 
 
 def draw_intervals(title: str, panels: Sequence[Panel], style: AnyStyle = None) -> Figure:
     """The panels side by side, in one column or across two, and in several rows where they must be.
 
+    A panel has a column for each device; more than two numbers of shots have an axis instead.
+
     Raises:
         FigureError: the style cannot be read.
     """
     look = Style.of(style)
-    rows = _rows(panels, look.page_in)
-    wide = len(rows) > 1 or sum(map(_width_in, panels)) > look.column_in
-    labels = _labels(panels)
-    groups = list(dict.fromkeys(i.group for panel in panels for i in panel.intervals if not i.grey))
-    variants = list(dict.fromkeys(i.variant for panel in panels for i in panel.intervals))
-    scales: dict[str, Axes] = {}
+    form = (Lines if _is_sweep(panels) else Columns)(panels, look)
     with look.applied():
+        widths = [form.width_in(panel) for panel in form.panels]
+        rows = _rows(widths, look.page_in)
+        wide = len(rows) > 1 or sum(widths) > look.column_in
         drawing = look.drawing(len(rows) * look.height_in, wide=wide)
-        drawing.suptitle(literal(title), x=0.01, ha="left")
-        width_in = look.page_in if wide else look.column_in
+        write_title(drawing, title)
+        across: dict[str, Any] = {}
+        scales: dict[str, Axes] = {}
+        titles: list[Text] = []
         parts = drawing.subfigures(len(rows), 1, squeeze=False)[:, 0]
+        longest_in = max(sum(widths[index] for index in row) for row in rows)
         for part, row in zip(parts, rows, strict=True):
-            for axes, panel in zip(_panes(part, row), row, strict=True):
-                _draw(axes, panel, labels, groups, variants, look)
-                letters = int(_LETTERS_PER_INCH * width_in * _width_in(panel) / _row_in(row))
-                _name_columns(axes, panel, letters // len(_columns(panel)))
+            own = [widths[index] for index in row]
+            panes = _panes(part, own, longest_in - sum(own))
+            for axes, index in zip(panes, row, strict=True):
+                panel = form.panels[index]
+                width_in = drawing.get_figwidth() * widths[index] / longest_in
+                across |= draw_across(axes, panel)
+                form.draw(axes, panel, width_in)
+                titles.append(_write_name(axes, panel.title, width_in))
+                axes.grid(axis="y")
                 axes.sharey(scales.setdefault(panel.scale, axes))
-            _write_scales(part.axes, row)
+            _write_scales(panes, [form.panels[index] for index in row])
         for axes in scales.values():
             axes.autoscale_view(scalex=False)  # to the intervals of all panels that share it
-        found = labelled(*drawing.axes)
-        order = [*(label for label in labels if label in found), *_LINES.values()]
-        legend_below(drawing, {label: found[label] for label in order if label in found})
+        names = [label for axes in drawing.axes for label in axes.get_xticklabels()]
+        more_in = len(rows) * (_more_in(titles, drawing.dpi) + _more_in(names, drawing.dpi))
+        drawing.set_figheight(drawing.get_figheight() + more_in)
+        legend_below(drawing, form.samples() | across)
     return Figure(drawing, look)
 
 
-def _rows(panels: Sequence[Panel], page_in: float) -> list[list[Panel]]:
-    """The panels in rows that a page has room for, each as full as the first ones let it be."""
-    rows: list[list[Panel]] = [[]]
-    for panel in panels:
-        if rows[-1] and _row_in([*rows[-1], panel]) > page_in:
+def _is_sweep(panels: Sequence[Panel]) -> bool:
+    """Whether a panel has more numbers of shots than columns show."""
+    counts = (len({interval.shots for interval in panel.intervals}) for panel in panels)
+    return max(counts, default=0) > _MOST_IN_COLUMNS
+
+
+def _rows(widths: Sequence[float], page_in: float) -> list[list[int]]:
+    """The panels in as few rows as a page has room for, and these as even as they can be."""
+    rows = _filled(widths, page_in)
+    while True:
+        widest_in = max(sum(widths[index] for index in row) for row in rows)
+        even = _filled(widths, widest_in - 1e-6)
+        if even == rows or len(even) > len(rows):
+            return rows
+        rows = even
+
+
+def _filled(widths: Sequence[float], most_in: float) -> list[list[int]]:
+    """The panels in rows, each as full as the first ones let it be."""
+    rows: list[list[int]] = [[]]
+    for index, width_in in enumerate(widths):
+        if rows[-1] and sum(widths[other] for other in rows[-1]) + width_in > most_in:
             rows.append([])
-        rows[-1].append(panel)
+        rows[-1].append(index)
     return rows
 
 
-def _row_in(row: Sequence[Panel]) -> float:
-    return sum(map(_width_in, row))
+def _panes(part: SubFigure, widths: Sequence[float], rest: float) -> list[Axes]:
+    """Axes of these widths; a `rest` that one more would fit into stays empty."""
+    empty = [rest] * (rest >= min(widths))
+    panes = part.subplots(
+        1, len(widths) + len(empty), squeeze=False, width_ratios=[*widths, *empty]
+    )
+    for axes in panes[0, len(widths) :]:
+        axes.set_axis_off()
+    return [*panes[0, : len(widths)]]
 
 
-def _width_in(panel: Panel) -> float:
-    """What a panel needs, in inches."""
-    densest = max(Counter(i.column for i in panel.intervals).values(), default=1)
-    longest = max((len(line) for name in _columns(panel) for line in name.splitlines()), default=0)
-    name_in = (min(longest, _LEAST_LETTERS) + 1) / _LETTERS_PER_INCH
-    return len(_columns(panel)) * max(name_in, _INTERVAL_IN * (densest + 1)) + _SIDES_IN
+def _write_name(axes: Axes, name: str, width_in: float) -> Text:
+    """Write what a panel shows above it, in lines that do not reach the next one."""
+    letters = max(int((width_in - _SIDES_IN) / letter_width_in("axes.titlesize")), 1)
+    return axes.set_title(literal("\n".join(wrap(name, letters))))
 
 
-def _panes(part: SubFigure, row: Sequence[Panel]) -> Sequence[Axes]:
-    widths = [_width_in(panel) for panel in row]
-    panes: Sequence[Axes] = part.subplots(1, len(row), squeeze=False, width_ratios=widths)[0]
-    return panes
-
-
-def _name_columns(axes: Axes, panel: Panel, letters: int) -> None:
-    """Write the names of the columns, in lines of limited length: a path may be long."""
-    most = max(letters, _LEAST_LETTERS)
-    names = [
-        "\n".join(line for part in name.splitlines() for line in wrap(part, most))
-        for name in _columns(panel)
-    ]
-    axes.set_xticks(range(len(names)), [literal(name) for name in names])
+def _more_in(words: Sequence[Text], dpi: float) -> float:
+    """How much higher than a line the highest of some words are, in inches."""
+    return max(
+        0.0,
+        *(
+            text.get_window_extent().height / dpi - _LINE_EM * float(text.get_fontsize()) / 72
+            for text in words
+        ),
+    )
 
 
 def _write_scales(panes: Sequence[Axes], row: Sequence[Panel]) -> None:
     """The axis of rewards, and where it is solved, once for neighbours of one scale."""
-    panes[0].set_ylabel("mean reward, 95 % interval")
+    panes[0].set_ylabel("mean reward,\n95 % interval")
     for index, (axes, panel) in enumerate(zip(panes, row, strict=True)):
         if index and row[index - 1].scale == panel.scale:
             axes.tick_params(labelleft=False)
         follows = index + 1 < len(row) and row[index + 1].scale == panel.scale
         if panel.solved is not None and not follows:
-            axes.annotate(
-                f"{panel.solved:g}".replace("-", "−"),
-                (1.0, panel.solved),
-                xycoords=("axes fraction", "data"),
-                xytext=(3, 0),
-                textcoords="offset points",
-                va="center",
-                fontsize="medium",
-                color="0.4",
-                annotation_clip=False,
-            )
-
-
-def _draw(
-    axes: Axes,
-    panel: Panel,
-    labels: list[str],
-    groups: list[str],
-    variants: list[str],
-    style: Style,
-) -> None:
-    columns, colours = _columns(panel), style.colours
-    for index, column in enumerate(columns):
-        inside = [i for i in panel.intervals if i.column == column]
-        inside.sort(key=lambda i: labels.index(i.label))
-        offsets = (np.arange(len(inside)) - (len(inside) - 1) / 2) * _SPREAD / max(len(inside), 3)
-        if index % 2:
-            axes.axvspan(index - 0.5, index + 0.5, color="0.5", alpha=0.07, lw=0, zorder=0)
-        for interval, offset in zip(inside, offsets, strict=True):
-            variant = variants.index(interval.variant)
-            colour = (
-                _GREY if interval.grey else colours[groups.index(interval.group) % len(colours)]
-            )
-            axes.errorbar(
-                index + offset,
-                interval.mean,
-                [[max(interval.mean - interval.low, 0)], [max(interval.high - interval.mean, 0)]],
-                fmt="D" if interval.grey else _MARKERS[variant % len(_MARKERS)],
-                color=colour,
-                markerfacecolor=axes.get_facecolor() if variant % 2 else colour,
-                elinewidth=1.0,
-                label=interval.label,
-                zorder=3,
-            )
-    if panel.ideal is not None:
-        mean, low, high = panel.ideal
-        line = str(axes.xaxis.label.get_color())
-        axes.axhspan(low, high, color=line, alpha=0.08, lw=0, zorder=1, label=_LINES["band"])
-        axes.axhline(mean, color=line, linewidth=0.8, label=_LINES["ideal"], zorder=2)
-    if panel.solved is not None:
-        axes.axhline(panel.solved, color="0.5", lw=0.8, ls=":", label=_LINES["solved"], zorder=2)
-    axes.set_xlim(-0.5, len(columns) - 0.5)
-    axes.tick_params(axis="x", length=0)
-    axes.grid(axis="y")
-    axes.set_title(literal(panel.title))
-
-
-def _columns(panel: Panel) -> list[str]:
-    return list(dict.fromkeys(interval.column for interval in panel.intervals))
-
-
-def _labels(panels: Sequence[Panel]) -> list[str]:
-    """The labels of all intervals, those of a group together."""
-    intervals = [interval for panel in panels for interval in panel.intervals]
-    groups = list(dict.fromkeys(interval.group for interval in intervals))
-    intervals.sort(key=lambda interval: (interval.grey, groups.index(interval.group)))
-    return list(dict.fromkeys(interval.label for interval in intervals))
+            write_height(axes, panel.solved)

@@ -1,9 +1,10 @@
-"""Legends below a figure, in as many columns as fit."""
+"""Legends below a figure, in as few lines as fit."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 from qcompile.report.figure import literal
@@ -11,8 +12,8 @@ from qcompile.report.figure import literal
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawing
 
-_LETTER_EM, _HANDLE_EM, _LINE_EM = 0.6, 4.0, 1.5
-"""The width of a letter, that of a sample with its gaps and the height of a line, in font sizes."""
+_LETTER_EM, _HANDLE_EM = 0.68, 4.0
+"""The width of a letter, and that of a sample with its gaps, in font sizes."""
 
 
 def legend_below(drawing: Drawing, entries: Mapping[str, Any]) -> None:
@@ -20,24 +21,33 @@ def legend_below(drawing: Drawing, entries: Mapping[str, Any]) -> None:
 
     The drawing grows by the height of the legend: the axes keep theirs.
     """
+    if not entries:
+        return
+    width_in, height_in = drawing.get_size_inches()
+    letter_in = letter_width_in("legend.fontsize")
+    letters = max(int(width_in / letter_in - _HANDLE_EM / _LETTER_EM), 1)
+    labels = [literal("\n".join(wrap(label, letters))) for label in entries]
+    for rows in range(1, len(entries) + 1):
+        legend = drawing.legend(
+            [*entries.values()],
+            labels,
+            loc="outside lower center",
+            ncols=math.ceil(len(entries) / rows),
+        )
+        box = legend.get_window_extent()
+        if box.width <= width_in * drawing.dpi or rows == len(entries):
+            drawing.set_size_inches(width_in, height_in + box.height / drawing.dpi)
+            return
+        legend.remove()
+
+
+def letter_width_in(setting: str) -> float:
+    """The width of a letter, in inches, in the font size that a setting of the style names."""
     import matplotlib as mpl
     from matplotlib.font_manager import FontProperties
 
-    if not entries:
-        return
-    em_in = FontProperties(size=mpl.rcParams["legend.fontsize"]).get_size_in_points() / 72
-    width_in, height_in = drawing.get_size_inches()
-    longest_in = (max(map(len, entries)) * _LETTER_EM + _HANDLE_EM) * em_in
-    columns = min(max(1, int(width_in / longest_in)), len(entries))
-    rows = math.ceil(len(entries) / columns)
-    columns = math.ceil(len(entries) / rows)
-    drawing.set_size_inches(width_in, height_in + rows * _LINE_EM * em_in)
-    drawing.legend(
-        [*entries.values()],
-        [literal(label) for label in entries],
-        loc="outside lower center",
-        ncols=columns,
-    )
+    size: Any = mpl.rcParams[setting]  # type: ignore[index]
+    return _LETTER_EM * FontProperties(size=size).get_size_in_points() / 72
 
 
 def labelled(*axes: Any) -> dict[str, Any]:

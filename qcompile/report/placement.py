@@ -9,11 +9,22 @@ from typing import Any
 
 import click
 
-from qcompile.noise import REFERENCE_SHOTS, USABLE_CONTRAST
+from qcompile.calibration import Calibration
+from qcompile.device import Device
+from qcompile.noise import REFERENCE_SHOTS, USABLE_CONTRAST, unusable
 from qcompile.report.tables import plural, print_table
 
 PERFECT = math.sqrt(2 / 3 / REFERENCE_SHOTS)
 """The error of a perfect qubit, from shot noise: the mean of 1 - z^2 over z in [-1, 1] is 2/3."""
+
+
+def left_out(device: Device, calibration: Calibration | None = None) -> dict[int, str]:
+    """The qubits that are not used, with the reasons; the twin of a calibration has no others."""
+    calibrated = range(len(device.qubits)) if calibration is None else calibration.qubits
+    return {
+        qubit: reason if qubit in calibrated else "was not calibrated"
+        for qubit, reason in unusable(device).items()
+    }
 
 
 def print_placement(values: dict[str, Any]) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from qcompile.report.figure import Figure, literal
+from qcompile.report.figure import Figure, write_title
 from qcompile.report.legend import labelled, legend_below
 from qcompile.report.style import AnyStyle, Style
 from qcompile.report.tables import interval_words
@@ -36,8 +36,7 @@ def draw_rewards(summary: dict[str, Any], style: AnyStyle = None) -> Figure:
         axes.axhline(0, color=_GREY, linewidth=0.6)
         axes.set_xlabel("episode")
         axes.set_ylabel("reward")
-        title = literal(f"{summary['policy']} on {summary['backend']}")
-        drawing.suptitle(title, x=0.01, ha="left")
+        write_title(drawing, f"{summary['policy']} on {summary['backend']}")
         axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
         legend_below(drawing, labelled(axes))
     return Figure(drawing, look)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from qcompile.report.figure import Figure, literal
+from qcompile.report.figure import Figure, write_title
 from qcompile.report.legend import labelled, legend_below
 from qcompile.report.style import AnyStyle, Style
 
@@ -33,7 +33,7 @@ def draw_seconds(plan: dict[str, Any], style: AnyStyle = None) -> Figure:
         axes.set_xscale("log")
         axes.set_xlim(min(*seconds, free) / 2, max(*seconds, free) * 20)
         axes.invert_yaxis()
-        axes.set_xlabel("QPU seconds, by IBM's published estimate")
-        drawing.suptitle(literal(f"{plan['policy']} on {plan['backend']}"), x=0.01, ha="left")
+        axes.set_xlabel("QPU seconds,\nby IBM's published estimate")
+        write_title(drawing, f"{plan['policy']} on {plan['backend']}")
         legend_below(drawing, labelled(axes))
     return Figure(drawing, look)

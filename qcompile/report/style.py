@@ -14,18 +14,20 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from qcompile.errors import FigureError
+from qcompile.errors import FigureError, QcompileError
+from qcompile.output import checked_path
 from qcompile.reading.files import ContentsError, read_file
 from qcompile.reading.text import decode
+from qcompile.report.fonts import fonts_noted_once
+from qcompile.terminal import first_line
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawing
 
 HOUSE = Path(__file__).with_name("qcompile.mplstyle")
+_PACKAGE = HOUSE.parent.parent
 
 _GAP_IN = 0.2
-_PAGE_IN = 4.5
-"""A style with wider figures than this draws for a page: its widest figures stay as they are."""
 _MOST_BYTES = 1 << 20
 _FOREIGN = re.compile(
     r"(animation|backend|docstring|interactive|keymap|pgf|timezone|tk|toolbar|webagg)(\..*|_.*)?"
@@ -33,15 +35,25 @@ _FOREIGN = re.compile(
     r"|savefig\.(directory|format)|svg\.image_inline"
 )
 """Settings of windows, programs and other files; none of how a figure looks."""
-_LIMITS = {"savefig.dpi": (30, 1200), "figure.dpi": (30, 1200), "font.size": (1, 100)}
+_LIMITS = {
+    "savefig.dpi": (30, 1200),
+    "figure.dpi": (30, 1200),
+    "font.size": (1, 100),
+    "savefig.pad_inches": (0, 5),
+}
 _SIZE_IN = (0.5, 40.0)
 
 
 @dataclass(frozen=True)
 class Style:
-    """Settings of matplotlib: the house's, and over them those of a file."""
+    """Settings of matplotlib: the house's, and over them those of a file.
+
+    With `one_width`, because the file sets figure.figsize, every figure has the width that it says.
+    """
 
     settings: Mapping[str, Any]
+    file: Path | None = None
+    one_width: bool = False
 
     @classmethod
     def of(cls, style: Style | str | PathLike[str] | None) -> Style:
@@ -49,11 +61,15 @@ class Style:
 
         Raises:
             FigureError: the file cannot be read, or holds what matplotlib does not take.
+            OptionError: it is neither a style nor a file.
         """
         if isinstance(style, Style):
             return style
-        house = _read(HOUSE)
-        return cls(house if style is None else {**house, **_read(Path(style))})
+        if style is None:
+            return cls(_house())
+        file = checked_path(style, "style")
+        own = _settings(file)
+        return cls({**_house(), **own}, file, one_width="figure.figsize" in own)
 
     @property
     def colours(self) -> list[Any]:
@@ -69,12 +85,11 @@ class Style:
     @property
     def page_in(self) -> float:
         """The width of a figure across two columns, in inches."""
-        width = self.column_in
-        return width if width > _PAGE_IN else 2 * width + _GAP_IN
+        return self.column_in if self.one_width else 2 * self.column_in + _GAP_IN
 
     @property
     def height_in(self) -> float:
-        """The usual height of a figure, in inches."""
+        """The usual height of a row of panels, in inches."""
         return float(self.settings["figure.figsize"][1])
 
     def drawing(self, height_in: float, *, wide: bool = False) -> Drawing:
@@ -89,18 +104,33 @@ class Style:
 
     @contextmanager
     def applied(self) -> Iterator[None]:
-        """What is drawn within looks like this, whatever else matplotlib was told."""
+        """What is drawn within looks like this, whatever else matplotlib was told.
+
+        Raises:
+            FigureError: nothing can be drawn with the settings of the file.
+        """
         import matplotlib as mpl
 
         settings: Any = mpl.rcParams
         default = {
             key: value for key, value in mpl.rcParamsDefault.items() if not _FOREIGN.fullmatch(key)
         }
-        with warnings.catch_warnings(), mpl.rc_context():
+        with warnings.catch_warnings(), mpl.rc_context(), fonts_noted_once():
             warnings.simplefilter("ignore", mpl.MatplotlibDeprecationWarning)
             settings.update(default)
             settings.update({"text.usetex": False, **self.settings})
-            yield
+            try:
+                yield
+            except QcompileError:
+                raise
+            except Exception as error:
+                if self.file is None or _PACKAGE in self.file.parents:
+                    raise  # a defect of qcompile
+                raise FigureError(
+                    f"Nothing can be drawn with {self.file}.",
+                    f"matplotlib fails: {type(error).__name__}: {first_line(str(error))}",
+                    "Remove its settings one by one to find the one that matplotlib cannot use.",
+                ) from error
 
 
 AnyStyle: TypeAlias = Style | str | PathLike[str] | None
@@ -110,10 +140,6 @@ AnyStyle: TypeAlias = Style | str | PathLike[str] | None
 @cache
 def _house() -> Mapping[str, Any]:
     return _settings(HOUSE)
-
-
-def _read(path: Path) -> Mapping[str, Any]:
-    return _house() if path == HOUSE else _settings(path)
 
 
 def _settings(path: Path) -> dict[str, Any]:
@@ -148,7 +174,7 @@ def _settings(path: Path) -> dict[str, Any]:
             raise FigureError(
                 f"{path}, line {number}: matplotlib has no setting {name[:60]!r}."
             ) from None
-        except ValueError as error:
+        except Exception as error:  # matplotlib raises ValueError, TypeError, RuntimeError
             raise FigureError(f"{path}, line {number}: {_one_line(error)}.") from None
     return dict(found)
 
@@ -197,6 +223,6 @@ def _check_value(name: str, value: Any) -> None:
             raise ValueError(f"{name} is between {least} and {most}")
 
 
-def _one_line(error: ValueError) -> str:
+def _one_line(error: Exception) -> str:
     words = " ".join(str(error).split()).removeprefix("Key ").rstrip(".")
     return words if len(words) <= 200 else f"{words[:197]}..."

@@ -12,7 +12,7 @@ from rich.text import Text
 
 from qcompile.mitigation import CALIBRATION_SHOTS
 from qcompile.mitigation.misfit import misfit_warnings
-from qcompile.notebook import reward_text
+from qcompile.notebook import reward_form, reward_text
 from qcompile.policy.decision import hold_text
 from qcompile.report.tables import cost_in_words, interval_words, plural, wide_console
 
@@ -45,14 +45,31 @@ def run_facts(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     return [(name, Text.from_markup(words).plain) for name, words in _setting_lines(summary)]
 
 
+def interruption(summary: Mapping[str, Any], requested: int) -> list[str]:
+    """That Ctrl-C ended a run of `requested` episodes, and what it means; empty if it did not."""
+    if not summary["interrupted"]:
+        return []
+    finished = len(summary["episodes"])
+    words = f"Interrupted: {finished} of {requested} episodes finished."
+    bias = "These are the shortest ones: their mean does not estimate the policy's score."
+    if summary["speculate"] != 1:
+        bias = "Which ones finished depends on the predictions, so no mean is reported."
+    return [words, bias] if finished else [words]
+
+
+def caveats(summary: Mapping[str, Any]) -> list[str]:
+    """What a reader must know before the mean reward, of the lines of `print_run`."""
+    lines = [*_equal_lines(summary), *(_cut_lines(summary) if summary.get("cut_episodes") else [])]
+    words = [Text.from_markup(f"{name.capitalize()}: {words}").plain for name, words in lines]
+    return [*words, *misfit_warnings(summary.get("calibration_misfits", []))]
+
+
 def kind_words(kind: str) -> str:
     """What results of a backend of that kind are."""
     return _KINDS.get(kind, kind)
 
 
 def _reward_lines(summary: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
-    from qcompile.deploy.intervals import unseen_share
-
     rewards = [episode["reward"] for episode in summary["episodes"]]
     if rewards:
         interval = interval_words(summary)
@@ -63,13 +80,22 @@ def _reward_lines(summary: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
                 "mean reward",
                 f"[bold]{mean}[/] ± {deviation} over {plural(len(rewards), 'episode')}{interval}",
             )
-        yield "rewards", f"{_bars(rewards)}  {min(rewards):.0f} to {max(rewards):.0f}"
-        if interval and min(rewards) == max(rewards):
-            share = f"{unseen_share(len(rewards)):.0%}"
-            yield (
-                "all equal",
-                f"but up to {share} of all episodes may have other rewards, with 95 % confidence",
-            )
+        low, high = min(rewards), max(rewards)
+        form = reward_form(low, high)
+        yield "rewards", f"{_bars(rewards)}  {low:{form}} to {high:{form}}"
+        yield from _equal_lines(summary)
+
+
+def _equal_lines(summary: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
+    from qcompile.deploy.intervals import unseen_share
+
+    rewards = [episode["reward"] for episode in summary["episodes"]]
+    if interval_words(summary) and min(rewards) == max(rewards):
+        share = f"{100 * unseen_share(len(rewards)):.0f} %"
+        yield (
+            "all equal",
+            f"up to {share} of all episodes may still have other rewards, with 95 % confidence",
+        )
 
 
 def _setting_lines(summary: Mapping[str, Any]) -> Iterable[tuple[str, str]]:

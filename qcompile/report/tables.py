@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Container, Iterable, Mapping, Sequence
 from typing import Any, Literal
@@ -12,15 +13,17 @@ from rich.markup import escape
 from rich.table import Table as RichTable
 
 from qcompile.mitigation.misfit import misfit_warnings
-from qcompile.notebook import reward_digits, reward_text
+from qcompile.notebook import reward_form, reward_text
 from qcompile.policy.decision import hold_text
 from qcompile.report.console import PlainConsole, console
-from qcompile.report.table import Cell, Column, Table
+from qcompile.report.table import INTERVAL_NAME, Cell, Column, Table
 
 _LEAST_FOR_INTERVAL = 5
 _LEAST_TEXT = 12
 """Letters of a name that stay together."""
 _UNBOUNDED = PlainConsole(width=100_000)
+_NOTHING = 1e-9
+"""A difference of less than this share of the rewards is rounding."""
 
 
 def print_table(
@@ -76,7 +79,8 @@ def _widths(columns: Sequence[str], cells: Sequence[Sequence[str]], room: int) -
     """The width of each column; the widest give way, one by one, where `room` is negative."""
     widths, least = [], []
     for header, column in zip(columns, cells, strict=True):
-        inside = max(map(cell_len, column), default=0)
+        lines = [line for cell in column for line in cell.split("\n")]
+        inside = max(map(cell_len, lines), default=0)
         is_text = any(cell[:1].isalpha() and cell_len(cell) > _LEAST_TEXT for cell in column)
         word = max(map(cell_len, header.split()), default=0)
         widths.append(max(cell_len(header), inside))
@@ -102,7 +106,7 @@ def print_grid(objects: Sequence[Mapping[str, Any]]) -> None:
     for policy in dict.fromkeys(values["policy"] for values in objects):
         results = [values for values in objects if values["policy"] == policy]
         played = plural(len(results[0]["episodes"]), "episode")
-        title = f"{policy} in {results[0]['environment']}, {played}"
+        title = f"{policy} in {environment_words(results[0])}, {played}"
         if not levels and results[0]["circuits_per_step"]:
             title += f", level {results[0]['level']}"
         title += ", greedy" * results[0]["greedy"]
@@ -110,23 +114,41 @@ def print_grid(objects: Sequence[Mapping[str, Any]]) -> None:
             title += f", each decision {hold_text(hold)}"
         rows = [_grid_row(values, levels) for values in results]
         print_table(_grid_columns(levels), rows, title, tight=True)
-        for values in results:
-            for words in misfit_warnings(values.get("calibration_misfits", [])):
-                wide_console().print(escape(f"{values['backend']}: {words}"))
+        for words in grid_warnings(results):
+            wide_console().print(escape(words))
 
 
-def grid_table(objects: Sequence[Mapping[str, Any]]) -> Table:
+def grid_warnings(objects: Sequence[Mapping[str, Any]]) -> list[str]:
+    """What a reader of the results must know first."""
+    return [
+        f"{values['backend']}: {words}"
+        for values in objects
+        for words in misfit_warnings(values.get("calibration_misfits", []))
+    ]
+
+
+def environment_words(values: Mapping[str, Any]) -> str:
+    """The environment of a result, with its arguments in JSON."""
+    if not (arguments := values.get("environment_kwargs")):
+        return str(values["environment"])
+    words = ", ".join(f"{name}={json.dumps(value)}" for name, value in arguments.items())
+    return f"{values['environment']} ({words})"
+
+
+def grid_table(objects: Sequence[Mapping[str, Any]], notes: Sequence[str] = ()) -> Table:
     """The same in one table for all policies."""
     levels = _has_levels(objects)
-    environments = list(dict.fromkeys(values["environment"] for values in objects))
-    several = len(environments) > 1
+    environments = list(dict.fromkeys(map(environment_words, objects)))
+    named = len(environments) > 1 or any(v.get("environment_kwargs") for v in objects)
+    holds = any(values.get("hold", 1) > 1 for values in objects)
     columns = [
-        Column("policy", right=False),
-        *[Column("environment", right=False)] * several,
-        Column("backend", right=False),
-        Column("shots"),
-        Column("mitigation", right=False),
-        *[Column("level")] * levels,
+        Column("policy", right=False, setting=True),
+        *[Column("environment", right=False, setting=True)] * named,
+        *[Column("hold", setting=True)] * holds,
+        Column("backend", right=False, setting=True),
+        Column("shots", setting=True),
+        Column("mitigation", right=False, setting=True),
+        *[Column("level", setting=True)] * levels,
         *(SCORE, INTERVAL),
         Column("to ideal", parts=("to ideal",)),
         Column("solved", right=False),
@@ -139,22 +161,64 @@ def grid_table(objects: Sequence[Mapping[str, Any]]) -> Table:
             score_cell(values["mean_reward"], values["std_reward"]),
             interval_cell(values),
             Cell(str(scores[2]), (difference,)),
-            str(scores[3]),
+            Cell.of({True: "yes", False: "no", None: None}[values["solved"]]),
         ]
-        named = [values["policy"], *[values["environment"]] * several]
-        rows.append([*named, *map(str, settings), *cells])
+        first = [values["policy"], *[environment_words(values)] * named]
+        first += [str(values.get("hold", 1))] * holds
+        by = values["backend"] if values["reference"] else ""
+        backend, *others = map(str, settings)
+        chosen = [Cell(word, (word,), by) for word in others]
+        rows.append([*first, backend, *chosen, *cells])
+    if not objects:
+        return Table(columns, rows)
     played = plural(len(objects[0]["episodes"]), "episode")
     greedy = ", greedy" * objects[0]["greedy"]
-    return Table(columns, rows, f"{' and '.join(environments)}, {played}{greedy}")
+    return Table(columns, rows, f"{' and '.join(environments)}, {played}{greedy}", notes)
 
 
 SCORE = Column("mean ± std", parts=("mean reward", "standard deviation"))
-INTERVAL = Column("95 % interval", parts=("95 % interval, low", "95 % interval, high"))
+INTERVAL = Column(INTERVAL_NAME, parts=(f"{INTERVAL_NAME}, low", f"{INTERVAL_NAME}, high"))
+_UNCUT = Column(
+    "its 95 % interval", parts=("95 % interval uncut, low", "95 % interval uncut, high")
+)
+
+
+def run_table(summary: Mapping[str, Any], requested: int, notes: Sequence[str] = ()) -> Table:
+    """A row for a run of `requested` episodes, with columns for what was cut or left out."""
+    finished = len(summary["episodes"])
+    row: dict[Column, Cell | str] = {
+        Column("policy", right=False): summary["policy"],
+        Column("backend", right=False): summary["backend"],
+        Column("kind", right=False): summary["kind"],
+        Column("shots"): Cell.of(summary["shots"]),
+        Column("mitigation", right=False): (
+            "predistort" if summary["predistort"] else summary["mitigation"]
+        ),
+    }
+    if summary["hold"] > 1:
+        row[Column("hold")] = Cell.of(summary["hold"])
+    if summary["interrupted"]:
+        asked = Column("episodes", parts=("episodes", "episodes asked for"))
+        row[asked] = Cell(f"{finished} of {requested}", (finished, requested))
+    else:
+        row[Column("episodes")] = Cell.of(finished)
+    row[Column("mean reward")] = reward_cell(summary["mean_reward"])
+    row[INTERVAL] = interval_cell(summary)
+    if summary["cut_episodes"]:
+        row[Column("cut")] = Cell.of(summary["cut_episodes"])
+        row[Column("mean uncut")] = reward_cell(summary["mean_reward_completed"])
+        row[_UNCUT] = interval_cell(summary, "ci95_completed")
+    return Table([*row], [[*row.values()]], notes=notes)
 
 
 def score_cell(mean: float | None, deviation: float | None = None) -> Cell:
     """The mean of rewards, and their standard deviation, for a column such as SCORE."""
     return Cell("-" if mean is None else reward_text(mean, deviation), (mean, deviation))
+
+
+def reward_cell(mean: float | None) -> Cell:
+    """The mean of rewards alone."""
+    return Cell("-" if mean is None else reward_text(mean), (mean,))
 
 
 def interval_cell(summary: Mapping[str, Any], key: str = "ci95") -> Cell:
@@ -182,9 +246,17 @@ def _grid_row(values: Mapping[str, Any], levels: bool) -> list[object]:
         *[values["level"]] * levels,
         reward_text(values["mean_reward"], values["std_reward"]),
         interval_words(values) or "-",
-        "-" if values["reference"] or difference is None else reward_text(difference, sign="+"),
+        "-"
+        if values["reference"] or difference is None
+        else difference_text(difference, values["mean_reward"]),
         {True: "yes", False: "no", None: "-"}[values["solved"]],
     ]
+
+
+def difference_text(difference: float, mean: float) -> str:
+    """A difference of mean rewards, as rewards of that size are shown."""
+    is_rounding = abs(difference) < _NOTHING * abs(mean)
+    return reward_text(0.0 if is_rounding else difference, sign="+")
 
 
 def interval_words(summary: Mapping[str, Any], key: str = "ci95") -> str:
@@ -192,8 +264,8 @@ def interval_words(summary: Mapping[str, Any], key: str = "ci95") -> str:
     if summary.get(key) is None or len(summary["episodes"]) < _LEAST_FOR_INTERVAL:
         return ""
     low, high = summary[key]
-    digits = reward_digits(low, high)
-    return f"{low:.{digits}f} to {high:.{digits}f}"
+    form = reward_form(low, high)
+    return f"{low:{form}} to {high:{form}}"
 
 
 def plural(count: int, word: str) -> str:

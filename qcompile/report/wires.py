@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import click
@@ -11,13 +11,14 @@ import numpy as np
 from qcompile.arrays import FloatArray
 from qcompile.calibration import Calibration
 from qcompile.ir import Circuit
-from qcompile.noise import expected_error, unusable
+from qcompile.noise import expected_error
 from qcompile.passes import LEVELS, Executable
 from qcompile.policy import Policy
 from qcompile.policy.decision import hold_values
+from qcompile.policy.encoder import BITS
 from qcompile.report.drawing.text import gate_words
-from qcompile.report.placement import print_placement
-from qcompile.report.tables import print_hold, print_table
+from qcompile.report.placement import left_out, print_placement
+from qcompile.report.tables import plural, print_hold, print_table
 
 
 def wire(circuit: Circuit) -> str:
@@ -43,6 +44,7 @@ def executable_values(
     importance = np.ones(len(native)) if importance is None else importance
     shares = importance / (importance.sum() or 1.0)
     circuits = []
+    inputs = {name: index for index, name in enumerate(executable.source.inputs)}
     rows = zip(executable.source.circuits, native.circuits, executable.gate_counts(), strict=True)
     for index, (source, compiled, counts) in enumerate(rows):
         qubit = int(executable.qubits[index])
@@ -50,6 +52,7 @@ def executable_values(
             {
                 "circuit": index if numbers is None else numbers[index],
                 "source": str(source),
+                **({} if policy is None else {"reads": _reads(source, policy, inputs)}),
                 "compiled": str(compiled),
                 "gates_before": len(source),
                 "gates": dict(sorted(counts.items())),
@@ -60,7 +63,6 @@ def executable_values(
                 "expected_error": None if device.is_ideal else expected_error(device, qubit),
             }
         )
-    calibrated = range(len(device.qubits)) if calibration is None else calibration.qubits
     values = {
         "backend": device.name,
         "level": executable.level,
@@ -69,8 +71,8 @@ def executable_values(
         "rounds": executable.round_count,
         "copies_that_fit": executable.copies_that_fit,
         "left_out": [
-            {"qubit": qubit, "reason": reason if qubit in calibrated else "was not calibrated"}
-            for qubit, reason in unusable(device).items()
+            {"qubit": qubit, "reason": reason}
+            for qubit, reason in left_out(device, calibration).items()
         ],
         "circuits": circuits,
         "definitions": [str(late) for late in native.late_angles],
@@ -94,7 +96,7 @@ def print_executable(executable: Executable, values: dict[str, Any]) -> None:
     circuits, level = executable.source.circuits, executable.level
     if policy := values.get("policy"):
         click.echo(
-            f"{policy['name']} for {policy['environment']}: {len(circuits)} circuits, "
+            f"{policy['name']} for {policy['environment']}: {plural(len(circuits), 'circuit')}, "
             f"{policy['actions']} actions, {policy['parameters']} trained numbers"
         )
         print_hold(policy.get("hold", 1))
@@ -103,11 +105,59 @@ def print_executable(executable: Executable, values: dict[str, Any]) -> None:
         click.echo(f"  before  {wire(circuits[0])}")
         click.echo(f"  after   {wire(executable.native.circuits[0])}")
     print_table(
-        ["circuit", "before", f"after, for {values['backend']}"],
-        [[row["circuit"], row["source"], row["compiled"]] for row in values["circuits"]],
+        ["circuit", *["reads"] * bool(policy), "before", f"after, for {values['backend']}"],
+        [
+            [
+                row["circuit"],
+                *([_reading_words(row["reads"])] if policy else []),
+                row["source"],
+                row["compiled"],
+            ]
+            for row in values["circuits"]
+        ],
+        tight=True,
     )
+    if policy:
+        click.echo(_legend(values["circuits"]))
     if values["definitions"]:
         click.echo("Angles computed when an observation is bound, such as")
         click.echo(f"  {values['definitions'][0]}")
     if not executable.device.is_ideal:
         print_placement(values)
+
+
+def _reads(circuit: Circuit, policy: Policy, numbers: Mapping[str, int]) -> list[dict[str, Any]]:
+    """What each input of a circuit reads of an observation; `numbers` are those of the inputs."""
+    names = sorted({*circuit.symbols} & numbers.keys(), key=numbers.__getitem__)
+    return [{"input": name, **policy.encoder.reading(numbers[name])} for name in names]
+
+
+def _reading_words(reads: Sequence[dict[str, Any]]) -> str:
+    """Scale and feature of each input, such as 2.5*obs[3]; named where there are several."""
+    named = len(reads) > 1
+    return "\n".join(f"{read['input']}: " * named + _reading(read) for read in reads)
+
+
+def _reading(read: dict[str, Any]) -> str:
+    if read["function"] == BITS:
+        words = f"bit {read['feature']}"
+    else:
+        words = f"obs[{read['feature']}]"
+        if "mean" in read:
+            words = f"({words}{-read['mean']:+.3g})"
+        if "std" in read:
+            words += f"/{read['std']:.3g}"
+        if read["scale"] != 1:
+            words = f"{read['scale']:.3g}*{words}"
+    return words if read.get("gain", 1) == 1 else f"{words}, gain {read['gain']:.3g}"
+
+
+def _legend(circuits: Sequence[dict[str, Any]]) -> str:
+    """What the column `reads` means."""
+    reads = [read for row in circuits for read in row["reads"]]
+    functions = " or ".join(dict.fromkeys(read["function"] for read in reads))
+    if functions == BITS:
+        words = "a bit of the observation, a number; x is pi times the bit"
+    else:
+        words = f"a feature of the observation (obs) times its scale; x is its {functions}"
+    return f"reads: {words}" + ", times the gain" * any("gain" in read for read in reads)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from qcompile.errors import TrainingError
 from qcompile.notebook import count
 from qcompile.policy import Ansatz, AnyPolicy, Policy
+from qcompile.policy.files import trained_name
 from qcompile.rl.acting_noise import ActingNoise
 from qcompile.rl.average import Average
 from qcompile.rl.draw import draw_actions
@@ -178,8 +179,7 @@ class Trainer:
             metadata["circuits"] = model.circuits_metadata()
         if self.arguments:
             metadata["environment_kwargs"] = self.arguments
-        name = self.environment.rsplit("-v", 1)[0].lower()
-        policy = model.policy(name, self.environment, metadata)
+        policy = model.policy(trained_name(self.environment), self.environment, metadata)
         policy = replace(policy, environment_kwargs=self.arguments, hold=self.settings.hold)
         if isinstance(policy, Policy):
             temperature = self.settings.temperature

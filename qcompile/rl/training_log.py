@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
+from qcompile.caller import option
 from qcompile.errors import MissingExtraError, OutputError
 from qcompile.output import check_writable
 from qcompile.rl.order import AVERAGED, StartOrder
@@ -134,7 +135,7 @@ class TensorBoard:
         try:
             from torch.utils.tensorboard import SummaryWriter
         except ImportError as error:
-            raise MissingExtraError("--tensorboard", "tensorboard") from error
+            raise MissingExtraError(option("tensorboard"), "tensorboard") from error
         check_writable(folder / "events")
         purge = steps + 1 if steps else None
         make: Any = SummaryWriter

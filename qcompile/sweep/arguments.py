@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from qcompile.caller import option
 from qcompile.errors import OptionError
 
 Name = str | PathLike[str]
@@ -55,7 +56,7 @@ def shots_of(shots: Shots) -> int | None:
     if shots is None or shots == "exact":
         return None
     if isinstance(shots, bool) or not isinstance(shots, Integral):
-        raise OptionError(f'shots {shots!r} is not a whole number, "exact" or None.')
+        raise OptionError(f'{option("shots")} {shots!r} is not a whole number, "exact" or None.')
     return int(shots)
 
 

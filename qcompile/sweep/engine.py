@@ -18,6 +18,7 @@ from urllib.parse import urlsplit
 
 import joblib
 
+from qcompile.caller import option
 from qcompile.errors import MissingExtraError, QcompileError, StudyError
 from qcompile.sweep.workers import deaf_children, end_with
 from qcompile.terminal import first_line
@@ -86,7 +87,7 @@ def run_all(
                 if losses == _MOST_LOSSES:
                     raise StudyError(
                         f"Workers stopped {losses} times without finishing a {noun} ({words}).",
-                        "Each needs about 500 MB of memory; try fewer --workers.",
+                        f"Each needs about 500 MB of memory; try fewer {option('workers')}.",
                         f"Finished {noun}s are kept; the same command resumes with the others.",
                     ) from error
                 again = f"{len(waiting)} {noun}{'s' * (len(waiting) != 1)}"
@@ -144,7 +145,7 @@ def _engine(engine: Engine, address: str | None, workers: int | None) -> Iterato
         if address is not None:
             raise StudyError(
                 f"The engine 'processes' takes no address, found {address!r}.",
-                "Use --engine dask or --engine ray.",
+                f"Use {option('engine')} dask or {option('engine')} ray.",
             )
         yield workers or joblib.cpu_count()
     elif engine == "dask":
@@ -162,7 +163,7 @@ def _dask(address: str | None, workers: int | None) -> Iterator[None]:
     try:
         from distributed import Client, LocalCluster
     except ImportError as error:
-        raise MissingExtraError("--engine dask", "dask") from error
+        raise MissingExtraError(f"{option('engine')} dask", "dask") from error
     if address is None:
         with (
             LocalCluster(
@@ -208,7 +209,7 @@ def _ray(address: str | None, workers: int | None) -> Iterator[None]:
         import ray
         from ray.util.joblib import register_ray
     except ImportError as error:
-        raise MissingExtraError("--engine ray", "ray") from error
+        raise MissingExtraError(f"{option('engine')} ray", "ray") from error
     options: dict[str, Any] = {"log_to_driver": False, "logging_level": "error"}
     if address is None:
         ray.init(num_cpus=workers or joblib.cpu_count(), include_dashboard=False, **options)
@@ -231,5 +232,5 @@ def _check_reachable(what: str, address: str, form: str) -> None:
     except (OSError, ValueError) as error:
         raise StudyError(
             f"There is no {what} at {address!r} ({error}).",
-            f"An address looks like {form}. Without --address, one is started here.",
+            f"An address looks like {form}. Without {option('address')}, one is started here.",
         ) from error

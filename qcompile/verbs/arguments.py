@@ -16,6 +16,7 @@ from typing import Any, ParamSpec, TypeVar
 import numpy as np
 
 from qcompile.calibration import Calibration, age_warnings, load_calibration
+from qcompile.caller import option
 from qcompile.errors import OptionError
 from qcompile.limits import MAX_EPISODES
 from qcompile.page.words import call as call_words
@@ -78,7 +79,8 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
             bound.arguments[name] = _argument(name, value, str(form.parameters[name].annotation))
         result = function(*bound.args, **bound.kwargs)
         if isinstance(result, Reported):
-            result.call = call_words(function.__name__, bound.arguments)
+            paths = [name for name, one in form.parameters.items() if "Name" in str(one.annotation)]
+            result.call = call_words(function.__name__, bound.arguments, paths)
         return result
 
     return call
@@ -102,11 +104,13 @@ def calibration_settings(calibration: Name | Calibration | None, on_note: Words)
 def _argument(name: str, value: Any, annotation: str) -> Any:
     plain, fits = _plain(value, annotation)
     if not fits:
-        raise OptionError(f"{name} cannot be {_shown(value)}.", f"It must be {_words(annotation)}.")
+        raise OptionError(
+            f"{option(name)} cannot be {_shown(value)}.", f"It must be {_words(annotation)}."
+        )
     least, most = _RANGES.get(name, (-math.inf, math.inf))
     if isinstance(plain, int | float) and not least <= plain <= most:
         limit = f"in [{least}, {most}]" if most < math.inf else f"{least} or more"
-        raise OptionError(f"{name} cannot be {_shown(value)}.", f"It must be {limit}.")
+        raise OptionError(f"{option(name)} cannot be {_shown(value)}.", f"It must be {limit}.")
     return plain
 
 

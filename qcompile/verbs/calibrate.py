@@ -9,6 +9,7 @@ from typing import Any
 
 from qcompile.arrays import FloatArray, IntArray
 from qcompile.calibration import Calibration, load_calibration, load_counts
+from qcompile.caller import option
 from qcompile.device import Device
 from qcompile.errors import CalibrationError, OptionError
 from qcompile.execution import Backend, Executor, open_executor
@@ -92,7 +93,8 @@ def calibrate_into(
         OutputError: a file already exists, or cannot be written.
         QcompileError: as for `calibrate`; also if a fit fails, with the counts in the file.
     """
-    return _measure(request, CalibrationOutputs(path_of(out), force, path_of(plot), style))
+    outputs = CalibrationOutputs(path_of(out), force, path_of(plot), style, request.reads)
+    return _measure(request, outputs)
 
 
 def check_calibration(
@@ -115,12 +117,15 @@ def check_calibration(
         QcompileError: as for `calibrate_into`.
     """
     if request.shots is None:
-        raise OptionError("A check compares counts, so shots cannot be exact.")
+        raise OptionError(f"A check compares counts, so {option('shots')} cannot be exact.")
     if force and out is None:
-        raise OptionError("force needs out: without it a check writes no file.")
-    outputs = CalibrationOutputs(path_of(out), force, path_of(plot), style)
+        raise OptionError(
+            f"{option('force')} needs {option('out')}: without it a check writes no file."
+        )
     file = None if isinstance(old, Calibration) else Path(old)
-    outputs.check_words(check=file)
+    reads = {**request.reads, option("check"): file}
+    outputs = CalibrationOutputs(path_of(out), force, path_of(plot), style, reads)
+    outputs.check_words()
     request.check_words()
     known = old if isinstance(old, Calibration) else load_calibration(Path(old))
     result = _measure(request, outputs, known)
@@ -160,8 +165,9 @@ def refit(
         OutputError: a file already exists, or cannot be written.
     """
     file = Path(counted)
-    outputs = CalibrationOutputs(path_of(out), force, path_of(plot), style)
-    outputs.check_words(**{"from": file})
+    reads = {option("from"): file}
+    outputs = CalibrationOutputs(path_of(out), force, path_of(plot), style, reads)
+    outputs.check_words()
     counts = load_counts(file)
     outputs = outputs.into(counts.backend)
     outputs.check_files()

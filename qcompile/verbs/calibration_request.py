@@ -10,12 +10,15 @@ import numpy as np
 
 from qcompile.arrays import IntArray
 from qcompile.calibration import Calibration
-from qcompile.device import Device
+from qcompile.caller import option
+from qcompile.clashes import Named
+from qcompile.device import Device, backend_path
 from qcompile.errors import CalibrationError, OptionError
 from qcompile.mitigation.measure import PARTS, Part, check_qubits
 from qcompile.noise import unusable, usable
 from qcompile.passes import compile
 from qcompile.policy import Policy, load_circuits
+from qcompile.policy.files import policy_path
 from qcompile.report.placement import left_out_words
 from qcompile.sweep.arguments import Name, Words, ignore, several
 from qcompile.verbs.live import Live, check_live
@@ -42,18 +45,30 @@ class CalibrationRequest:
             OptionError: they contradict each other.
         """
         if self.qubits is not None and self.policy is not None:
-            raise OptionError("qubits and policy cannot be combined: both choose the qubits.")
+            raise OptionError(
+                f"{option('qubits')} and {option('policy')} cannot be combined: both choose the "
+                "qubits."
+            )
         for part in self.asked:
             if part not in PARTS:
                 raise OptionError(f"{part!r} is neither readout nor response.")
         check_live(self.live)
         if self.live is None:
             return
-        for option, given in (("seed", self.seed is not None), ("shots exact", self.shots is None)):
+        exact = f"{option('shots')} exact"
+        for name, given in ((option("seed"), self.seed is not None), (exact, self.shots is None)):
             if given:
-                raise OptionError(f"{option} cannot be combined with live.")
+                raise OptionError(f"{name} cannot be combined with {option('live')}.")
         if not isinstance(self.backend, str):
             raise OptionError("A live calibration needs the name of an IBM machine.")
+
+    @property
+    def reads(self) -> Named:
+        """The files of the backend and the policy."""
+        return {
+            option("backend"): backend_path(self.backend),
+            option("policy"): policy_path(self.policy),
+        }
 
     @property
     def asked(self) -> tuple[Part, ...]:
@@ -72,7 +87,7 @@ class CalibrationRequest:
         if device.is_ideal and old is None:
             raise CalibrationError(
                 f"{device.name} needs no calibration: it has no errors.",
-                "To measure some of its perfect qubits anyway, name them with --qubits.",
+                f"To measure some of its perfect qubits anyway, name them with {option('qubits')}.",
             )
         if self.policy is not None:
             policy = load_circuits(self.policy)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from qcompile.calibration import Calibration
+from qcompile.caller import option
+from qcompile.clashes import Named, check_clashes
 from qcompile.device import Device
 from qcompile.errors import CalibrationError, OptionError
 from qcompile.limits import CLOCK_HOURS
@@ -18,37 +20,47 @@ from qcompile.mitigation.misfit import misfit_warnings
 from qcompile.output import check_writable
 from qcompile.page.calibration import calibration_document
 from qcompile.page.document import Document
+from qcompile.page.words import without_folders
 from qcompile.report.calibration_values import calibration_table
 from qcompile.report.figure import Figure, check_figure_path
-from qcompile.report.style import AnyStyle, Style
+from qcompile.report.style import AnyStyle
 from qcompile.report.table import Table
-from qcompile.verbs.files import check_distinct, check_new
+from qcompile.report.trial import check_style
+from qcompile.verbs.files import check_new
 from qcompile.verbs.reports import Reported
 
 
 @dataclass(frozen=True)
 class CalibrationOutputs:
-    """The files of a calibration: `out`, overwritten only with `force`, and a figure."""
+    """The files of a calibration: `out`, overwritten only with `force`, and a figure.
+
+    `reads` are the files that it is made from or compared with.
+    """
 
     out: Path | None = None
     force: bool = False
     plot: Path | None = None
     style: AnyStyle = None
+    reads: Named = field(default_factory=dict)
 
-    def check_words(self, **inputs: Path | None) -> None:
-        """Check the file names against each other and against the input files.
+    def check_words(self) -> None:
+        """Check the file names against each other and against the files that are read.
 
         Raises:
-            FigureError: the suffix of the figure is unknown, or the style cannot be read.
+            FigureError: the suffix of the figure is unknown, or nothing can be drawn in the style.
             OptionError: two names are the same file.
         """
         if self.plot is not None:
             check_figure_path(self.plot)
-            Style.of(self.style)
+            if self.style is not None:
+                check_style("calibration", self.style, self.plot)
         elif self.style is not None:
-            raise OptionError("style is the style of plot: name a file to draw to.")
-        check_distinct({**inputs, "plot": self.plot})
-        check_distinct({"out": self.out, "plot": self.plot})
+            raise OptionError(
+                f"{option('style')} is the style of {option('plot')}: name a file to draw to."
+            )
+        older = [frozenset({option(name), option("out")}) for name in ("check", "from", "backend")]
+        writes = {option("out"): self.out, option("plot"): self.plot}
+        check_clashes(self.reads, writes, allowed=older)  # `force` protects these
 
     def into(self, backend: str) -> CalibrationOutputs:
         """The same outputs; `out` defaults to the usual file name for the backend."""
@@ -102,18 +114,17 @@ class CalibrationResult(Reported):
 
     def table(self) -> Table:
         """A row for each qubit."""
-        return calibration_table(self.to_dict())
+        return calibration_table(self.to_dict(), self.warnings)
+
+    @property
+    def warnings(self) -> list[str]:
+        """What a reader must know before the fits."""
+        return misfit_warnings(self.to_dict()["calibration_misfits"])
 
     def document(self, command: str) -> Document:
-        values = self.to_dict()
-        warnings = [*misfit_warnings(values["calibration_misfits"]), *self._warnings()]
         return calibration_document(
-            self.calibration, values, self.plot, warnings=warnings, command=command
+            self.calibration, self.to_dict(), self.plot, warnings=self.warnings, command=command
         )
-
-    def _warnings(self) -> Sequence[str]:
-        """What a reader must know first."""
-        return ()
 
 
 class DriftCheck(CalibrationResult):
@@ -135,10 +146,12 @@ class DriftCheck(CalibrationResult):
         self.failures = _failures(self.to_dict(), max_age_hours)
         self._backend = backend
 
-    def _warnings(self) -> Sequence[str]:
+    @property
+    def warnings(self) -> list[str]:
         if self.holds:
-            return ()
-        return ["\n".join((f"{self.to_dict()['check']['file']} no longer holds.", *self.failures))]
+            return super().warnings
+        file = without_folders(self.to_dict()["check"]["file"])
+        return [*super().warnings, "\n".join((f"{file} no longer holds.", *self.failures))]
 
     @property
     def holds(self) -> bool:

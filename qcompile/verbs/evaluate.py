@@ -2,34 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 from qcompile.calibration import Calibration
-from qcompile.deploy.registration import import_modules
+from qcompile.caller import option
+from qcompile.clashes import beside
+from qcompile.deploy.registration import import_modules, module_path
 from qcompile.device import Device
 from qcompile.errors import StudyError
 from qcompile.execution import Backend
+from qcompile.output import file_name
 from qcompile.page.circuits import Compiled
 from qcompile.page.document import Document
 from qcompile.page.evaluation import evaluation_document
+from qcompile.page.words import without_folders
 from qcompile.policy import AnyPolicy
 from qcompile.report import progress as bars
 from qcompile.report.figure import Figure
-from qcompile.report.intervals import draw_intervals
 from qcompile.report.style import AnyStyle
 from qcompile.report.table import Table
-from qcompile.report.tables import grid_table, plural
+from qcompile.report.tables import grid_table, grid_warnings, plural
 from qcompile.sweep.arguments import Name, Shots, Words, ignore, several
 from qcompile.sweep.complete import CellFailure
 from qcompile.sweep.engine import Engine
 from qcompile.sweep.evaluation import run as grids
-from qcompile.sweep.evaluation.write_up import panels
+from qcompile.sweep.evaluation.write_up import figure
 from qcompile.verbs.arguments import checked
 from qcompile.verbs.reports import Reported
+
+_NAMED = ("policy", "backend", "calibration")
+"""What of a result may be named by a path."""
 
 
 class EvaluationResult(Reported):
@@ -67,42 +74,64 @@ class EvaluationResult(Reported):
     def plot(self, policy: str | None = None, style: AnyStyle = None) -> Figure:
         """Mean rewards and their 95 % intervals, a panel per policy, or of one policy only.
 
-        Policies of one environment share the axis of rewards.
+        Policies of one environment share the axis of rewards. More than two numbers of shots have
+        an axis, and each backend and mitigation a line.
 
         Raises:
             FigureError: the style cannot be read.
-            StudyError: there is no such policy.
+            StudyError: there is no such policy, or no cell could be played.
         """
+        if not self.cells:
+            raise StudyError("There is nothing to draw: no cell could be played.")
         names = list(dict.fromkeys(values["policy"] for values in self.cells))
         if policy is not None and policy not in names:
             raise StudyError(
                 f"There is no policy {policy!r} in the grid.", f"It has: {', '.join(names)}."
             )
-        shown = names if policy is None else [policy]
-        drawing = [
-            panel
-            for name in shown
-            for panel in panels([cell for cell in self.cells if cell["policy"] == name], name)
-        ]
-        episodes = plural(len(self.cells[0]["episodes"]), "episode")
-        environments = {cell["environment"] for cell in self.cells if cell["policy"] in shown}
-        greedy = ", greedy" * self.cells[0]["greedy"]
-        title = f"{' and '.join(sorted(environments))}, {episodes}{greedy}"
-        return draw_intervals(title, drawing, style)
+        return figure(self.cells, names if policy is None else [policy], style)
 
     def document(self, command: str) -> Document:
+        names = _page_names(self._evaluation.typed)
         cells = self._evaluation.cells
         played = [cell for cell in cells if not cell.is_reference] or cells
+        policies = {cell.policy.name: cell.policy for cell in cells}
+        for typed in names.keys() & policies:
+            policies[typed] = replace(policies[typed], name=names[typed])
         compiled = {
-            (cell.policy.name, cell.backend.device.name, cell.level): Compiled(
-                cell.policy, cell.backend.device, cell.level
+            (cell.policy.name, cell.backend.name, cell.level): Compiled(
+                policies[cell.policy.name],
+                cell.backend.device,
+                cell.level,
+                calibration=cell.backend.calibration,
+                backend=names.get(cell.backend.name, cell.backend.name),
             )
             for cell in played
         }
-        warnings = [f"{failure.name}: {failure.words}" for failure in self.failures]
+        renamed = [
+            {**cell, **{key: names.get(cell[key], cell[key]) for key in _NAMED}}
+            for cell in self.cells
+        ]
         return evaluation_document(
-            self.cells, self.plot, [*compiled.values()], warnings=warnings, command=command
+            renamed,
+            lambda policy, style: figure(renamed, [policy], style),
+            [*compiled.values()],
+            warnings=self._warnings(renamed, names),
+            command=command,
         )
+
+    @property
+    def warnings(self) -> list[str]:
+        """What a reader must know before the results."""
+        return self._warnings(self.cells, {})
+
+    def _warnings(self, cells: Sequence[Mapping[str, Any]], names: Mapping[str, str]) -> list[str]:
+        lines = grid_warnings(cells)
+        for failure in self.failures:
+            cell = failure.name
+            for typed, name in names.items():
+                cell = cell.replace(file_name(typed), file_name(name))
+            lines.append(f"{cell}: {failure.words}")
+        return lines
 
     @property
     def remark(self) -> str:
@@ -113,7 +142,7 @@ class EvaluationResult(Reported):
 
     def table(self) -> Table:
         """A row for each cell."""
-        return grid_table(self.cells)
+        return grid_table(self.cells, self.warnings)
 
 
 @checked
@@ -156,8 +185,10 @@ def evaluate(
         QcompileError: a name, a file or a combination cannot be used; an output cannot be written;
             Ctrl-C. Cells that fail on their own are in `failures` instead.
     """
-    import_modules(several(imports))
-    with _folder(out) as folder, bars.progress_bar("evaluate", 1, enabled=progress) as show:
+    modules = several(imports)
+    import_modules(modules)
+    files = beside(reads={option("imports"): [*map(module_path, modules)]})
+    with files, _folder(out) as folder, bars.progress_bar("evaluate", 1, enabled=progress) as show:
         evaluation = grids.evaluate(
             policies,
             backends,
@@ -214,6 +245,16 @@ def evaluate_paper(
             on_loss=on_note,
         )
     return EvaluationResult(evaluation, evaluation.paths)
+
+
+def _page_names(typed: Iterable[str]) -> dict[str, str]:
+    """What a page calls what was typed: paths by their files, numbered if two have one name."""
+    names: dict[str, str] = {}
+    for path in sorted(typed):
+        name = without_folders(path)
+        same = sum(without_folders(other) == name for other in names)
+        names[path] = f"{name} ({same + 1})" if same else name
+    return names
 
 
 @contextmanager

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from qcompile.caller import option
 from qcompile.errors import BudgetError, OptionError
 from qcompile.execution import Workload
 from qcompile.limits import FREE_SECONDS, MAX_QPU_SECONDS
@@ -103,7 +104,7 @@ def spend(
         raise BudgetError(
             f"The run needs {seconds:.1f} QPU seconds and 1 in reserve, more than the limit of "
             f"{live.max_qpu_seconds:g}. Nothing was sent.",
-            "Raise --max-qpu-seconds, or use fewer shots, episodes or steps. "
+            f"Raise {option('max_qpu_seconds')}, or use fewer shots, episodes or steps. "
             "`qcompile plan --within SECONDS` finds cheaper settings.",
         )
     if left_s is not None and seconds > left_s:
@@ -111,7 +112,7 @@ def spend(
             f"The run needs {seconds:.1f} QPU seconds, but IBM's plan has only {left_s:.0f} left: "
             "its jobs would stay in the queue. Nothing was sent.",
             f"The Open Plan gives {FREE_SECONDS:g} in 28 days. To use another instance, add "
-            "--instance.",
+            f"{option('instance')}.",
         )
     live.confirm("Spend this QPU time?")
     with begin(Path(live.runs), task, live.max_qpu_seconds) as journal:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from os import PathLike
 from typing import Any, Literal
 
 from qcompile.calibration import Calibration
-from qcompile.deploy.registration import import_modules
+from qcompile.caller import option
+from qcompile.clashes import check_clashes
+from qcompile.deploy.registration import import_modules, module_path
 from qcompile.deploy.settings import RunSettings
-from qcompile.device import Device
+from qcompile.device import Device, backend_path
 from qcompile.errors import BudgetError, DeviceError, OptionError
 from qcompile.execution import Backend, Executor, load_backend
 from qcompile.execution.backend import DeviceBackend
@@ -18,12 +20,14 @@ from qcompile.live.connection import Connection
 from qcompile.page.circuits import Compiled
 from qcompile.page.document import Document
 from qcompile.page.plan import plan_document
+from qcompile.page.words import HIDDEN, PRIVATE, without_folders
 from qcompile.planning.command import run_command
 from qcompile.planning.point import Point
 from qcompile.planning.search import KEEP, Goal, search
 from qcompile.planning.strategies import forecast, run_task, strategies
 from qcompile.policy import Policy, load_circuits
 from qcompile.policy.arguments import with_arguments
+from qcompile.policy.files import policy_path
 from qcompile.report import progress as bars
 from qcompile.report.figure import Figure
 from qcompile.report.frontier import draw_frontier
@@ -32,6 +36,7 @@ from qcompile.report.style import AnyStyle
 from qcompile.report.table import Cell, Column, Table
 from qcompile.sweep.arguments import Name, Words, ignore, several, shots_of
 from qcompile.verbs.arguments import calibration_settings, checked
+from qcompile.verbs.files import path_of
 from qcompile.verbs.reports import Reported
 from qcompile.verbs.within import advice, frontier_table, within_values
 
@@ -46,9 +51,14 @@ class Plan(Reported):
     least as good. `recommended` has the cheapest of them that keep the reward and fit, or None.
     """
 
-    def __init__(self, values: Mapping[str, Any], compiled: Compiled | None = None):
+    def __init__(
+        self,
+        values: Mapping[str, Any],
+        compiled: Compiled | None = None,
+        shared_command: str | None = None,
+    ):
         super().__init__(values)
-        self._compiled = compiled
+        self._compiled, self._shared_command = compiled, shared_command
 
     @property
     def strategies(self) -> list[dict[str, Any]]:
@@ -84,6 +94,7 @@ class Plan(Reported):
             self.plot,
             self._compiled,
             remark=self.remark,
+            recommended=self._shared_command,
             command=command,
         )
 
@@ -174,13 +185,20 @@ def plan(
     """
     if shots_of(1 if shots is None else shots) is None:
         raise OptionError("A plan needs a number of shots: a machine cannot give exact values.")
-    for option, value in (("account", account), ("instance", instance)):
+    for name, value in (("account", account), ("instance", instance)):
         if value is not None and not live:
-            raise OptionError(f"{option} needs live.")
+            raise OptionError(f"{option(name)} needs {option('live')}.")
     names = several(policy)
     if within is None and (len(names) != 1 or keep != KEEP):
-        what = "keep needs" if len(names) == 1 else f"{len(names)} policies need"
-        raise OptionError(f"{what} within, a limit of QPU seconds.")
+        what = f"{option('keep')} needs" if len(names) == 1 else f"{len(names)} policies need"
+        raise OptionError(f"{what} {option('within')}, a limit of QPU seconds.")
+    reads = {
+        "the policy": [*map(policy_path, names)],
+        option("backend"): backend_path(backend),
+        option("calibration"): path_of(calibration),
+        option("imports"): [*map(module_path, several(imports))],
+    }
+    check_clashes(reads, {})
     import_modules(several(imports))
     policies = [with_arguments(load_circuits(name), env, for_file=True) for name in names]
     opened = _opened(backend, account, instance, live=live)
@@ -202,9 +220,8 @@ def plan(
         title = f"planning for {opened.device.name}"
         with bars.progress_bar(title, 1.0, enabled=progress) as show:
             searched = search(policies, opened, goal, show)
-    chosen = policies[0]
-    if searched is not None and searched.recommended is not None:
-        chosen = searched.recommended.policy
+    point = None if searched is None else searched.recommended
+    chosen = policies[0] if point is None else point.policy
     settings = RunSettings.of(settings, **{"shots": _SHOTS, "copies": copies, **given})
     task = run_task(chosen, opened.device, settings, episodes, backend=opened.device.name)
     forecasted = forecast(task, opened)
@@ -221,22 +238,35 @@ def plan(
         "free_seconds": FREE_SECONDS,
         "strategies": [way.values(usd_per_second) for way in strategies(task, forecasted)],
     }
+    shared_command = None
     if searched is not None:
         words = dict(zip(map(id, policies), names, strict=True))
         spend = {"max-qpu-seconds": within, "account": account, "instance": instance}
 
-        def command(point: Point) -> str | None:
+        def command(point: Point, named: Callable[[str], str] = str) -> str | None:
             typed = words[id(point.policy)], backend, calibration or ""
             if not all(isinstance(word, str | PathLike) for word in typed):
                 return None  # an object has no name to type
             policy, machine, _ = map(str, typed)
             modules = [*map(str, several(imports))]
-            return run_command(point, policy, machine, modules, env, spend if live else {})
+            shown = spend if named is str else _without_account(spend)
+            return run_command(point, policy, machine, modules, env, shown if live else {}, named)
 
         way, reward = values["strategies"][0], float(forecasted.rewards.mean())
         values["paper"] = way | {"shots": task.shots, "mean_reward": reward}
         values |= within_values(searched, command)
-    return Plan(values, Compiled(chosen, opened.device, task.level, task.copies or 1))
+        shared_command = None if point is None else command(point, without_folders)
+    played = task.copies if point is None else point.settings.copies
+    compiled = Compiled(chosen, opened.device, task.level, played or 1, opened.calibration)
+    return Plan(values, compiled, shared_command)
+
+
+def _without_account(spend: Mapping[str, Any]) -> dict[str, Any]:
+    """The options of a live run as a page shows them."""
+    return {
+        name: HIDDEN if name in PRIVATE and value is not None else value
+        for name, value in spend.items()
+    }
 
 
 def _opened(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from qcompile.caller import option
 from qcompile.deploy.settings import RunSettings
 from qcompile.device import Device
 from qcompile.execution.backend import DeviceBackend
@@ -70,5 +71,5 @@ def live_settings(
             f"{point.most_seconds:.0f} QPU seconds."
         )
     else:
-        on_note(f"Planned settings: {words}. To choose others, add --shots.")
+        on_note(f"Planned settings: {words}. To choose others, add {option('shots')}.")
     return point.settings

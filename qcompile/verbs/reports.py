@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
+from qcompile.errors import OptionError
+from qcompile.output import checked_path
 from qcompile.page.document import Document
 from qcompile.page.render import write_report
 from qcompile.sweep.arguments import Name
@@ -26,7 +26,13 @@ class Reported(Result):
         page shows `command`, by default the Python call.
 
         Raises:
-            OptionError: the file does not end with .html.
+            OptionError: the file does not end with .html; the command is no string.
             OutputError: it cannot be written.
         """
-        write_report(self.document(self.call if command is None else command), Path(path))
+        file = checked_path(path)
+        if not isinstance(command, str | None):
+            raise OptionError(
+                f"command cannot be of type {type(command).__name__}.",
+                "It must be a string or None.",
+            )
+        write_report(self.document(self.call if command is None else command), file)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from html import escape
-from pathlib import Path
 from typing import Any
 
-from qcompile.output import write_file
+from qcompile.notebook import html_paragraphs
+from qcompile.output import checked_path, write_file
 from qcompile.report.table import Table
 from qcompile.sweep.arguments import Name
 
@@ -27,10 +26,11 @@ class Result:
         """Write `to_dict` as JSON to a file, which is overwritten.
 
         Raises:
+            OptionError: the path is neither a name nor a path.
             OutputError: the file cannot be written.
         """
         text = json.dumps(self.to_dict(), indent=1, allow_nan=False)
-        write_file(Path(path), (text + "\n").encode())
+        write_file(checked_path(path), (text + "\n").encode())
 
     def table(self) -> Table:
         """What `repr` and notebooks show: a table that is saved as .md, .csv or .tex."""
@@ -45,5 +45,4 @@ class Result:
         return "\n".join(filter(None, [str(self.table()), self.remark]))
 
     def _repr_html_(self) -> str:
-        remark = f"<p>{escape(self.remark)}</p>" if self.remark else ""
-        return self.table()._repr_html_() + remark
+        return self.table()._repr_html_() + html_paragraphs([self.remark] if self.remark else [])

@@ -8,141 +8,40 @@ from pathlib import Path
 from typing import Any, Literal
 
 from qcompile.calibration import Calibration
+from qcompile.caller import option
+from qcompile.clashes import check_clashes
 from qcompile.deploy.depth import Speculate
 from qcompile.deploy.filming import Frame
 from qcompile.deploy.lockstep import Episode
 from qcompile.deploy.network import refuse_options
 from qcompile.deploy.play import play, player
 from qcompile.deploy.player import Player
-from qcompile.deploy.registration import import_modules
+from qcompile.deploy.registration import import_modules, module_path
 from qcompile.deploy.settings import RunSettings
-from qcompile.device import Device
-from qcompile.errors import OptionError, QcompileError
+from qcompile.device import Device, backend_path
+from qcompile.errors import OptionError
 from qcompile.execution import Backend, Executor, load_backend
 from qcompile.mitigation import CALIBRATION_SHOTS
 from qcompile.mitigation.misfit import misfit_warnings
 from qcompile.notebook import reward_text
 from qcompile.page.circuits import Compiled
-from qcompile.page.document import Document
-from qcompile.page.run import run_document
 from qcompile.planning.strategies import forecast, run_task
 from qcompile.policy import AnyPolicy, Network, Policy, load_circuits, load_policy
 from qcompile.policy.arguments import with_arguments
+from qcompile.policy.files import policy_path
 from qcompile.report import progress as bars
-from qcompile.report.clip import Clip
-from qcompile.report.figure import Figure
 from qcompile.report.film import Film, check_suffix
-from qcompile.report.rewards import draw_rewards
 from qcompile.report.scene import Scene
-from qcompile.report.style import AnyStyle
-from qcompile.report.table import Cell, Column, Table
-from qcompile.report.tables import INTERVAL, interval_cell
 from qcompile.sweep.arguments import Name, Planned, Shots, Words, ignore, several, shots_of
 from qcompile.verbs.arguments import calibration_settings, checked
+from qcompile.verbs.files import path_of
 from qcompile.verbs.live import Live, check_live, spend
 from qcompile.verbs.proposal import explicit_only, live_settings, offline
-from qcompile.verbs.reports import Reported
+from qcompile.verbs.run_result import RunResult
 
 _SHOTS, _SPECULATE, _SPLIT = Planned(8192), Planned(1), Planned(False)
 _CALIBRATION_SHOTS = Planned(CALIBRATION_SHOTS)
 _SHOWN_EVERY = 20
-
-
-class RunResult(Reported):
-    """The result of a run. After an interruption it has only the shortest episodes.
-
-    `film` shows the first episode, if it was filmed.
-    """
-
-    def __init__(
-        self,
-        values: Mapping[str, Any],
-        episodes: int,
-        compiled: Compiled | None = None,
-        film: Clip | None = None,
-    ):
-        super().__init__(values)
-        self._requested, self._compiled, self.film = episodes, compiled, film
-
-    @property
-    def episodes(self) -> list[dict[str, Any]]:
-        """Seed, reward and length of each episode."""
-        episodes: list[dict[str, Any]] = self.to_dict()["episodes"]
-        return episodes
-
-    @property
-    def rewards(self) -> list[float]:
-        return [episode["reward"] for episode in self.episodes]
-
-    @property
-    def mean_reward(self) -> float | None:
-        """None if no episode was finished, or if a run with `speculate` was interrupted."""
-        mean: float | None = self.to_dict()["mean_reward"]
-        return mean
-
-    @property
-    def mean_reward_completed(self) -> float | None:
-        """The mean with cut episodes completed on the noise model; None if none was cut."""
-        mean: float | None = self.to_dict()["mean_reward_completed"]
-        return mean
-
-    @property
-    def ci95(self) -> list[float] | None:
-        """The 95 % interval of the mean; None if it cannot be estimated."""
-        interval: list[float] | None = self.to_dict()["ci95"]
-        return interval
-
-    def plot(self, style: AnyStyle = None) -> Figure:
-        """The reward of each episode, their mean and its interval.
-
-        Raises:
-            FigureError: the style cannot be read.
-        """
-        return draw_rewards(self.to_dict(), style)
-
-    def table(self) -> Table:
-        """A row with the settings, the mean reward and its interval."""
-        values = self.to_dict()
-        mean = self.mean_reward
-        words = "-" if mean is None else reward_text(mean)
-        mitigation = "predistort" if values["predistort"] else values["mitigation"]
-        hold = values["hold"]
-        row = [values["policy"], values["backend"], values["kind"], str(values["shots"])]
-        row += [mitigation, *[str(hold)] * (hold > 1), str(len(self.episodes))]
-        names = ["policy", "backend", "kind", "shots", "mitigation", *["hold"] * (hold > 1)]
-        numbers = ("shots", "hold", "episodes")
-        columns = [Column(name, right=name in numbers) for name in (*names, "episodes")]
-        score = Column("mean reward", parts=("mean reward",))
-        cells = [*row, Cell(words, (mean,)), interval_cell(values)]
-        return Table([*columns, score, INTERVAL], [cells])
-
-    def document(self, command: str) -> Document:
-        values = self.to_dict()
-        warnings = [*filter(None, [self.remark]), *misfit_warnings(values["calibration_misfits"])]
-        return run_document(
-            values, self.plot, self._compiled, self.film, warnings=warnings, command=command
-        )
-
-    @property
-    def remark(self) -> str:
-        interrupted = f"interrupted: {len(self.episodes)} of {self._requested} episodes finished"
-        return interrupted if self.to_dict()["interrupted"] else ""
-
-    def check_complete(self) -> None:
-        """Check that all episodes were played.
-
-        Raises:
-            QcompileError: Ctrl-C ended the run before.
-        """
-        if self.to_dict()["interrupted"]:
-            bias = "These are the shortest ones: their mean does not estimate the policy's score."
-            if self.to_dict()["speculate"] != 1:
-                bias = "Which ones finished depends on the predictions, so no mean is reported."
-            raise QcompileError(
-                f"Interrupted: {len(self.episodes)} of {self._requested} episodes finished.",
-                *([bias] if self.episodes else []),
-                "For a shorter run, use fewer --episodes.",
-            )
 
 
 @checked
@@ -215,6 +114,13 @@ def run(
         predistort=predistort,
         greedy=greedy,
     )
+    reads = {
+        "the policy": policy_path(policy),
+        option("backend"): backend_path(backend),
+        option("calibration"): path_of(calibration),
+        option("imports"): [*map(module_path, several(imports))],
+    }
+    check_clashes(reads, {option("video"): path_of(video)})
     import_modules(several(imports))
     loaded = with_arguments(load_policy(policy), env, for_file=live is not None)
     settings = RunSettings.of(settings, **calibration_settings(calibration, on_note))
@@ -243,13 +149,26 @@ def run(
             on_note=on_note,
         )
         if film is not None:
+            if not result.episodes:
+                film.keep_earlier()
             show(len(rewards), "writing the film")
     if film is not None:
-        words = f"film of the first episode in {video}"
-        on_note(words if film.clip else "no film: no step was played")
-    compiled = Compiled(loaded, opened.device, playing.settings.level, playing.settings.copies or 1)
+        on_note(_film_words(film))
+    settings = playing.settings
+    compiled = Compiled(
+        loaded, opened.device, settings.level, settings.copies or 1, opened.calibration
+    )
     clip = None if film is None else film.clip
     return RunResult(result.summary(), episodes, compiled, clip)
+
+
+def _film_words(film: Film) -> str:
+    """Where the film is, or why there is none."""
+    if film.clip is not None:
+        return f"film of the first episode in {film.path}"
+    if film.frames:
+        return f"no film: no episode was finished, and {film.path} is kept"
+    return "no film: no step was played"
 
 
 def _filming(film: Film, player: Player, show: bars.Show) -> Callable[[Frame], None]:
@@ -276,12 +195,15 @@ def _settings(
     if live is not None:
         if video is not None:
             raise OptionError(
-                "video and live exclude each other: a live run is not filmed.",
-                "Film the same settings without live, on the noise model or the machine's twin.",
+                f"{option('video')} cannot be combined with {option('live')}: a live run is not "
+                "filmed.",
+                f"Film the same settings without {option('live')}, on the noise model or the "
+                "machine's twin.",
             )
-        wrong = {"shots exact": settings.shots is None, "sampler": sampler is not None}
+        exact = f"{option('shots')} exact"
+        wrong = {exact: settings.shots is None, "sampler": sampler is not None}
         for name in (name for name, given in wrong.items() if given):
-            raise OptionError(f"{name} cannot be combined with live.")
+            raise OptionError(f"{name} cannot be combined with {option('live')}.")
     return settings
 
 

@@ -18,7 +18,7 @@ from qcompile.sweep.complete import Pool
 from qcompile.sweep.engine import Engine
 from qcompile.sweep.study import Study, StudyRequest, run_study
 from qcompile.sweep.study.cell import EVALUATION_EPISODES
-from qcompile.sweep.study.summary import spread
+from qcompile.sweep.study.summary import moments, spread
 from qcompile.sweep.study.write_up import figure_panels
 from qcompile.verbs.arguments import checked
 from qcompile.verbs.reports import Reported
@@ -45,7 +45,7 @@ class StudyResult(Reported):
             StudyError: the folder has no trainings of that figure.
         """
         panels = figure_panels(self._study.request.study, self._study.summaries)
-        if figure is not None and figure not in panels:
+        if figure is not None and figure not in [*panels]:
             raise StudyError(
                 f"There are no trainings of figure {figure!r}.",
                 f"Figures with trainings: {', '.join(panels)}.",
@@ -77,12 +77,12 @@ class StudyResult(Reported):
             rows.append(
                 [
                     summary.row.name,
-                    str(len(summary.results)),
-                    str(summary.parameters),
-                    "-" if target is None else f"{target:.4g}",
-                    at_target,
+                    Cell.of(len(summary.results)),
+                    Cell.of(summary.parameters),
+                    Cell.of(target, ".4g"),
+                    Cell(at_target, (first,)),
                     *(
-                        Cell(spread(scores), (float(scores.mean()), float(scores.std())))
+                        Cell(spread(scores), moments(scores))
                         for scores in (summary.final, summary.evaluation)
                     ),
                 ]

@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
-from qcompile.deploy.registration import environment_id, import_modules
+from qcompile.caller import option
+from qcompile.deploy.registration import environment_id, import_modules, module_path
+from qcompile.device import backend_path
 from qcompile.errors import OptionError
+from qcompile.policy.files import policy_path
 from qcompile.report import progress as bars
 from qcompile.sweep.arguments import Name, Words, ignore, several
 from qcompile.verbs.arguments import checked
@@ -124,7 +127,7 @@ def train(
         env=env or {},
     )
     if evaluate_episodes is not None and evaluate_every is None:
-        raise OptionError("evaluate-episodes needs evaluate-every.")
+        raise OptionError(f"{option('evaluate_episodes')} needs {option('evaluate_every')}.")
     state = path_of(resume)
     outputs = TrainingOutputs(
         out=path_of(out),
@@ -133,6 +136,12 @@ def train(
         resume=state,
         tensorboard=path_of(tensorboard),
         force=force,
+        reads={
+            option("init"): policy_path(init),
+            option("circuits"): policy_path(circuits),
+            option("backend"): backend_path(backend),
+            option("imports"): [*map(module_path, modules)],
+        },
     )
     watch = WatchRequest(
         evaluate_every=evaluate_every,
@@ -147,7 +156,7 @@ def train(
         )
     for name, value in (("evaluation", evaluation), ("workers", workers)):
         if value is not None:
-            raise OptionError(f"{name} needs seeds, the number of trainings.")
+            raise OptionError(f"{option(name)} needs {option('seeds')}, the number of trainings.")
     trainer = request.trainer() if state is None else request.resumed(state, on_note)
     outputs.check(trainer)
     if trainer.progress >= 1.0:

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from qcompile.caller import option
+from qcompile.clashes import Named, check_clashes
 from qcompile.errors import OptionError, QcompileError
 from qcompile.output import check_writable, resolved
 from qcompile.policy import load_policy, save_policy
 from qcompile.policy.files import SUFFIXES, policy_file
-from qcompile.verbs.files import check_distinct, check_new
+from qcompile.verbs.files import check_new
 
 if TYPE_CHECKING:
     from qcompile.policy import AnyPolicy
@@ -25,7 +27,7 @@ class TrainingOutputs:
 
     `out` is the policy; for mvqc, whose policies cannot be played yet, it is a checkpoint. `out`
     and `checkpoint` are overwritten only with `force`. A resumed training also updates its own
-    checkpoint and policy.
+    checkpoint and policy. `reads` are other files that the training reads.
     """
 
     out: Path | None
@@ -34,6 +36,7 @@ class TrainingOutputs:
     resume: Path | None
     tensorboard: Path | None
     force: bool = False
+    reads: Named = field(default_factory=dict)
 
     def check(self, trainer: Trainer) -> None:
         """Check that every file can be written and replaces no other.
@@ -50,25 +53,30 @@ class TrainingOutputs:
             self._check_name(self.out, has_policy, trainer.settings.model)
             if policy is not None:
                 policy_file(policy)
-        allowed = [frozenset({"resume", "checkpoint"})]
-        if not has_policy:
-            allowed += [frozenset({"out", other}) for other in ("resume", "checkpoint")]
-        names = ("out", "checkpoint", "log", "resume", "tensorboard")
-        taken = check_distinct({name: getattr(self, name) for name in names}, allowed)
-        for inner, option in taken.items():
-            for outer in inner.parents:
-                if outer in taken and taken[outer] != "tensorboard" and not outer.is_dir():
-                    raise OptionError(f"{option}: {inner} is inside {taken[outer]}, a file.")
-        resumable = "It can be resumed with --resume"
-        for option, path, why in (
+        self._check_clashes(has_policy)
+        resumable = f"It can be resumed with {option('resume')}"
+        for name, path, why in (
             ("checkpoint", self.checkpoint, resumable),
             ("out", self.out, ""),
         ):
             if path is not None and not self._is_of(trainer, path):
-                check_new(path, option, self.force, why)
+                check_new(path, name, self.force, why)
         for path in (self.log, self.checkpoint, self.out):
             if path is not None:
                 check_writable(path)
+
+    def _check_clashes(self, has_policy: bool) -> None:
+        """Check the names: only a trained policy, which `force` protects, may be overwritten."""
+        same = [("resume", "checkpoint"), ("init", "out"), ("circuits", "out")]
+        if not has_policy:
+            same += [("resume", "out"), ("checkpoint", "out")]
+        names = ("out", "checkpoint", "log", "tensorboard")
+        check_clashes(
+            {option("resume"): self.resume, **self.reads},
+            {option(name): getattr(self, name) for name in names},
+            folders=[option("tensorboard")],
+            allowed=[frozenset({option(one), option(other)}) for one, other in same],
+        )
 
     def _is_of(self, trainer: Trainer, path: Path) -> bool:
         """Whether a file is the checkpoint to resume, or was written by the same training."""
@@ -103,6 +111,7 @@ class TrainingOutputs:
             resume=None,
             tensorboard=None if self.tensorboard is None else self.tensorboard / f"seed-{seed}",
             force=self.force,
+            reads=self.reads,
         )
 
     @staticmethod

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import partial
 
+from qcompile.caller import option
 from qcompile.deploy.registration import with_environments
 from qcompile.errors import OptionError, QcompileError, StudyError
 from qcompile.notebook import reward_text
@@ -39,7 +40,8 @@ class SeedsRequest:
     def __post_init__(self) -> None:
         if self.outputs.resume is not None:
             raise OptionError(
-                "resume cannot be combined with seeds: a checkpoint belongs to one training."
+                f"{option('resume')} cannot be combined with {option('seeds')}: a checkpoint "
+                "belongs to one training."
             )
         if self.watch.callback is not None:
             raise OptionError(
@@ -59,7 +61,7 @@ class SeedsRequest:
             raise OptionError(
                 f"Model {trainer.settings.model!r} cannot be played yet, so the best seed cannot "
                 "be found.",
-                "Train each seed separately, with --seed.",
+                f"Train each seed separately, with {option('seed')}.",
             )
         cells = []
         for seed in range(trainer.seed, trainer.seed + self.seeds):

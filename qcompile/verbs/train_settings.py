@@ -8,6 +8,7 @@ from os import fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from qcompile.caller import option
 from qcompile.catalogue import nearest
 from qcompile.device import IDEAL_NAME, load_device
 from qcompile.errors import OptionError, TrainingError
@@ -28,7 +29,7 @@ _PRESET_OF = ("model", "layout")
 
 _NOT_WITH = {"circuits": ("init", "layout"), "init": ("layout", "reuse")}
 _WHY = {
-    "init": "circuits trains a new head; init starts from the policy's own head.",
+    "init": "The first trains a new head, the second starts from the policy's own.",
     "layout": "The circuits come from the file or the object.",
     "reuse": "The policy already has a head, which is trained further.",
 }
@@ -84,16 +85,18 @@ class TrainingRequest:
 
     def _check_start(self, start: AnyPolicy | None) -> None:
         """Raise OptionError if circuits or init are combined with what they already determine."""
-        option = "circuits" if self.circuits is not None else "init"
-        if getattr(self, option) is None:
+        start_name = "circuits" if self.circuits is not None else "init"
+        if getattr(self, start_name) is None:
             return
-        for other in _NOT_WITH[option]:
+        for other in _NOT_WITH[start_name]:
             if getattr(self, other) is not None or other in self.settings:
-                raise OptionError(f"{option} and {other} cannot be combined.", _WHY[other])
+                raise OptionError(
+                    f"{option(start_name)} and {option(other)} cannot be combined.", _WHY[other]
+                )
         model = start.model if isinstance(start, Network) else MODEL
         if self.model not in (None, model):
             raise OptionError(
-                f"{option} and model {self.model!r} cannot be combined.",
+                f"{option(start_name)} and {option('model')} {self.model!r} cannot be combined.",
                 f"These circuits or layers have model {model}.",
             )
 
@@ -137,10 +140,10 @@ class TrainingRequest:
             if name in _PRESET_OF:
                 raise OptionError(
                     f"{name!r} cannot be changed as a setting: the preset depends on it.",
-                    f"Use the option {name}.",
+                    f"Use the option {option(name)}.",
                 )
             if getattr(self, name, None) is not None:
-                raise OptionError(f"{name} is given twice, as an option and as a setting.")
+                raise OptionError(f"{option(name)} is given twice, as an option and as a setting.")
         return dict(self.settings)
 
     def resumed(self, checkpoint: Path, on_note: Words) -> Trainer:
@@ -154,10 +157,11 @@ class TrainingRequest:
         from qcompile.rl.checkpoint import load_checkpoint
 
         names = ("environment", "model", "seed", "hold")
-        options = [name for name, value in vars(self).items() if value and name not in names]
+        given = (name for name, value in vars(self).items() if value and name not in names)
+        options = [*map(option, given)]
         if options:
             raise OptionError(
-                f"{' and '.join(options)} cannot be combined with resume: "
+                f"{' and '.join(options)} cannot be combined with {option('resume')}: "
                 "the settings come from the checkpoint."
             )
         trainer, differ = load_checkpoint(checkpoint)

@@ -13,7 +13,8 @@ from qcompile.notebook import reward_text
 from qcompile.report.curves import Curve, CurvePanel, draw_curves
 from qcompile.report.figure import Figure
 from qcompile.report.style import AnyStyle
-from qcompile.report.table import Table
+from qcompile.report.table import Cell, Column, Table
+from qcompile.report.tables import reward_cell
 from qcompile.verbs.results import Result
 
 if TYPE_CHECKING:
@@ -125,11 +126,11 @@ class Training(Result):
         values = self.to_dict()
         averages = [values["last_20_mean_reward"], values["best_20_mean_reward"]]
         columns = ["environment", "model", "seed", "episodes", "steps", "parameters"]
-        row = [str(values[column]) for column in columns]
-        row += ["-" if average is None else reward_text(average) for average in averages]
-        row.append(self.ended)
+        row = [*(Cell.of(values[column]) for column in columns), *map(reward_cell, averages)]
         names = [*columns, "last 20", "best 20", "training"]
-        return Table.of_words(names, [row], left=["environment", "model", "training"])
+        left = ("environment", "model", "training")
+        columns_of = [Column(name, right=name not in left) for name in names]
+        return Table(columns_of, [[*row, self.ended]])
 
     @property
     def ended(self) -> str:

@@ -15,8 +15,8 @@ from qcompile.notebook import reward_text
 from qcompile.report.curves import CurvePanel, draw_curves
 from qcompile.report.figure import Figure
 from qcompile.report.style import AnyStyle
-from qcompile.report.table import Table
-from qcompile.report.tables import plural
+from qcompile.report.table import Cell, Column, Table
+from qcompile.report.tables import plural, reward_cell, score_cell
 from qcompile.verbs.results import Result
 from qcompile.verbs.training import Training
 
@@ -103,19 +103,21 @@ class Trainings(Training):
         """A row for each seed."""
         rows = [
             [
-                str(one["seed"]),
-                str(one["episodes"]),
-                str(one["steps"]),
-                "-"
-                if one["last_20_mean_reward"] is None
-                else reward_text(one["last_20_mean_reward"]),
-                _words(one),
+                *(Cell.of(one[name]) for name in ("seed", "episodes", "steps")),
+                reward_cell(one["last_20_mean_reward"]),
+                score_cell(one["mean_reward"], one["std_reward"]),
             ]
             for one in self.to_dict()["trainings"]
         ]
-        columns = ["seed", "episodes", "steps", "last 20"]
-        names = [*columns, f"{self.to_dict()['evaluation']} fresh episodes"]
-        return Table.of_words(names, rows)
+        columns = map(Column, ("seed", "episodes", "steps", "last 20"))
+        fresh = f"{self.to_dict()['evaluation']} fresh episodes"
+        scores = Column(fresh, parts=(f"{fresh}, mean", f"{fresh}, standard deviation"))
+        missing = [] if len(rows) == self._requested else [self._finished]
+        return Table([*columns, scores], rows, notes=missing)
+
+    @property
+    def _finished(self) -> str:
+        return f"{len(self.trainings)} of {self._requested} trainings finished."
 
     @property
     def remark(self) -> str:
@@ -144,8 +146,7 @@ class Trainings(Training):
             QcompileError: some failed, or Ctrl-C came before; the message says what is kept.
         """
         values = self.to_dict()
-        out, count = values["out"], len(values["seeds"])
-        finished = f"{count} of {self._requested} trainings finished."
+        out, finished = values["out"], self._finished
         hints = [f"Seed {one['seed']}: {one['words']}" for one in values["failures"]]
         has_failed = bool(hints)
         if out is not None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from qcompile.arrays import FloatArray
 from qcompile.calibration import Calibration, load_calibration
+from qcompile.caller import option
 from qcompile.deploy.registration import import_modules
 from qcompile.deploy.twin_check import check_twin, wide_observations
 from qcompile.deploy.twin_power import EFFECT, POWER, choose_check
@@ -21,7 +22,7 @@ from qcompile.mitigation.misfit import misfit_warnings
 from qcompile.policy import Policy, load_circuits
 from qcompile.policy.arguments import with_arguments
 from qcompile.policy.files import policy_values
-from qcompile.report.table import Table
+from qcompile.report.table import Cell, Column, Table
 from qcompile.sweep.arguments import Name, Words, ignore, several
 from qcompile.verbs.arguments import checked
 from qcompile.verbs.live import Live, check_live, spend
@@ -51,11 +52,14 @@ class Validation(Result):
         values = self.to_dict()
         columns = ["qubits", "chi_square", "degrees", "p_value"]
         rows = [
-            [*(f"{value:.4g}" for value in row), "fails" if row[0] in self.failed else "holds"]
+            [
+                *(Cell.of(value, ".4g") for value in row),
+                "fails" if row[0] in self.failed else "holds",
+            ]
             for row in zip(*(values[column] for column in columns), strict=True)
         ]
-        names = ["qubit", "chi-square", "expected", "p-value", "twin"]
-        return Table.of_words(names, rows, left=["twin"])
+        names = ["qubit", "chi-square", "expected", "p-value"]
+        return Table([*map(Column, names), Column("twin", right=False)], rows)
 
     def check_passed(self) -> None:
         """Check that the twin passed.
@@ -105,10 +109,14 @@ def validate(
     check_live(live)
     is_free = observations is None or shots is None
     if power is not None and not is_free:
-        raise OptionError("power chooses observations or shots: give at most two of the three.")
+        raise OptionError(
+            f"{option('power')} chooses {option('observations')} or {option('shots')}: give at "
+            "most two of the three."
+        )
     if live is not None and backend is not None:
         raise OptionError(
-            "backend cannot be combined with live: the calibration names the machine."
+            f"{option('backend')} cannot be combined with {option('live')}: the calibration names "
+            "the machine."
         )
     if isinstance(calibration, Calibration):
         known, file = calibration, f"the calibration of {calibration.backend}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from qcompile.caller import option
 from qcompile.notebook import reward_text
 from qcompile.planning.point import Point
 from qcompile.planning.search import SearchResult
@@ -35,28 +36,34 @@ def frontier_table(values: Mapping[str, Any]) -> Table:
     points, chosen = values["frontier"], values["recommended"] or {}
     several = len({(point["policy"], point["hold"]) for point in points}) > 1
     is_cut = any(point["max_steps"] for point in points)
-    names = ["shots", "copies", "ahead"] + ["max steps"] * is_cut + ["jobs", "QPU seconds"]
+    names = ["ahead"] + ["max steps"] * is_cut + ["jobs", "QPU seconds"]
     ends = ("80 % interval, low", "80 % interval, high")
     columns = [
         *[Column("policy", right=False)] * several,
+        Column("shots", parts=("shots", "recommended")),
+        Column("copies", parts=("copies", "split")),
         *map(Column, names),
         Column("80 % interval", parts=ends),
         *map(Column, ("at 4 sub-jobs", "mean reward", "kept")),
     ]
     rows: list[list[Cell | str]] = []
     for point in points:
-        star = " *" if point.items() <= chosen.items() else ""
+        star = "*" if point.items() <= chosen.items() else None
+        split = "split" if point["split"] else None
         low, high = point["qpu_seconds_80"]
         rows.append(
             [point["policy"]] * several
             + [
-                Cell(f"{point['shots']}{star}", (point["shots"],)),
-                f"{point['copies']}, split" if point["split"] else str(point["copies"]),
-                str(point["speculate"]),
+                Cell(" ".join(filter(None, [str(point["shots"]), star])), (point["shots"], star)),
+                Cell(
+                    ", ".join(filter(None, [str(point["copies"]), split])),
+                    (point["copies"], split),
+                ),
+                Cell.of(point["speculate"]),
             ]
-            + [str(point["max_steps"] or "-")] * is_cut
+            + [Cell.of(point["max_steps"])] * is_cut
             + [
-                str(point["jobs"]),
+                Cell.of(point["jobs"]),
                 _cell(point, "qpu_seconds", ",.1f"),
                 Cell(f"{low:,.0f} to {high:,.0f}", (low, high)),
                 _cell(point, "qpu_seconds_at_4_sub_jobs", ",.0f"),
@@ -85,7 +92,7 @@ def advice(values: Mapping[str, Any]) -> str:
     fits = [
         plural(nearest["episodes"], "episode") if nearest["episodes"] else "",
         f"{nearest['within']:,.0f} QPU seconds" if nearest["within"] else "",
-        f"keep {nearest['keep']:g}" if (nearest["keep"] or 0) > 0 else "",
+        f"{option('keep')} {nearest['keep']:g}" if (nearest["keep"] or 0) > 0 else "",
     ]
     limit = f"No settings keep {100 * keep:g} % of the reward within {within:,g} QPU seconds."
     changes = " or ".join(filter(None, fits))

@@ -28,12 +28,10 @@ def test_help_says_what_it_is_for(qcompile: Call) -> None:
 
 def test_a_calibration_is_shown_and_written(qcompile: Call, left: Call) -> None:
     answer = qcompile(*LIMA, "--plot", "a.png")
-    assert (answer.code, answer.err) == (0, "")
+    assert (answer.code, answer.err) == (0, "figure written to a.png\n")
     # 2 + 2 ceil(log2(5)) patterns and 8 angles, 8192 shots each
     assert answer.out.startswith("fake_lima: 8192 shots of each circuit, 131,072 executions")
-    assert answer.out.endswith(
-        "calibration written to fake_lima-calibration.json\nfigure written to a.png\n"
-    )
+    assert answer.out.endswith("calibration written to fake_lima-calibration.json\n")
     assert left() == ["a.png", "fake_lima-calibration.json"]
     assert Path("a.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
     rows = [line.split() for line in answer.out.splitlines() if "±" in line]
@@ -151,7 +149,7 @@ def test_counts_whose_fits_failed_are_fitted_anew(
         "qcompile.verbs.calibrate.measure_qubits", lambda *_, **__: pytest.fail("measured")
     )
     answer = qcompile("calibrate", "--from", "paid.json", "--plot", "a.png", "--json")
-    assert (answer.code, answer.err) == (0, "")
+    assert (answer.code, answer.err) == (0, "figure written to a.png\n")
     assert left() == ["a.png", "ideal-calibration.json", "paid.json"]
     paid, fitted = (load_calibration(Path(name)) for name in ("paid.json", left()[1]))
     assert paid.response is None

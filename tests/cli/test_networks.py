@@ -68,11 +68,11 @@ def test_a_film_of_a_network(qcompile: Call, net: str) -> None:
 @pytest.mark.parametrize(
     ("words", "what"),
     [
-        (("--shots", 100), "shots"),
-        (("--backend", "ibm_lima"), "backend ibm_lima"),
-        (("--mitigation", "readout", "--level", 0), "level or mitigation"),
-        (("--predistort",), "predistort"),
-        (("--copies", 2), "copies"),
+        (("--shots", 100), "--shots"),
+        (("--backend", "ibm_lima"), "--backend ibm_lima"),
+        (("--mitigation", "readout", "--level", 0), "--level or --mitigation"),
+        (("--predistort",), "--predistort"),
+        (("--copies", 2), "--copies"),
     ],
 )
 def test_options_of_circuits_are_refused(
@@ -129,7 +129,7 @@ def test_its_layers_are_shown(qcompile: Call) -> None:
     assert values["policy"]["parameters"] == sum(layer["parameters"] for layer in values["layers"])
     refused = qcompile("show", "net.pt", "--backend", "ibm_lima", "--level", 2)
     assert refused.code == 2
-    assert "it does not accept backend or level." in refused.err
+    assert "it does not accept --backend or --level." in refused.err
 
 
 def test_a_grid_has_a_network_beside_circuits(qcompile: Call, net: str, policy: Call) -> None:

@@ -55,7 +55,7 @@ def test_several_policies_stand_side_by_side(
     files("a.svg")
     drawn = Path("a.svg").read_text()
     assert all(f">{name}<" in drawn for name in ("tiny", "other", "ibm_lima"))
-    assert "tiny & ibm\\_lima & 16 & readout &" in Path("a.tex").read_text()
+    assert "tiny & ibm\\_lima & readout &" in Path("a.tex").read_text(), "shots are in the title"
 
 
 def test_a_plan_and_a_calibration(policy: Callable[..., str], qcompile: Call) -> None:
@@ -66,7 +66,7 @@ def test_a_plan_and_a_calibration(policy: Callable[..., str], qcompile: Call) ->
     words = ("calibrate", "--backend", "fake_lima", "--shots", 100)
     answer = qcompile(*words, "--plot", "b.pdf", "--table", "b.md")
     assert answer.code == 0
-    assert "figure written to b.pdf\ntable written to b.md\n" in answer.out
+    assert answer.err == "figure written to b.pdf\ntable written to b.md\n"
     files("b.pdf", "b.md")
 
 
@@ -172,4 +172,4 @@ def test_greedy_cells_of_circuits_and_networks_say_so(
         shown = qcompile(*words)
         assert f"{title} in CartPole-v1, 2 episodes" in shown.out
         assert ", greedy" in shown.out.splitlines()[0]
-        assert Path("a.tex").read_text().startswith("% CartPole-v1, 2 episodes, greedy\n")
+        assert "\n% CartPole-v1, 2 episodes, greedy" in Path("a.tex").read_text()

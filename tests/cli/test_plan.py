@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable
+from html import unescape
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -98,6 +100,27 @@ def test_a_calibration_that_is_there_costs_nothing(
     played = qcompile(*shlex.split(found["command"])[1:], "--json").json()
     assert played["calibration_shots"] is None
     assert played["qpu_seconds_estimate"] == pytest.approx(found["qpu_seconds"], rel=0.1)
+
+
+@pytest.mark.usefixtures("few_episodes")
+def test_the_page_of_a_plan_is_about_what_is_recommended(qcompile: Call, calibration: str) -> None:
+    Path("clients").mkdir()
+    held = Path(calibration).rename("clients/lima.json")
+    words = (*SMALL, "--within", 900, "--backend", "fake_lima", "--calibration", held, "--split")
+    answer = qcompile(*words, "--report", "a.html", "--plot", "a.svg", "--episodes", 1)
+    assert answer.code == 0, answer.err
+    chosen = answer.json()["recommended"]
+    assert (chosen["copies"], chosen["split"]) == (5, True)
+    page = unescape(Path("a.html").read_text())
+    _, _, settings = page.partition('<h2 id="settings">')
+    assert "<dt>shots</dt><dd>64</dd>" in settings
+    assert "<dt>copies that share the shots</dt><dd>5</dd>" in settings
+    assert "side by side</dt>" not in settings
+    assert "5 copies side by side in" in page, "its placement"
+    assert "clients/lima.json" in chosen["command"]
+    assert chosen["command"].replace("clients/", "") in page
+    assert "clients" not in page
+    assert "1 episode on fake_lima" in Path("a.svg").read_text()
 
 
 @pytest.mark.usefixtures("few_episodes")

@@ -8,7 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from qcompile.report.summary import print_run
+
 Call = Callable[..., Any]
+Capture = pytest.CaptureFixture[str]
 
 
 def test_a_run_is_reported_in_words(qcompile: Call, policy: Call) -> None:
@@ -19,6 +22,18 @@ def test_a_run_is_reported_in_words(qcompile: Call, policy: Call) -> None:
     few = qcompile("run", policy(), "--episodes", 1)
     assert "over 1 episode" in few.out
     assert "interval" not in few.out
+
+
+@pytest.mark.parametrize(
+    ("rewards", "words"), [([0.93, 0.97], "0.93 to 0.97"), ([-8.5, 12.0], "-8.5 to 12.0")]
+)
+def test_the_range_of_rewards_has_the_decimals_of_their_mean(
+    qcompile: Call, policy: Call, capsys: Capture, rewards: list[float], words: str
+) -> None:
+    found = qcompile("run", policy(), "--episodes", 2, "--json").json()
+    episodes = [{**found["episodes"][0], "reward": reward} for reward in rewards]
+    print_run({**found, "episodes": episodes})
+    assert f"rewards      ▁█  {words}" in capsys.readouterr().out
 
 
 def test_the_json_document_holds_the_contract(

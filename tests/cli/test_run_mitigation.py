@@ -216,7 +216,7 @@ def test_a_row_is_split_over_places(qcompile: Call) -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("--split", "--copies", 1), "over several copies; copies is 1"),
+        (("--split", "--copies", 1), "over several copies; --copies is 1"),
         (("--copies", 3), "--split spreads the shots of an episode over copies."),
     ],
 )

@@ -21,6 +21,69 @@ def placement(out: str) -> list[str]:
     return lines[next(i for i, line in enumerate(lines) if line.startswith("Placement")) :]
 
 
+def column(out: str, name: str) -> list[str]:
+    """The lines of the table of circuits from column `name` to the next, by their positions."""
+    lines = [line.rstrip() for line in out.splitlines()]
+    head = next(i for i, line in enumerate(lines) if line.split()[:1] == ["circuit"])
+    start, end = lines[head].index(name), lines[head].index("before")
+    rows = lines[head + 2 : lines.index("", head)]
+    return [row[start:end].strip() for row in rows]
+
+
+@pytest.mark.parametrize(
+    ("encoder", "reads", "words"),
+    [
+        (
+            {"function": "arctan", "feature": [3, 0, 1, 2], "scale": [1.7512, 1.0, -2.0, 0.5]},
+            ["1.75*obs[3]", "obs[0]", "-2*obs[1]", "0.5*obs[2]"],
+            "a feature of the observation (obs) times its scale; x is its arctan",
+        ),
+        (
+            {
+                "function": "tanh",
+                "feature": [0, 0, 1, 1],
+                "scale": [1.0, 2.0, 1.0, 1.0],
+                "gain": [1.0, 1.0, 0.25, 1.0],
+                "mean": [0.5, -0.5],
+                "std": [4.0, 8.0],
+            },
+            ["(obs[0]-0.5)/4", "2*(obs[0]-0.5)/4", "(obs[1]+0.5)/8, gain 0.25", "(obs[1]+0.5)/8"],
+            "a feature of the observation (obs) times its scale; x is its tanh, times the gain",
+        ),
+        (
+            {"function": "bits", "feature": [0, 1, 2, 3], "scale": [1.0] * 4},
+            ["bit 0", "bit 1", "bit 2", "bit 3"],
+            "a bit of the observation, a number; x is pi times the bit",
+        ),
+    ],
+    ids=["scales", "statistics", "bits"],
+)
+def test_what_every_circuit_reads(
+    qcompile: Call,
+    policy: Call,
+    monkeypatch: pytest.MonkeyPatch,
+    encoder: dict[str, Any],
+    reads: list[str],
+    words: str,
+) -> None:
+    monkeypatch.setenv("COLUMNS", "100")
+    name = policy(format="qcompile-policy-2", encoder=encoder)
+    answer = qcompile("show", name)
+    assert (answer.code, answer.err) == (0, "")
+    assert column(answer.out, "reads") == reads
+    assert f"reads: {words}\n" in answer.out
+    (first, *_) = json.loads(qcompile("show", name, "--json").out)["circuits"]
+    numbers = {key: encoder[key][0] for key in ("scale", "gain", "mean", "std") if key in encoder}
+    expected = {"input": "x0", "feature": encoder["feature"][0], "function": encoder["function"]}
+    assert first["reads"] == [{**expected, **numbers}]
+
+
+def test_inputs_of_one_circuit_have_a_line_each(qcompile: Call, policy: Call) -> None:
+    circuit = [["ry", f"x{i}"] for i in (1, 0)]
+    answer = qcompile("show", policy(circuits=[circuit], theta=[], weights=[[1.0], [0.0]]))
+    assert column(answer.out, "reads") == ["x0: obs[0]", "x1: obs[1]"]
+
+
 def test_the_placement_of_a_small_policy(qcompile: Call, policy: Call) -> None:
     """Weights 1, 1, 2, 1 and their opposites: importance 1, 1, 4, 1, of 7."""
     answer = qcompile("show", policy(), "--backend", "fake_lagos")

@@ -125,7 +125,7 @@ def test_an_output_that_cannot_be_written_is_refused(qcompile: Call, left: Call,
         (("--out", "folder.pt"), "File 'folder.pt' is a directory."),
         (
             ("--out", "mine.json", "--log", "./mine.json"),
-            "out and log are the same file, mine.json.",
+            "--out and --log are the same file, mine.json.",
         ),
         (("--out", "mine.pt", "--reuse", "0"), "0 is not in the range 1<=x<=1000."),
         (("--out", "mine.pt", "--steps", "0"), "0 is not in the range x>=1."),
@@ -142,7 +142,7 @@ def test_wrong_usage_is_refused(
     Path("folder.pt").mkdir()
     answer = qcompile(*SHORT, *words)
     assert (answer.code, answer.out) == (2, "")
-    assert answer.err.endswith(f"{text}\n")
+    assert f"{text}\n" in answer.err
     assert left() == ["folder.pt"]
 
 

@@ -83,6 +83,6 @@ def test_a_row_of_a_study_is_held(qcompile: Call, tmp_path: Path) -> None:
 def test_holds_below_one_and_twice_named_ones_are_refused(qcompile: Call) -> None:
     assert qcompile(*TINY, "--hold", 0, "--out", "p.json").code == 2
     answer = qcompile(*TINY, "--hold", 2, "-s", "hold=3", "--out", "p.json")
-    assert answer.err == "Error: hold is given twice, as an option and as a setting.\n"
+    assert answer.err == "Error: --hold is given twice, as an option and as a setting.\n"
     answer = qcompile(*TINY, "--hold", 10**9, "--out", "p.json")
     assert "hold: input should be less than or equal to 1000000" in answer.err

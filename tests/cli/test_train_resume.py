@@ -266,11 +266,8 @@ def test_settings_beside_a_checkpoint_are_refused(
 ) -> None:
     answer = qcompile("train", "CartPole-v1", "--resume", state, *words, "--out", "p.pt")
     assert (answer.code, answer.out) == (2, "")
-    option = {"--set": "settings"}.get(words[0], words[0].removeprefix("--"))
-    wanted = (
-        f"Error: {option} cannot be combined with resume: the settings come from the checkpoint.\n"
-    )
-    assert answer.err == wanted
+    wanted = f"Error: {words[0]} cannot be combined with --resume: the settings come from the "
+    assert answer.err == f"{wanted}checkpoint.\n"
 
 
 @pytest.mark.parametrize(
@@ -300,11 +297,14 @@ def test_no_file_and_a_policy_are_refused(qcompile: Call, state: str) -> None:
     ("words", "text"),
     [
         (("--out", "./state"), "state must end with .pt or .json."),
-        (("--out", "p.pt", "--log", "state"), "checkpoint and log are the same file, state."),
-        (("--out", "p.pt", "--checkpoint", "p.pt"), "out and checkpoint are the same file, p.pt."),
+        (("--out", "p.pt", "--log", "state"), "--resume and --log are the same file, state."),
+        (
+            ("--out", "p.pt", "--checkpoint", "p.pt"),
+            "--out and --checkpoint are the same file, p.pt.",
+        ),
         (
             ("--out", "p.pt", "--checkpoint", "b", "--log", "b"),
-            "checkpoint and log are the same file, b.",
+            "--checkpoint and --log are the same file, b.",
         ),
     ],
 )
@@ -313,4 +313,4 @@ def test_one_file_for_two_things_is_refused(
 ) -> None:
     answer = qcompile("train", "CartPole-v1", "--resume", state, *words)
     assert (answer.code, answer.out) == (2, "")
-    assert answer.err.endswith(f"{text}\n")
+    assert f"{text}\n" in answer.err

@@ -65,7 +65,7 @@ def test_set_reads_lists_of_lists_and_none(settings: Call) -> None:
             "reuse is given twice, as an option and as a setting.",
         ),
         (("--set", "hidden=[1"), "hidden=[1 is not a JSON list: "),
-        (("--evaluate-episodes", "3"), "evaluate-episodes needs evaluate-every."),
+        (("--evaluate-episodes", "3"), "--evaluate-episodes needs --evaluate-every."),
         (("--model", "mvqc"), "p.json must end with .pt: model 'mvqc' is an entangling circuit"),
     ],
 )

@@ -119,14 +119,14 @@ def test_what_renders_no_frames_is_not_filmed(settings: dict[str, Any], words: s
     message = refused("Blind-v0", film=True)
     assert message.startswith("Environment 'Blind-v0' cannot be filmed: it renders no pictures.")
     assert words in message
-    assert message.endswith("Run without --video.")
+    assert message.endswith("Run without video.")
 
 
 def test_what_takes_no_render_mode_is_not_filmed() -> None:
     assert refused("Plain-v0", film=True) == (
         "Environment 'Plain-v0' cannot be filmed: it renders no pictures.\n"
         "  Plain.__init__() got an unexpected keyword argument 'render_mode'\n"
-        "  Run without --video."
+        "  Run without video."
     )
 
 

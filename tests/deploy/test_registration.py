@@ -172,6 +172,26 @@ def test_a_definition_replaces_our_own_registration_and_no_other() -> None:
         environment_id(second)
 
 
+@pytest.mark.parametrize("entry_point", [Shortened, f"{__name__}:Shortened"])
+def test_a_class_goes_by_the_id_that_its_module_registered(entry_point: Any) -> None:
+    gymnasium.register("Shortened-v0", entry_point, max_episode_steps=2)
+    assert environment_id(Shortened) == "Shortened-v0"
+    assert gymnasium.spec("Shortened-v0").max_episode_steps == 2, "its limit stays"
+
+
+def test_a_class_registered_with_arguments_is_another_environment() -> None:
+    arguments = {"sutton_barto_reward": True}
+    gymnasium.register("Shortened-v0", Shortened, kwargs=arguments)
+    with pytest.raises(OptionError) as error:
+        environment_id(Shortened)
+    made = f"{__name__}:Shortened, with the arguments sutton_barto_reward"
+    assert str(error.value).splitlines() == [
+        f"'Shortened-v0' is already registered, to make {made}.",
+        "  To use that environment, give its id, 'Shortened-v0'.",
+        "  To use yours, register it under another id, or make it in a function of another name.",
+    ]
+
+
 def test_arguments_that_cannot_be_compared_are_other_arguments() -> None:
     one, two = (EnvSpec("Door-v0", cart_pole, kwargs={"walls": np.zeros(2)}) for _ in range(2))
     assert environment_id(one) == environment_id(one) == "Door-v0"

@@ -78,7 +78,7 @@ CASES = (
     Command(f"{LIMA} --shots 2 --seed 1", masked=True),
     Command(f"{LIMA} --out a.json", "Ctrl-C", ctrl_c_in("qcompile.mitigation.measure.fit_readout")),
     Command(
-        f"{LIMA} --out a.json --plot a.png",
+        f"{LIMA} --out a.json --plot a.png --seed 1",
         "Ctrl-C while the picture is drawn",
         ctrl_c_in("qcompile.report.calibration.draw_calibration"),
     ),

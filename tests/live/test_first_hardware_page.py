@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import re
-import shlex
 import sys
 import time
 from collections.abc import Callable
@@ -14,7 +13,7 @@ from typing import Any
 import pytest
 from golden_cases.live import SOMEBODY
 from golden_files import without_figures
-from sessions import WIDTH, Transcript, blocks, typed
+from sessions import WIDTH, Transcript, blocks, typed, words_of
 from standin import StandIn
 
 PAGE = "start/first-hardware.md"
@@ -55,7 +54,7 @@ def test_the_page_prints_what_a_service_like_ibms_makes_it_say(
             monkeypatch.setattr("sys.stderr", sys.stdout)  # in the order of a terminal
             if CTRL_C in printed:
                 stop_at_the_third_job(service, monkeypatch)
-            answer = qcompile(*shlex.split(line)[1:])
+            answer = qcompile(*words_of(line)[1:])
             now = answer.out.replace("[y/N]: ", f"[y/N]: {asked[1]}\n" if asked else "")
             if CTRL_C in printed:
                 now = now.replace("Error: Interrupted.", f"{CTRL_C}Error: Interrupted.")

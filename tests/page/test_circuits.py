@@ -13,6 +13,7 @@ from qcompile.device import load_device
 from qcompile.page.circuits import Compiled, circuits_section, placement_section
 from qcompile.page.document import Heading, Picture, Prose, Qubits
 from qcompile.policy import Dense, Network
+from qcompile.report.wires import executable_values
 
 
 def test_circuits_are_drawn_before_and_after() -> None:
@@ -54,3 +55,25 @@ def test_each_circuit_is_on_its_qubit(tmp_path: Path, monkeypatch: pytest.Monkey
 def test_the_ideal_device_has_no_placement() -> None:
     policy = qcompile.load_policy("cartpole")
     assert placement_section([Compiled(policy, load_device("ideal"))]).blocks == []
+
+
+def test_a_twin_stands_beside_its_device(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each with its own qubits, and the reasons that `qcompile show` gives."""
+    monkeypatch.chdir(tmp_path)
+    policy = hostile_policy()
+    calibration = qcompile.calibrate("fake_lima", [3, 4], shots=1000, seed=1, progress=False)
+    twin = qcompile.load_backend(calibration)
+    compiled = [
+        Compiled(policy, load_device("fake_lima")),
+        Compiled(policy, twin.device, calibration=calibration, backend="tw.json"),
+    ]
+    for order in (compiled, compiled[::-1]):
+        blocks = placement_section(order).blocks
+        found = {block.label: block for block in blocks if isinstance(block, Qubits)}
+        assert set(found) == {"Qubits of fake_lima", "Qubits of tw.json"}
+        assert {t.qubit for t in found["Qubits of tw.json"].tiles if t.circuits} == {3, 4}
+        reasons = {t.qubit: t.why for t in found["Qubits of tw.json"].tiles if t.why}
+        values = executable_values(compiled[1].executable(), calibration=calibration)  # type: ignore[arg-type]
+        assert reasons == {row["qubit"]: row["reason"] for row in values["left_out"]}
+        assert set(reasons.values()) == {"was not calibrated"}
+        assert not any(tile.why for tile in found["Qubits of fake_lima"].tiles)

@@ -7,6 +7,7 @@ import platform
 import re
 from collections.abc import Callable
 from datetime import UTC, datetime
+from html import unescape
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -130,3 +131,18 @@ def test_a_report_is_refused_where_it_cannot_be_written(tmp_path: Path) -> None:
         calibration.report(tmp_path / "file" / "a.html")
     calibration.report(tmp_path / "a.html")
     assert [path.name for path in tmp_path.iterdir() if path.name != "file"] == ["a.html"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "see https://arxiv.org/abs/2203.14348 & more",
+        "https://github.com/foo/bar and ~/x ratio a/b /c/d <b>bold</b>",
+        "ends with ^~\\{}",
+        "/home/ada/x and C:\\Users\\ada",
+    ],
+)
+def test_texts_are_shown_as_they_are(text: str) -> None:
+    """Only what is known to be a path loses its folders, and not here."""
+    page = unescape(render(document(title=text, lead=text, warnings=[text])))
+    assert page.count(text) == 2 + 1 + 1

@@ -233,10 +233,12 @@ STRICT: list[tuple[dict[str, Any], str]] = [
     ({"reuse": "2"}, "reuse"),
     ({"encoder": ENCODER | {"scale": ["1", 1]}}, "encoder.scale.0"),
     ({"encoder": ENCODER | {"feature": [True, 0]}}, "encoder.feature.0"),
-    ({"name": "two\nlines"}, "name: string should match"),
-    ({"name": "\x1b[2J"}, "name: string should match"),
-    ({"name": ""}, "name: string should match"),
-    ({"environment": "CartPole-v1\x07"}, "environment: string should match"),
+    ({"name": "two\nlines"}, "name: must be one line of text"),
+    ({"name": "\x1b[2J"}, "name: must be one line of text"),
+    ({"name": ""}, "name: must be one line of text"),
+    ({"name": "a\uffffb"}, "name: must be one line of text"),
+    ({"name": "a\ufdd0b"}, "name: must be one line of text"),
+    ({"environment": "CartPole-v1\x07"}, "environment: must be one line of text"),
 ]
 
 

@@ -231,7 +231,7 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
     "mean": (changed(mean=[1]), r"mean has shape \(1,\).\s+It needs \(2,\)"),
     "std of 0": (changed(std=[1, 0]), "std contains a number that is not positive"),
     "arguments": (changed(environment_kwargs={"id": "x"}), "not an argument that a policy file"),
-    "name": (changed(name="a\nb"), "name: string should match pattern"),
+    "name": (changed(name="a\nb"), "name: must be one line of text"),
 }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from io import BytesIO
 from typing import Any
 
@@ -10,11 +11,13 @@ import pytest
 from matplotlib.axes import Axes
 from PIL import Image
 
+import qcompile
 from qcompile.calibration import Calibration
 from qcompile.device import load_device
 from qcompile.execution import OfflineExecutor
 from qcompile.mitigation import calibrate
 from qcompile.report.calibration import draw_calibration
+from qcompile.report.calibration_values import calibration_table
 
 
 def measured(count: int, **options: Any) -> Calibration:
@@ -54,3 +57,36 @@ def test_bad_fits_of_many_qubits_are_marked() -> None:
     bad = found.readout.model_copy(update={"chi_square": (1000.0,) * 50})
     marked = draw_calibration(found.model_copy(update={"readout": bad})).png
     assert marked != draw_calibration(found).png
+
+
+def test_the_table_has_every_number_of_the_document() -> None:
+    """Unrounded, each in a column of its own."""
+    calibration = qcompile.calibrate("fake_lima", [3, 4], shots=200, seed=1, progress=False)
+    values = calibration.to_dict()
+    rows = [*csv.DictReader(calibration_table(values).csv().splitlines())]
+    for row, qubit in zip(rows, values["qubits"], strict=True):
+        expected = {
+            "qubit": qubit["qubit"],
+            "p10 %": 100 * qubit["p10"],
+            "p10 %, error": 100 * qubit["p10_error"],
+            "p01 %": 100 * qubit["p01"],
+            "p01 %, error": 100 * qubit["p01_error"],
+            "offset": qubit["offset"],
+            "offset, error": qubit["offset_error"],
+            "contrast": qubit["contrast"],
+            "contrast, error": qubit["contrast_error"],
+            "tilt, mrad": 1000 * qubit["tilt_rad"],
+            "tilt, mrad, error": 1000 * qubit["tilt_error_rad"],
+            "readout chi-square": qubit["readout_chi_square"],
+            "readout expected": qubit["readout_degrees"],
+            "response chi-square": qubit["response_chi_square"],
+            "response expected": qubit["response_degrees"],
+        }
+        assert {name: float(row[name]) for name in expected} == expected
+        assert {name for name in row if name not in expected} == {"readout fit", "response fit"}
+
+
+def test_exact_fits_have_no_chi_square() -> None:
+    calibration = qcompile.calibrate("fake_lima", [3], shots=None, seed=1, progress=False)
+    (row,) = csv.DictReader(calibration_table(calibration.to_dict()).csv().splitlines())
+    assert row["readout chi-square"] == row["readout expected"] == row["readout fit"] == ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from io import BytesIO
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -73,6 +74,23 @@ def test_groups_share_a_colour_and_dashes_tell_them_apart() -> None:
     middle = line_row(picture, RED)
     above, below = (len(blue[side]) for side in (blue[:, 0] < middle, blue[:, 0] > middle))
     assert 0.3 * below < above < 0.9 * below, "the upper one, at 90, has gaps"
+
+
+def test_groups_and_dashes_are_told_apart_in_grey_print() -> None:
+    curves = [curve([1.0, 2.0], "a"), curve([1.0, 2.0], "a", True), curve([1.0, 2.0], "b")]
+    (axes,) = draw_curves([CurvePanel("Title", curves)])._drawing.axes
+    looks = {(line.get_marker(), line.get_linestyle()) for line in axes.get_lines()}
+    assert len(looks) == 3
+
+
+def test_panels_stand_below_each_other_in_one_column(tmp_path: Path) -> None:
+    style = tmp_path / "own.mplstyle"
+    style.write_text("figure.figsize: 3.4, 2\n")
+    panels = [CurvePanel(f"{i}", [curve([1.0, 2.0])]) for i in range(3)]
+    wide, narrow = (draw_curves(panels, look)._drawing for look in (None, style))
+    assert [round(width, 1) for width in (wide.get_figwidth(), narrow.get_figwidth())] == [7.0, 3.4]
+    assert len({axes.get_subplotspec().rowspan.start for axes in wide.axes}) == 1
+    assert len({axes.get_subplotspec().rowspan.start for axes in narrow.axes}) == 3
 
 
 def test_the_picture_ends_where_it_is_told_to() -> None:

@@ -64,7 +64,7 @@ def test_gates_as_papers_write_them(gate: str, latex: str) -> None:
 
 def test_names_of_several_letters_stand_upright_and_are_escaped() -> None:
     named = Program((Circuit.parse("rz(my_angle) rz(y_12)"),), ("my_angle", "y_12"))
-    assert "\\gate{R_{z}(\\mathrm{my\\_angle})} & \\gate{R_{z}(y_{12})}" in named.draw("latex")
+    assert "\\gate{R_{z}(\\textrm{my\\_angle})} & \\gate{R_{z}(y_{12})}" in named.draw("latex")
 
 
 def shown(drawn: str) -> list[str]:
@@ -106,7 +106,9 @@ def test_one_circuit_of_each_shape_is_drawn() -> None:
 
 def test_one_circuit_alone() -> None:
     assert ALIKE.draw(circuit=4) == "circuit 4  |0>─ ry(x0) ─ M\n"
-    with pytest.raises(FigureError, match=r"^There is no circuit 6\.\n  There are 6\.$"):
+    with pytest.raises(
+        FigureError, match=r"^There is no circuit 6\.\n  There are circuits 0 to 5\.$"
+    ):
         ALIKE.draw(circuit=6)
 
 
@@ -160,3 +162,18 @@ def test_forms_and_suffixes_that_there_are_not() -> None:
         TWO.draw("png")  # type: ignore[arg-type]
     with pytest.raises(FigureError, match=r"^a\.pdf must end with \.txt, \.svg or \.tex\.$"):
         form_of(Path("a.pdf"))
+
+
+@pytest.mark.parametrize(
+    ("name", "latex"),
+    [
+        ("θθ_0", "\\textrm{$\\theta$$\\theta$}_{0}"),
+        ("αβ", "\\textrm{$\\alpha$$\\beta$}"),
+        ("é1", "\\textrm{é}_{1}"),
+        ("θ_0", "\\theta_{0}"),
+    ],
+)
+def test_letters_in_names_are_mathematics_within_text(name: str, latex: str) -> None:
+    r"""In \textrm, which is text, a dollar begins mathematics again; in \mathrm it ends."""
+    named = Program((Circuit.parse(f"rz({name})"),), (name,))
+    assert f"\\gate{{R_{{z}}({latex})}}" in named.draw("latex")

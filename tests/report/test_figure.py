@@ -5,16 +5,22 @@ from __future__ import annotations
 import re
 from io import BytesIO
 from pathlib import Path
+from typing import get_args
 from xml.etree import ElementTree
 
 import matplotlib as mpl
 import pytest
+from matplotlib.font_manager import FontProperties
+from matplotlib.text import Text
 from PIL import Image
 
 from qcompile.errors import FigureError, OutputError
-from qcompile.report.figure import Figure
+from qcompile.report.figure import SUFFIXES, Figure
+from qcompile.report.intervals import draw_intervals
+from qcompile.report.means import Interval, Panel
 from qcompile.report.rewards import draw_rewards
 from qcompile.report.style import HOUSE, Style
+from qcompile.report.trial import Kind, check_style
 
 SUMMARY = {
     "policy": "a $b$ <c> & d",
@@ -78,10 +84,48 @@ def test_the_fonts_of_a_pdf_are_embedded_as_true_type() -> None:
     assert b"/FontFile2" in figure().pdf()
 
 
+def points(size: float | str) -> float:
+    """A font size of the style that is applied, in points."""
+    return float(FontProperties(size=size).get_size_in_points())
+
+
 def test_no_font_of_the_house_is_below_seven_points_in_print() -> None:
-    for name, size in Style.of(None).settings.items():
-        if "size" in name and name.split(".")[0] in ("font", "axes", "legend", "xtick", "ytick"):
-            assert isinstance(size, list) or size >= 7 or "major" in name, name
+    with Style.of(None).applied():
+        for name, size in Style.of(None).settings.items():
+            if "size" in name and name.split(".")[0] in (
+                "font",
+                "axes",
+                "legend",
+                "xtick",
+                "ytick",
+            ):
+                assert "major" in name or points(size) >= 7, name
+
+
+def test_the_sizes_of_all_words_follow_the_font_size(tmp_path: Path) -> None:
+    """Twice the size of the house's font is twice the size of every word of a figure."""
+    panel = Panel("mine", [Interval("lima", "none", "32 shots", 1.0, 0.5, 1.5)], None, 1.2)
+    sizes = []
+    for style in (None, write(tmp_path, "font.size: 17\n")):
+        drawing = draw_intervals("A title", [panel], style)._drawing
+        words = [text for text in drawing.findobj(Text) if text.get_text()]
+        sizes.append({text.get_text(): text.get_size() for text in words})
+    house, twice = sizes
+    assert {"A title", "mine", "lima", "1.2", "solved"} <= house.keys() & twice.keys()
+    for words in house.keys() & twice.keys():
+        assert twice[words] == pytest.approx(2 * house[words]), words
+
+
+def test_a_title_can_be_left_out(tmp_path: Path) -> None:
+    assert "on ibm_lima" in figure().svg()
+    assert "on ibm_lima" not in figure(write(tmp_path, "figure.titlesize: 0\n")).svg()
+
+
+def test_a_title_fits_the_width_of_its_figure(tmp_path: Path) -> None:
+    long = {**SUMMARY, "policy": "a rather long name of a policy, in a folder", "backend": "x"}
+    title = draw_rewards(long, write(tmp_path, "figure.figsize: 2, 2\n"))._drawing._suptitle
+    assert title.get_text().replace("\n", " ") == f"{long['policy']} on x"
+    assert title.get_window_extent().width <= title.figure.bbox.width
 
 
 def write(folder: Path, text: str) -> Path:
@@ -106,8 +150,9 @@ def test_a_style_file_replaces_what_it_names(tmp_path: Path) -> None:
 def test_wide_figures_take_two_columns_and_their_gap(tmp_path: Path) -> None:
     assert Style.of(None).column_in == 3.4
     assert Style.of(None).page_in == 7.0
-    page = Style.of(write(tmp_path, "figure.figsize: 6.5, 4\n"))
-    assert page.page_in == page.column_in == 6.5, "that is a page's width already"
+    own = Style.of(write(tmp_path, "figure.figsize: 3.3, 2\n"))
+    assert own.page_in == own.column_in == 3.3, "a style's own width is that of all figures"
+    assert Style.of(write(tmp_path, "font.size: 9\n")).page_in == 7.0
 
 
 def test_nothing_that_matplotlib_was_told_before_matters() -> None:
@@ -131,6 +176,8 @@ def test_nothing_that_matplotlib_was_told_before_matters() -> None:
         ("axes.prop_cycle: ().__class__\n", "a cycle is made with cycler(...) alone."),
         ("axes.prop_cycle: cycler(color=print(1))\n", "a cycle has plain values in lists."),
         ("axes.prop_cycle: cycler(nosuch=[1])\n", "line 1: "),
+        ("axes.ymargin: -0.6\n", "line 1: Value must be >-0.5; got -0.6."),
+        ("savefig.bbox: tight\nsavefig.pad_inches: 1e6\n", "pad_inches is between 0 and 5."),
     ],
 )
 def test_what_is_wrong_with_a_style_is_told_in_words(
@@ -158,6 +205,58 @@ def test_a_style_without_room_is_told_in_words(tmp_path: Path) -> None:
     style = write(tmp_path, "figure.figsize: 0.5, 0.5\nfont.size: 40\naxes.labelsize: 40\n")
     with pytest.raises(FigureError, match=r"^The style leaves no room"):
         figure(style).save(tmp_path / "a.png")
+
+
+@pytest.mark.parametrize(
+    ("text", "words", "kinds"),
+    [
+        ("axes.prop_cycle: cycler('color', [])\n", "ZeroDivisionError", get_args(Kind)),
+        ('path.effects: [("x",)]\n', "AttributeError", get_args(Kind)),
+        (
+            "lines.dashed_pattern: 0,0\nlines.linestyle: --\n",
+            "ValueError: At least one value",
+            ("curves", "plan", "rewards"),  # which have dashed lines
+        ),
+    ],
+    ids=["no colours", "no effects", "no dashes"],
+)
+def test_what_matplotlib_cannot_draw_is_told_in_words(
+    tmp_path: Path, text: str, words: str, kinds: tuple[Kind, ...]
+) -> None:
+    style = write(tmp_path, text)
+    for kind in kinds:
+        with pytest.raises(FigureError) as error:
+            check_style(kind, style, tmp_path / "a.svg")
+        first, why, hint = str(error.value).splitlines()
+        assert first == f"Nothing can be drawn with {style}."
+        assert words in why
+        assert "one by one" in hint
+
+
+@pytest.mark.parametrize("kind", get_args(Kind))
+def test_a_trial_finds_a_style_without_room_and_writes_nothing(tmp_path: Path, kind: Kind) -> None:
+    style = write(tmp_path, "figure.figsize: 0.5, 0.5\n")
+    with pytest.raises(FigureError, match=r"^The style leaves no room"):
+        check_style(kind, style, tmp_path / "a.png")
+    for suffix in SUFFIXES:
+        check_style(kind, write(tmp_path, "figure.figsize: 3, 2\n"), tmp_path / f"a{suffix}")
+    assert [path.name for path in tmp_path.iterdir()] == [style.name]
+
+
+def test_a_defect_of_a_figure_is_not_put_on_the_style(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("qcompile.report.rewards.labelled", lambda *axes: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        figure()
+
+
+def test_a_font_that_is_missing_is_noted_once(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    style = write(tmp_path, "font.family: No Such Letters\n")
+    for name in ("a.svg", "b.svg"):
+        figure(style).save(tmp_path / name)
+    words = "Font family 'No Such Letters' not found: another font is used instead."
+    assert [record.getMessage() for record in caplog.records] == [words]
 
 
 def test_the_house_style_is_a_style_file_as_others_are() -> None:

@@ -79,7 +79,7 @@ def test_cartpole_improves_clearly_over_chance() -> None:
     assert np.mean(rewards[:5]) < 60
     assert np.mean(rewards[-20:]) > 100
     assert result.policy.environment == "CartPole-v1"
-    assert result.policy.name == "cartpole"
+    assert result.policy.name == "trained-cartpole"
     assert result.policy.metadata["steps"] == result.steps
 
 

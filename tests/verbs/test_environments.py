@@ -142,7 +142,7 @@ def test_a_class_is_trained_and_played_in_this_process() -> None:
         training = qcompile.train(Numbered, steps=64, preset="paper")
         assert training.policy is not None
         assert training.policy.environment == "Numbered-v0"
-        assert training.policy.name == "numbered"
+        assert training.policy.name == "trained-numbered"
         assert qcompile.run(training.policy, episodes=2).mean_reward == 2.0
     finally:
         gymnasium.registry.pop("Numbered-v0", None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,9 @@ from qcompile.execution import OfflineExecutor
 
 
 def test_a_grid_of_names_and_objects_leaves_no_file() -> None:
-    policy = qcompile.train("CartPole-v1", preset="paper", episodes=1).policy
+    trained = qcompile.train("CartPole-v1", preset="paper", episodes=1).policy
+    assert isinstance(trained, qcompile.Policy)
+    policy = replace(trained, name="cartpole")
     backends = ["ideal", qcompile.load_device("fake_lima")]
     options: dict[str, Any] = {"shots": [8, "exact"], "mitigations": "none", "workers": 1}
     grid = qcompile.evaluate(["cartpole", policy], backends, episodes=2, **options)

@@ -12,7 +12,7 @@ import qcompile
 from qcompile.errors import QcompileError
 from qcompile.rl.ppo import Trainer
 from qcompile.rl.presets import settings_for
-from qcompile.verbs.run import RunResult
+from qcompile.verbs.run_result import RunResult
 from qcompile.verbs.validate import Validation
 
 POLICY = qcompile.load_policy("lunarlander")
@@ -45,7 +45,7 @@ def test_trainings() -> None:
     trainer = Trainer("CartPole-v1", settings_for("paper", "CartPole-v1").changed(episodes=2), 4)
     assert repr(trainer) == "Trainer(CartPole-v1, svqc, seed 4, 0 episodes, 0% of the training)"
     result = trainer.train()
-    policy = "Policy(cartpole, CartPole-v1, 4 circuits, 14 parameters, 2 actions)"
+    policy = "Policy(trained-cartpole, CartPole-v1, 4 circuits, 14 parameters, 2 actions)"
     assert repr(result).startswith(f"TrainingResult({policy}, 2 episodes, ")
 
 
@@ -78,10 +78,10 @@ def test_a_policy_has_bare_numbers_in_its_table() -> None:
 def test_an_interrupted_run_says_so() -> None:
     values = qcompile.run("cartpole", episodes=2, max_steps=1).to_dict()
     result = RunResult(values | {"interrupted": True}, 10)
-    words = "interrupted: 2 of 10 episodes finished"
-    assert repr(result).splitlines()[-1] == words
-    assert result._repr_html_().endswith(f"</table><p>{words}</p>")
-    assert "interrupted" not in repr(RunResult(values, 2))
+    words = "Interrupted: 2 of 10 episodes finished. These are the shortest ones:"
+    assert repr(result).splitlines()[2].startswith(words)
+    assert f"</table><p>{words}" in result._repr_html_()
+    assert "nterrupted" not in repr(RunResult(values, 2))
 
 
 def test_only_means_of_episodes_are_doubted() -> None:
@@ -89,7 +89,7 @@ def test_only_means_of_episodes_are_doubted() -> None:
     with pytest.raises(QcompileError, match="shortest"):
         RunResult(values, 3).check_complete()
     with pytest.raises(
-        QcompileError, match=r"^Interrupted: 0 of 3 .*\n  For a shorter run, use fewer --episodes"
+        QcompileError, match=r"^Interrupted: 0 of 3 .*\n  For a shorter run, use fewer episodes"
     ):
         RunResult(values | {"episodes": []}, 3).check_complete()
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +49,15 @@ def test_a_training_gives_its_policy_and_writes_nothing() -> None:
     assert training.plot().png[:8] == b"\x89PNG\r\n\x1a\n"
     assert repr(training).splitlines()[1].split()[:3] == ["CartPole-v1", "svqc", "1"]
     assert list(Path().iterdir()) == []
+
+
+def test_a_policy_is_named_after_the_file_it_is_saved_to(tmp_path: Path) -> None:
+    policy = qcompile.train("CartPole-v1", preset="paper", episodes=1, progress=False).policy
+    assert isinstance(policy, qcompile.Policy)
+    assert policy.name == "trained-cartpole", "no shipped policy is called so"
+    for name, kept in ((policy.name, "pole"), ("mine", "mine")):
+        qcompile.save_policy(replace(policy, name=name), tmp_path / "pole.json")
+        assert qcompile.load_policy(tmp_path / "pole.json").name == kept
 
 
 @pytest.mark.parametrize("model", ["fcn", "cnn"])
@@ -131,7 +141,7 @@ def test_noise_brings_shots_and_mitigation() -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"evaluate_episodes": 3}, "evaluate-episodes needs evaluate-every"),
+        ({"evaluate_episodes": 3}, "evaluate_episodes needs evaluate_every"),
         ({"settings": {"clp": 1}}, "Unknown setting 'clp'.\n  Did you mean clip?"),
         ({"settings": {"model": "fcn"}}, "'model' cannot be changed as a setting"),
         ({"settings": {"reuse": 2}, "reuse": 2}, "reuse is given twice, as an option"),

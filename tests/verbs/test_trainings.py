@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+from copy import copy
 from pathlib import Path
 from typing import Any
 
@@ -234,3 +236,18 @@ def test_an_environment_of_one_s_own_reaches_the_workers() -> None:
         assert document["best"]["seed"] == 0  # of equal ones the lowest
     finally:
         del gymnasium.registry["Passage-v0"]
+
+
+def test_the_table_has_every_number_and_says_what_is_missing(
+    both: tuple[Trainings, Path],
+) -> None:
+    result, _ = both
+    rows = [*csv.DictReader(result.table().csv().splitlines())]
+    for row, one in zip(rows, result.to_dict()["trainings"], strict=True):
+        names = ("30 fresh episodes, mean", "30 fresh episodes, standard deviation")
+        assert [float(row[name]) for name in names] == [one["mean_reward"], one["std_reward"]]
+        assert float(row["last 20"]) == one["last_20_mean_reward"]
+    assert not result.table().notes
+    fewer = copy(result)
+    fewer._requested = 3
+    assert [*fewer.table().notes] == ["2 of 3 trainings finished."]

@@ -61,6 +61,6 @@ def form_of(path: Path) -> Form:
 
 
 def _drawn(diagrams: Sequence[Diagram], form: str) -> str:
-    if form not in FORMS:
+    if not isinstance(form, str) or form not in FORMS:
         raise FigureError(f"There is no form {form!r}.", f"Forms: {', '.join(FORMS)}.")
     return FORMS[form](diagrams)

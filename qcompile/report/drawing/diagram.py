@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
+from numbers import Integral
 
 from qcompile.errors import FigureError
 from qcompile.ir import Circuit, Gate, Program
@@ -78,8 +79,18 @@ def _shown(
 ) -> dict[int, list[int]]:
     """The circuits that are drawn, and those that each stands for: of `circuit` itself alone."""
     if circuit is not None:
+        if not isinstance(circuit, Integral) or isinstance(circuit, bool):
+            raise FigureError(
+                f"circuit cannot be of type {type(circuit).__name__}.",
+                "It must be a whole number or None.",
+            )
         if circuit not in numbers:
-            raise FigureError(f"There is no circuit {circuit}.", f"There are {len(numbers)}.")
+            raise FigureError(
+                f"There is no circuit {circuit}.",
+                f"There is circuit {_ranges(numbers)}."
+                if len(numbers) == 1
+                else f"There are circuits {_ranges(numbers)}.",
+            )
         at = numbers.index(circuit)
         return {at: [at]}
     members: dict[Hashable, list[int]] = {}

@@ -16,7 +16,7 @@ _FIXED = {
     "sx": ("√X", ""),
     "sxdg": ("√X", "†"),
 }
-_INDEXED = re.compile(r"(.*?)_?(\d+)")
+_INDEXED = re.compile(r"(.*?)_?([0-9]+)")
 
 
 @dataclass(frozen=True)

@@ -52,9 +52,9 @@ def _gate(gate: Gate) -> str:
 
 
 def _math(run: Run) -> str:
-    """A run in math mode; names of several letters upright."""
-    if run.is_symbol and len(run.text) > 1:
-        words = f"\\mathrm{{{latex_text(run.text)}}}"
+    """A run in math mode; names that are more than a letter of it stand upright, as text."""
+    if run.is_symbol and not (run.text in _MATH or (run.text.isascii() and len(run.text) == 1)):
+        words = f"\\textrm{{{latex_text(run.text)}}}"
     else:
         words = run.text
         for letter, command in _MATH.items():

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from html import escape
 
+from qcompile.notebook import html_text
 from qcompile.report.drawing.diagram import Diagram
 from qcompile.report.drawing.labels import Run, label
 
@@ -26,7 +26,7 @@ def svg(diagrams: Sequence[Diagram]) -> str:
         right = max(right, end)
         top += _LINE / 2
     names = "; ".join(filter(None, (diagram.title for diagram in diagrams)))
-    title = escape(f"Circuits, {names}" if names else "Circuits")
+    title = html_text(f"Circuits, {names}" if names else "Circuits")
     width, height = right + _EDGE, top - _LINE / 2 + _EDGE
     return "\n".join(
         [
@@ -108,10 +108,10 @@ def _meter(x: float, y: float) -> list[str]:
 def _text(x: float, y: float, runs: Iterable[Run], anchor: str = "middle") -> str:
     pieces = []
     for run in runs:
-        pieces.append(escape(run.text))
+        pieces.append(html_text(run.text))
         for words, shift in ((run.low, 3.5), (run.high, -4.5)):
             if words:
-                small = f'<tspan dy="{shift:g}" font-size="{_SMALL:g}">{escape(words)}</tspan>'
+                small = f'<tspan dy="{shift:g}" font-size="{_SMALL:g}">{html_text(words)}</tspan>'
                 pieces.append(f'{small}<tspan dy="{-shift:g}">&#8203;</tspan>')
     return (
         f'<text x="{x:.1f}" y="{y + 4.5:.1f}" text-anchor="{anchor}" fill="currentColor" '

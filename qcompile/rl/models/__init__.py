@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import torch
 
+from qcompile.caller import option
 from qcompile.errors import TrainingError
 from qcompile.policy import Ansatz
 from qcompile.rl.models.head import ReusedLinear
@@ -64,7 +65,7 @@ def make_model(
     if ansatz.bias is not None and len(ansatz.bias) != outputs:
         raise TrainingError(
             f"{ansatz.origin} has {len(ansatz.bias)} actions; the environment has {outputs}.",
-            "--circuits takes only its circuits and their parameters, with a new head.",
+            f"{option('circuits')} takes only its circuits and their parameters, with a new head.",
         )
     return SVQC(features, outputs, settings, generator, ansatz)
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from qcompile.calibration import Calibration
+from qcompile.caller import option
 from qcompile.errors import CalibrationError
 
 
@@ -56,10 +57,10 @@ def check_needed(files: Sequence[CalibrationFile], played: Set[str], mitigated: 
             raise CalibrationError(
                 f"{file.name} is of {file.device_name}, which is not in this grid.",
                 f"Devices of this grid: {', '.join(sorted(played))}.",
-                f"Remove it, or add --backend {file.device_name}.",
+                f"Remove it, or add {option('backend')} {file.device_name}.",
             )
         if file.device_name not in mitigated:
             raise CalibrationError(
                 f"{file.name} is not needed: nothing on {file.device_name} is mitigated.",
-                "Remove it, or add --mitigation readout or response.",
+                f"Remove it, or add {option('mitigation')} readout or response.",
             )

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
 
+from qcompile.caller import option
 from qcompile.device import IDEAL, IDEAL_NAME
 from qcompile.errors import StudyError
 from qcompile.execution import Backend, DeviceBackend
@@ -113,7 +114,8 @@ def grid(
         raise StudyError(
             "There is no combination to play.",
             *(f"Left out: {why}." for why in dict.fromkeys(reasons.values())),
-            "Add a --backend, --shots, --mitigation or --level that fits the others.",
+            f"Add a {option('backend')}, {option('shots')}, {option('mitigation')} or "
+            f"{option('level')} that fits the others.",
         )
     files = by_device(calibrations)
     mitigated = {

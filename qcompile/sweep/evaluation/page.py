@@ -10,7 +10,8 @@ from typing import Any
 
 from qcompile.deploy.intervals import unseen_share
 from qcompile.errors import StudyError
-from qcompile.report.intervals import Interval, Panel, draw_intervals
+from qcompile.report.intervals import draw_intervals
+from qcompile.report.means import Interval, Panel
 from qcompile.report.tables import interval_words, plural
 from qcompile.sweep.evaluation.cell import CellResult
 from qcompile.sweep.evaluation.grid import Cell
@@ -86,7 +87,7 @@ def panels(objects: Objects) -> list[Panel]:
 
 
 def _interval(values: Mapping[str, Any]) -> Interval:
-    return replace(interval(values), variant="")
+    return replace(interval(values), variant="", shots=None)
 
 
 def _claimed(column: str, score: Score) -> Interval:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from itertools import chain, product
 from os import fspath
@@ -11,15 +11,18 @@ from pathlib import Path
 from typing import Any
 
 from qcompile.calibration import Calibration, age_warnings, load_calibration
+from qcompile.caller import option
+from qcompile.clashes import Named, check_clashes
 from qcompile.deploy.environments import close_environments, policy_environments
 from qcompile.deploy.settings import MITIGATIONS
-from qcompile.device import Device
+from qcompile.device import Device, backend_path
 from qcompile.errors import CalibrationError, DeviceError, StudyError
 from qcompile.execution import Backend, Executor, load_backend
 from qcompile.notebook import reward_text
 from qcompile.output import check_writable
 from qcompile.policy import AnyPolicy, Network, load_policy
 from qcompile.policy.arguments import with_arguments
+from qcompile.policy.files import policy_path
 from qcompile.sweep.arguments import (
     Name,
     Shots,
@@ -43,7 +46,7 @@ from qcompile.sweep.evaluation.grid import (
 from qcompile.sweep.evaluation.page import write_devices
 from qcompile.sweep.evaluation.paper import paper_cells
 from qcompile.sweep.evaluation.summary import results
-from qcompile.sweep.evaluation.write_up import write_figures, write_results
+from qcompile.sweep.evaluation.write_up import RESULTS, figure_name, write_figures, write_results
 from qcompile.validation import listed
 
 
@@ -53,7 +56,8 @@ class Evaluation:
 
     `played` is the number of cells played now, `there` of those that the folder already had;
     `failures` are those that could not be played. `paths` are the files written, without those of
-    the cells.
+    the cells. `typed` are the names of policies, backends and calibrations that were typed: they
+    may be paths.
     """
 
     cells: tuple[Cell, ...]
@@ -62,6 +66,7 @@ class Evaluation:
     there: int
     failures: tuple[CellFailure, ...]
     paths: tuple[Path, ...]
+    typed: frozenset[str] = frozenset()
 
     def to_dict(self) -> dict[str, Any]:
         """The document of `qcompile evaluate --json`."""
@@ -126,6 +131,14 @@ def evaluate(
     cells = grid(
         different, opened, *sides, calibrations=files, episodes=episodes, seed=seed, greedy=greedy
     )
+    reads: Named = {
+        "the policy": [*map(policy_path, given)],
+        option("backend"): [*map(backend_path, several(backends))],
+        option("calibration"): [
+            Path(file) for file in several(calibrations) if not isinstance(file, Calibration)
+        ],
+    }
+    _check_clashes(cells, out, reads, [figure_name(policy.name) for policy in different])
     for policy in different:
         close_environments(policy_environments(policy, 1))
     check_calibrations(cells)
@@ -137,7 +150,10 @@ def evaluate(
         on_note(f"Left out: {why}.")
     pool = Pool(engine, address, workers, on_loss)
     completed = _completed(cells, out, pool, on_progress)
-    return _written(cells, completed, out, lambda objects: write_figures(objects, out))
+    evaluation = _written(cells, completed, out, lambda objects: write_figures(objects, out))
+    names = {policy.name for policy in different}.intersection(words)
+    typed = (*names, *(backend.name for backend in opened), *(file.name for file in files))
+    return replace(evaluation, typed=frozenset(typed))
 
 
 def _left_out(
@@ -181,6 +197,8 @@ def evaluate_paper(
     out = Path(out)
     page_path = out / "devices.md" if page is None else Path(page)
     cells = paper_cells(episodes, seed)
+    page_word = f"devices.md of {option('out')}" if page is None else option("page")
+    _check_clashes(cells, out, {}, ["devices.png"], {page_word: page_path})
     check_writable(page_path)
     pool = Pool(engine, address, workers, on_loss)
     completed = _completed(cells, out, pool, on_progress)
@@ -191,6 +209,24 @@ def evaluate_paper(
         return write_devices(cells, completed.results, out, page_path)
 
     return _written(cells, completed, out, write)
+
+
+def _check_clashes(
+    cells: Sequence[Cell],
+    out: Path,
+    reads: Named,
+    figures: Sequence[str],
+    others: Mapping[str, Path] | None = None,
+) -> None:
+    """Check that no file of an evaluation overwrites another one, or one that it reads."""
+    folder, word = folder_of(out), option("out")
+    writes: Named = {
+        word: out,
+        f"a cell in {word}": [folder.file(cell) for cell in cells],
+        **{f"{name} of {word}": out / name for name in (*RESULTS, *figures)},
+        **(others or {}),
+    }
+    check_clashes(reads, writes, folders=[word])
 
 
 def _completed(

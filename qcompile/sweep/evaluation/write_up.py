@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from qcompile.output import file_name
 from qcompile.report.figure import Figure
-from qcompile.report.intervals import Interval, Panel, draw_intervals
-from qcompile.report.tables import plural
+from qcompile.report.intervals import draw_intervals
+from qcompile.report.means import Interval, Panel
+from qcompile.report.style import AnyStyle
+from qcompile.report.tables import interval_words, plural
 from qcompile.sweep.evaluation.summary import results_csv
 from qcompile.sweep.pages import write_files
+
+RESULTS = ("results.json", "results.csv")
+"""Files of every evaluation."""
 
 
 def write_results(objects: Sequence[Mapping[str, Any]], folder: Path) -> list[Path]:
@@ -24,8 +30,8 @@ def write_results(objects: Sequence[Mapping[str, Any]], folder: Path) -> list[Pa
     document = json.dumps({"results": list(objects)}, indent=1, allow_nan=False)
     return write_files(
         {
-            folder / "results.json": f"{document}\n".encode(),
-            folder / "results.csv": results_csv(objects).encode(),
+            folder / RESULTS[0]: f"{document}\n".encode(),
+            folder / RESULTS[1]: results_csv(objects).encode(),
         }
     )
 
@@ -38,24 +44,37 @@ def write_figures(objects: Sequence[Mapping[str, Any]], folder: Path) -> list[Pa
     """
     policies = dict.fromkeys(values["policy"] for values in objects)
     return write_files(
-        {
-            folder / f"{file_name(policy)}.png": _figure(
-                [values for values in objects if values["policy"] == policy]
-            ).png
-            for policy in policies
-        }
+        {folder / figure_name(policy): figure(objects, [policy]).png for policy in policies}
     )
 
 
-def _figure(objects: Sequence[Mapping[str, Any]]) -> Figure:
-    """The mean rewards of one policy."""
+def figure_name(policy: str) -> str:
+    """The file of a policy's figure."""
+    return f"{file_name(policy)}.png"
+
+
+def figure(
+    objects: Sequence[Mapping[str, Any]], policies: Sequence[str], style: AnyStyle = None
+) -> Figure:
+    """The mean rewards of some policies, side by side.
+
+    Raises:
+        FigureError: the style cannot be read.
+    """
+    alone = len(policies) == 1
+    cells = {
+        policy: [values for values in objects if values["policy"] == policy] for policy in policies
+    }
     first = objects[0]
-    episodes = plural(len(first["episodes"]), "episode")
-    title = f"{first['policy']} in {first['environment']}, {episodes}{', greedy' * first['greedy']}"
-    return draw_intervals(title, panels(objects))
+    environments = {values["environment"] for own in cells.values() for values in own}
+    title = f"{' and '.join(sorted(environments))}, {plural(len(first['episodes']), 'episode')}"
+    drawn = [panel for name, own in cells.items() for panel in _panels(own, "" if alone else name)]
+    return draw_intervals(
+        f"{policies[0]} in " * alone + title + ", greedy" * first["greedy"], drawn, style
+    )
 
 
-def panels(objects: Sequence[Mapping[str, Any]], title: str = "") -> list[Panel]:
+def _panels(objects: Sequence[Mapping[str, Any]], title: str) -> list[Panel]:
     """The mean rewards of one policy: a panel for each level, below the title."""
     played = [values for values in objects if not values["reference"]] or list(objects)
     levels = sorted({values["level"] for values in played})
@@ -72,8 +91,8 @@ def panels(objects: Sequence[Mapping[str, Any]], title: str = "") -> list[Panel]
 
 
 def interval(values: Mapping[str, Any]) -> Interval:
-    """A cell's mean reward and its 95 % interval, for a figure; for one episode only the mean."""
-    low, high = values["ci95"] or (values["mean_reward"],) * 2
+    """A cell's mean reward and its 95 % interval, for a figure; of few episodes only the mean."""
+    low, high = _ends(values)
     shots = values["shots"]
     return Interval(
         column=values["backend"],
@@ -82,6 +101,7 @@ def interval(values: Mapping[str, Any]) -> Interval:
         mean=values["mean_reward"],
         low=low,
         high=high,
+        shots=math.inf if shots == "exact" else shots,
     )
 
 
@@ -89,9 +109,14 @@ def reference_line(objects: Sequence[Mapping[str, Any]]) -> tuple[float, float, 
     """Mean and 95 % interval of the reference cell, if it was played."""
     for values in objects:
         if values["reference"]:
-            mean = values["mean_reward"]
-            return (mean, *(values["ci95"] or (mean, mean)))
+            return (values["mean_reward"], *_ends(values))
     return None
+
+
+def _ends(values: Mapping[str, Any]) -> tuple[float, float]:
+    """The interval of a cell where tables show it, else the mean at both ends."""
+    low, high = values["ci95"] if interval_words(values) else (values["mean_reward"],) * 2
+    return low, high
 
 
 def mitigation_words(mitigation: str) -> str:

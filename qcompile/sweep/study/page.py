@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import PurePosixPath
 from textwrap import fill
 
-from qcompile.notebook import reward_digits
+from qcompile.notebook import reward_form
 from qcompile.rl.order import AVERAGED
 from qcompile.sweep.pages import assignments, markdown_table, markdown_text, version_words
 from qcompile.sweep.study.rows import Rows
@@ -148,7 +148,7 @@ def _label(summary: RowSummary) -> str:
 def _cells(summary: RowSummary) -> dict[str, str]:
     """The line of a row, by column."""
     row, evaluation = summary.row, summary.evaluation
-    lowest = f"{evaluation.min():.{reward_digits(evaluation.mean())}f}"
+    lowest = format(evaluation.min(), reward_form(evaluation.mean()))
     cells = (
         markdown_text(row.title),
         f"`{row.preset}`",

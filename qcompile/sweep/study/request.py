@@ -11,7 +11,10 @@ from os import fspath
 from pathlib import Path
 from typing import Any
 
-from qcompile.deploy.registration import import_modules
+from qcompile.caller import option
+from qcompile.clashes import Named, check_clashes
+from qcompile.deploy.registration import import_modules, module_path
+from qcompile.device import backend_path
 from qcompile.errors import StudyError
 from qcompile.policy.arguments import check_env
 from qcompile.sweep.arguments import Name, several
@@ -73,8 +76,8 @@ class StudyRequest:
             "--env": [f"{name}={json.dumps(value)}" for name, value in self.env.items()],
         }
         words = ["qcompile", "study", fspath(self.name)]
-        for option, values in options.items():
-            words += [w for v in values if v is not None for w in (option, str(v))]
+        for name, values in options.items():
+            words += [w for v in values if v is not None for w in (name, str(v))]
         return shlex.join(words)
 
     def changed(self, rows: Sequence[Row]) -> list[Row]:
@@ -116,6 +119,30 @@ class StudyRequest:
             for row in self.chosen()
         ]
 
+    def check_clashes(self) -> None:
+        """Check that no file of the study overwrites another one, or one that it reads.
+
+        Raises:
+            StudyError: there is no such study, figure or row.
+            OptionError: two names are the same file.
+        """
+        folder, out = folder_of(self.folder, self.evaluation), option("out")
+        backends = [backend_path(row.settings.backend) for row in self.study.rows]
+        reads: Named = {
+            "the study": Path(self.name),
+            option("backend"): backends,
+            option("imports"): [*map(module_path, several(self.imports))],
+        }
+        names = ("results.csv", "curves.csv", *(f"{name}.png" for name in self.study.figures))
+        page = f"{self.page_path.name} of {out}" if self.page is None else option("page")
+        writes: Named = {
+            out: self.folder,
+            f"a training in {out}": [folder.file(cell) for cell in self.cells()],
+            **{f"{name} of {out}": self.folder / name for name in names},
+            page: self.page_path,
+        }
+        check_clashes(reads, writes, folders=[out])
+
     def check_replaces_nothing(self) -> None:
         """Check that a shortened study does not overwrite trainings with other settings.
 
@@ -129,5 +156,5 @@ class StudyRequest:
         if stored:
             raise StudyError(
                 f"{self.folder} has {len(stored)} of these trainings with other settings.",
-                "Write the shortened study to another folder, such as --out look.",
+                f"Write the shortened study to another folder, such as {option('out')} look.",
             )

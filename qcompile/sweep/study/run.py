@@ -53,8 +53,9 @@ def run_study(request: StudyRequest, pool: Pool, on_progress: OnProgress = no_pr
             be written; a training fails; Ctrl-C, after which finished trainings are in the folder.
     """
     cells = request.cells()
-    check_writable(request.page_path)
     folder = folder_of(request.folder, request.evaluation)
+    request.check_clashes()
+    check_writable(request.page_path)
     folder.check_writable()
     request.check_replaces_nothing()
     _check_environments(folder.missing(cells))

@@ -100,6 +100,13 @@ class RowSummary:
         return np.array([np.mean(result.evaluation) for result in self.results])
 
 
+def moments(values: NDArray[np.float64]) -> tuple[float | None, float | None]:
+    """Mean and standard deviation over the seeds: None where `spread` has none."""
+    if np.isnan(values).any():
+        return None, None
+    return float(values.mean()), float(values.std()) if len(values) > 1 else None
+
+
 def spread(values: NDArray[np.float64]) -> str:
     """Mean ± standard deviation over the seeds as text; values (seeds,), nan if a seed has none.
 

@@ -21,7 +21,8 @@ from qcompile.execution import DeviceBackend, OfflineExecutor, load_backend
 from qcompile.execution.backend import TwinBackend
 from qcompile.mitigation import calibrate
 from qcompile.policy import Policy
-from qcompile.report.intervals import Interval, Panel, draw_intervals
+from qcompile.report.intervals import draw_intervals
+from qcompile.report.means import Interval, Panel
 from qcompile.sweep.engine import run_all
 from qcompile.sweep.evaluation.calibrations import CalibrationFile
 from qcompile.sweep.evaluation.cell import CellResult, folder_of, run_cell

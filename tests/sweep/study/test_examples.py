@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import re
 from pathlib import Path
 
@@ -32,6 +33,14 @@ def test_the_study_of_the_documentation_is_trained() -> None:
         ["lake-svqc-tuned", "1"],
     ]
     assert [row[3:5] for row in study.table().words] == [["475", "never"]] * 3 + [["-", "-"]]
+    rows = [*csv.DictReader(study.table().csv().splitlines())]
+    assert rows[0]["last average, mean"] == ""
+    for row, values in zip(rows, study.to_dict()["rows"], strict=True):
+        (average,) = values["last_average"]  # an episode has no average of twenty
+        assert row["last average, mean"] == ("" if average is None else str(average))
+        assert [float(row["fresh episodes, mean"])] == values["evaluation_mean"]
+        assert row["fresh episodes, standard deviation"] == "", "a seed has no deviation"
+        assert row["mean at target"] == "", "never"
     assert study.plot("lake").png == Path("mine/lake.png").read_bytes()
     text = study.page.read_text()
     assert "| `lake-svqc-tuned` | 1 seed | " in text

@@ -164,7 +164,7 @@ REFUSED = [
     ("about", "abuot", r"\n  abuot: there is no such key.*\n  Did you mean about\?"),
     ("target = 400", "target = nan", r"figures\.pole\.target: input should be a finite number"),
     ('"best"', '"worst"', r"rows\.0\.claim_seed: input should be 'mean' or 'best'"),
-    ('title = "small"', 'title = "a\\nb"', r"rows\.0\.title: string should match"),
+    ('title = "small"', 'title = "a\\nb"', r"rows\.0\.title: must be one line of text"),
     ('"paper"', '"best"', r"row pole-fcn-small-best are invalid.*\n  Unknown preset 'best'"),
     ("hidden = [3]", "hiden = [3]", r"are invalid\.\n  Unknown setting 'hiden'"),
     (
