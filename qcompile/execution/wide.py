@@ -134,7 +134,7 @@ def _group(executable: Executable, circuits: list[int]) -> _Group:
 
 def _signs(width: int) -> FloatArray:
     """(-1)**(common bits) of outcomes and products, (2**width, 2**width): symmetric."""
-    signs = np.ones((1, 1))
+    signs: FloatArray = np.ones((1, 1))
     for _ in range(width):
-        signs = np.kron(signs, [[1.0, 1.0], [1.0, -1.0]])
+        signs = np.asarray(np.kron(signs, [[1.0, 1.0], [1.0, -1.0]]), dtype=np.float64)
     return signs

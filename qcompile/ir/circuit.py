@@ -59,7 +59,7 @@ class Circuit:
             qubits = tuple(map(int, match[3].split(","))) if match[3] else _QUBIT_0
             if not match[3] and width > 1:
                 raise CircuitError(f"{match[0].strip()!r} names no qubit.", "Write it as h@0.")
-            gates.append(Gate.of(match[1], match[2], qubits))
+            gates.append(Gate.of(match[1], match[2], qubits=qubits))
             position = match.end()
         return cls(tuple(gates), width)
 
@@ -131,7 +131,7 @@ def _gate(parts: Sequence[object], width: int) -> Gate:
     for qubit in qubits:
         if isinstance(qubit, bool) or not isinstance(qubit, int):
             raise CircuitError(f"{qubit!r} is not a qubit.", "Qubits are numbered from 0.")
-    return Gate.of(name, *angle, qubits=tuple(qubits))  # type: ignore[arg-type]
+    return Gate.of(name, angle[0] if angle else None, qubits=tuple(qubits))  # type: ignore[arg-type]
 
 
 EulerPart = Literal["first", "polar", "last"]

@@ -106,7 +106,7 @@ class Gate:
 
     @classmethod
     def of(
-        cls, name: str, angle: Angle | float | str | None = None, qubits: tuple[int, ...] = (0,)
+        cls, name: str, angle: Angle | float | str | None = None, *, qubits: tuple[int, ...] = (0,)
     ) -> Gate:
         """The gate `name`, its angle given as a number, a text or an Angle."""
         return cls(name, None if angle is None else Angle.of(angle), qubits)

@@ -38,7 +38,7 @@ class Skeleton:
 def split(program: Program) -> tuple[Program, Skeleton]:
     """The runs of a program, as a program of circuits of one qubit, and its skeleton."""
     runs: list[Circuit] = []
-    skeleton = []
+    skeleton: list[tuple[int, tuple[Run | Gate, ...]]] = []
     for circuit in program.circuits:
         if circuit.width == 1:
             skeleton.append((1, (Run(0, len(runs)),)))

@@ -58,8 +58,15 @@ def pipeline(level: int, native: NativeGates, couplings: Sequence[str] = COUPLIN
     couple: Pass = ToCouplings(tuple(couplings))
     if level == 0:
         return [couple, ToNative(native)]
-    known = [FuseKnown(), ToRotations(), MergeRotations(), CommuteRz()]
-    fuse = [couple, *known, FuseRotations(), ToNative(native), CommuteRz(), MergeRotations()]
+    known: list[Pass] = [FuseKnown(), ToRotations(), MergeRotations(), CommuteRz()]
+    fuse: list[Pass] = [
+        couple,
+        *known,
+        FuseRotations(),
+        ToNative(native),
+        CommuteRz(),
+        MergeRotations(),
+    ]
     return fuse if level == 1 else [DropIdleCouplings(), *fuse, DropUnobservable()]
 
 

@@ -7,7 +7,7 @@ runs around them.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Set
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -88,7 +88,7 @@ def _skeleton(width: int, parts: tuple[Run | Gate, ...]) -> QuantumCircuit:
     return skeleton
 
 
-def _target(device: Device, free: Collection[int]) -> Target:
+def _target(device: Device, free: Set[int]) -> Target:
     """The device's gates on its free qubits and the couplings between them, with their errors."""
     from qiskit.circuit import Measure, Parameter
     from qiskit.circuit.library import CXGate, CZGate, ECRGate, RXGate, RZGate, SXGate, XGate
@@ -109,7 +109,7 @@ def _target(device: Device, free: Collection[int]) -> Target:
         {
             each.qubits: InstructionProperties(error=each.error)
             for each in device.couplings
-            if each.gate == name and free.issuperset(each.qubits)
+            if each.gate == name and set(each.qubits) <= free
         },
     )
     readout = {q: (device.qubits[q].p10 + device.qubits[q].p01) / 2 for q in sorted(free)}
@@ -133,7 +133,7 @@ def _read(routed: Any, width: int, runs: tuple[Circuit, ...]) -> Routed:
             number = int(str(angles[0]).removeprefix("run"))
             gates += [gate.on(*qubits) for gate in runs[number].gates]
         elif name != "barrier":
-            gates.append(Gate.of(name, *map(float, angles), qubits=qubits))
+            gates.append(Gate.of(name, float(angles[0]) if angles else None, qubits=qubits))
     passed = sorted({qubit for gate in gates for qubit in gate.qubits} - set(measured))
     physical = [*measured, *passed]
     local = {qubit: number for number, qubit in enumerate(physical)}

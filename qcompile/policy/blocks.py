@@ -67,7 +67,7 @@ class BlockFile(BaseModel):
             raise CircuitError(f"Gate {name!r} has {len(angle)} angles.")
         if count == 2:
             return
-        gate = Gate.of(name, *angle)
+        gate = Gate.of(name, angle[0] if angle else None)
         unknown = set(gate.angle.symbols if gate.angle else ()) - symbols
         if unknown:
             raise CircuitError(f"Unknown symbol {min(unknown)!r}.")

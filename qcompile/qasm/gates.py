@@ -101,7 +101,7 @@ def standard(name: str, angles: Sequence[Angle], defined: Sequence[str] = ()) ->
     if name not in KNOWN_GATES:
         raise CircuitError(f"Unknown gate {name!r}.", nearest(name, [*KNOWN_GATES, *defined]))
     require_count(name, int(name in ROTATION_GATES), len(angles), "angle")
-    return (Gate(name, *angles),)
+    return (Gate(name, angles[0] if angles else None),)
 
 
 def lacking_phase(name: str, angles: Sequence[Angle]) -> Angle:

@@ -29,9 +29,9 @@ def unitary(gate: str) -> NDArray[np.complex128]:
     """The matrix of a coupling, (4, 4), rows and columns 2 * control + target."""
     eye, x, y, z = _PAULIS
     if gate == "ecr":
-        return (np.kron(x, eye) - np.kron(y, x)) / np.sqrt(2)
+        return np.asarray((np.kron(x, eye) - np.kron(y, x)) / np.sqrt(2))
     zero, one = (eye + z) / 2, (eye - z) / 2
-    return np.kron(zero, eye) + np.kron(one, x if gate == "cx" else z)
+    return np.asarray(np.kron(zero, eye) + np.kron(one, x if gate == "cx" else z))
 
 
 @cache

@@ -22,10 +22,10 @@ def test_a_wide_circuit_has_three_equal_forms() -> None:
     circuit = Circuit.of(LISTS, 3)
     gates = (
         Gate("h"),
-        Gate.of("ry", "x0", (1,)),
+        Gate.of("ry", "x0", qubits=(1,)),
         Gate("cz", None, (0, 1)),
         Gate("cx", None, (2, 1)),
-        Gate.of("rz", 0.5, (2,)),
+        Gate.of("rz", 0.5, qubits=(2,)),
     )
     assert circuit == Circuit(gates, 3) == Circuit.parse(TEXT, 3)
     assert str(circuit) == TEXT
