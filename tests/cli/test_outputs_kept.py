@@ -24,8 +24,8 @@ def undrawable(monkeypatch: pytest.MonkeyPatch) -> None:
     def draw(*_: object) -> None:
         raise FigureError("The style leaves no room.", "Give it more.")
 
-    for name in ("run.draw_rewards", "evaluate.draw_intervals"):
-        monkeypatch.setattr(f"qcompile.verbs.{name}", draw)
+    for name in ("verbs.run_result.draw_rewards", "sweep.evaluation.write_up.draw_intervals"):
+        monkeypatch.setattr(f"qcompile.{name}", draw)
     monkeypatch.setattr("qcompile.verbs.calibrations.Calibration.plot", draw)
 
 

@@ -158,7 +158,9 @@ def test_a_notebook_shows_a_table_and_a_terminal_its_columns() -> None:
 def test_notes_stand_beside_the_rows_but_not_in_csv() -> None:
     table = Table([Column("a")], [["1"]], notes=["2 of 3 *finished*.\nNo more."])
     assert table.markdown().endswith("| 1 |\n\n2 of 3 \\*finished\\*. No more.\n")
-    assert table.latex().startswith("% 2 of 3 *finished*. No more.\n\\begin{tabular}")
+    assert table.latex().startswith(
+        "% needs \\usepackage{booktabs}\n% 2 of 3 *finished*. No more.\n\\begin{tabular}"
+    )
     assert str(table).endswith("No more.")
     assert "<p>2 of 3 *finished*." in table._repr_html_()
     assert table.csv() == "a\n1\n"
