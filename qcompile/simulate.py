@@ -35,6 +35,7 @@ class Simulator:
                 "A fused program can only be evaluated with numpy.",
                 "For torch, pass the program before it was compiled.",
             )
+        program.require_narrow("A Simulator")
         self._xp, self._size = xp, len(program)
         self._words = f"{program!r}, {xp.__name__}"
         self._late_angles = (

@@ -59,6 +59,7 @@ class TwinExecutor(Executor):
 class _PreparedTwin(ExactPrepared):
     def __init__(self, executable: Executable, calibration: Calibration, rng: np.random.Generator):
         super().__init__(executable, rng)
+        executable.source.require_narrow("A twin")
         assert calibration.response is not None  # the twin has curves
         rows = calibration.rows(executable.qubits)
         native = executable.device.native

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from bisect import bisect_right
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -81,6 +80,25 @@ class Program:
     def is_wide(self) -> bool:
         """Whether a circuit has more than one qubit."""
         return any(circuit.width > 1 for circuit in self.circuits)
+
+    def require_narrow(self, purpose: str) -> None:
+        """Check that every circuit has one qubit, and every bit is an observable, in order.
+
+        Raises:
+            CircuitError: one has more; the message says what for they are not supported yet.
+        """
+        for index, width in enumerate(self.widths):
+            if width > 1:
+                raise CircuitError(
+                    f"{purpose} needs circuits of one qubit: circuit {index} has {width}.",
+                    "Wider circuits can be compiled, played on noise models with OfflineExecutor, "
+                    "and trained as qcompile.nn.CircuitLayer.",
+                )
+        if self.observables:
+            raise CircuitError(
+                f"{purpose} measures each circuit: the program has other observables.",
+                "Leave observables out.",
+            )
 
     @property
     def bits(self) -> int:
@@ -251,14 +269,9 @@ class Program:
         return html_table(["circuit", "gates"], rows, repr(self))
 
     def __str__(self) -> str:
-        lines = [f"inputs {' '.join(self.inputs)}", f"parameters {' '.join(self.parameters)}"]
-        for i, circuit in enumerate(self.circuits):
-            width = f"[{circuit.width}]" if circuit.width > 1 else ""
-            lines.append(f"{i}{width}: {circuit}")
-        if self.observables:
-            lines.append(f"observables {' '.join(','.join(map(str, o)) for o in self.observables)}")
-        lines += [f"where {late}" for late in self.late_angles]
-        return "\n".join(line.rstrip() for line in lines)
+        from qcompile.ir.text import program_text
+
+        return program_text(self)
 
     @classmethod
     def parse(cls, text: str) -> Program:
@@ -267,29 +280,6 @@ class Program:
         Raises:
             CircuitError: a line cannot be read.
         """
-        circuits: list[Circuit] = []
-        symbols: dict[str, tuple[str, ...]] = {"inputs": (), "parameters": ()}
-        late_angles, observables = [], ""
-        for line in filter(None, map(str.strip, text.splitlines())):
-            word, *rest = line.split()
-            if word in symbols:
-                symbols[word] = tuple(rest)
-            elif match := re.fullmatch(r"observables((?: \d+(?:,\d+)*)+)", line):
-                observables = match[1]
-            elif match := re.fullmatch(r"where (\w+) = (first|polar|last)\{(.*)\}", line):
-                late_angles.append(
-                    LateAngle(match[1], Circuit.parse(match[3]), match[2])  # type: ignore[arg-type]
-                )
-            elif match := re.fullmatch(r"(\d+)(?:\[(\d+)\])?:(.*)", line):
-                if int(match[1]) != len(circuits):
-                    raise CircuitError(f"Expected circuit {len(circuits)}, found {line!r}.")
-                circuits.append(Circuit.parse(match[3], int(match[2] or 1)))
-            else:
-                raise CircuitError(f"Cannot read the line {line!r} of a program.")
-        return cls(
-            tuple(circuits),
-            symbols["inputs"],
-            symbols["parameters"],
-            tuple(late_angles),
-            tuple(tuple(map(int, bits.split(","))) for bits in observables.split()),
-        )
+        from qcompile.ir.text import parse_program
+
+        return parse_program(text)

@@ -44,6 +44,7 @@ def predistorted(executable: Executable, calibration: Calibration) -> Executable
         raise CalibrationError(
             "The executable is already predistorted.", "Start from the compiled one."
         )
+    executable.source.require_narrow("Predistortion")
     response = response_mitigation(calibration, executable, any_side=True)
     circuits = executable.native.circuits
     has_rotation = np.array([bool(circuit.angles) for circuit in circuits], dtype=np.bool_)

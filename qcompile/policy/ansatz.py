@@ -53,6 +53,7 @@ class Ansatz:
     bias: FloatArray | None = None
 
     def __post_init__(self) -> None:
+        self.program.require_narrow("An ansatz")
         symbols = len(self.program.inputs), len(self.program.parameters)
         if self.program.late_angles:
             raise PolicyError("A compiled program cannot be trained.", "Use its source program.")

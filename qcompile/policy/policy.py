@@ -54,6 +54,7 @@ class Policy(Softmax):
 
     def __post_init__(self) -> None:
         actions, circuits = len(self.bias), len(self.program)
+        self.program.require_narrow("A policy")
         self.encoder.check(len(self.program.inputs))
         check_arrays(
             {

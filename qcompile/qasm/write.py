@@ -46,6 +46,7 @@ def write(
         CircuitError: the program has late angles, or uses a feature that the version lacks; the
             layout does not fit the program; or a name is reserved.
     """
+    program.require_narrow("OpenQASM")
     layout = Layout.default(len(program)) if layout is None else layout
     layout = layout if qubits is None else layout.on(qubits)
     _check(program, version, layout)

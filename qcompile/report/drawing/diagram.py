@@ -42,6 +42,7 @@ def source(program: Program, circuit: int | None = None) -> Diagram:
     Raises:
         FigureError: there is no such circuit.
     """
+    program.require_narrow("A drawing")
     numbers = range(len(program.circuits))
     keys = [shape(program, each) for each in program.circuits]
     shown = _shown(keys, numbers, circuit)
@@ -58,6 +59,7 @@ def compiled(
         FigureError: there is no such circuit.
     """
     before, after = executable.source, executable.native
+    before.require_narrow("A drawing")
     known = range(len(before.circuits)) if numbers is None else numbers
     pairs = list(zip(before.circuits, after.circuits, strict=True))
     shown = _shown([(shape(before, a), shape(after, b)) for a, b in pairs], known, circuit)
