@@ -96,7 +96,8 @@ class Device(Record):
             raise ValueError(f"left_out names qubit {min(missing)}, which the device does not have")
         if self.qubits and len(set(self.left_out)) == len(self.qubits):
             raise ValueError("left_out names every qubit; at least one must remain")
-        self._check_couplings()
+        if self.qubits:
+            self._check_couplings()
         return self
 
     def _check_couplings(self) -> None:

@@ -144,7 +144,7 @@ def test_a_compiled_program_is_refused() -> None:
     [
         ({"circuits": []}, "circuits: list should have at least 1 item"),
         ({"circuits": [[["ry", "x0*x1"]]]}, "not an affine angle"),
-        ({"circuits": [[["cx", "x0"]]]}, "Unknown gate 'cx'"),
+        ({"circuits": [[["cx", "x0"]]]}, "Gate 'cx' takes no angle"),
         ({"circuits": [[["ry", "y"]]]}, "Unknown symbol 'y'"),
         ({"reads": [5]}, "reads contains a number outside 0 to 0"),
         ({"factors": [7]}, "factors contains a number outside -1 to 1"),

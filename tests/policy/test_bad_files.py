@@ -124,7 +124,7 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"reuse": 1.5}, "reuse"),
     ({"reuse": 3}, "weights has shape"),
     ({"circuits": []}, "circuits: list should have at least 1 item"),
-    ({"circuits": [[["cx"]], [["h"]]]}, "circuits.0: Unknown gate 'cx'"),
+    ({"circuits": [[["cx"]], [["h"]]]}, "circuits.0: Gate 'cx' acts on two qubits"),
     ({"circuits": [[["h"]], [["ry"]]]}, "circuits.1"),
     ({"circuits": [[["h", 1.0]], [["h"]]]}, "circuits.0"),
     ({"circuits": [[["ry", "x0*x1"]], [["h"]]]}, "circuits.0: 'x0\\*x1' is not an affine angle"),
