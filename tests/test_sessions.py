@@ -15,7 +15,7 @@ import pytest
 from golden_files import REWRITES
 from sessions import DOCS, WIDTH, Transcript, blocks, matches, typed, words_of
 
-PAGES = ("start/getting-started.md", "howto/paper-figure.md")
+PAGES = ("start/getting-started.md", "howto/paper-figure.md", "howto/entangling.md")
 PICTURES = {
     "howto/paper-figure.md": {"paper-figure.svg": "devices.svg", "paper-shots.svg": "shots.svg"}
 }
@@ -38,6 +38,7 @@ def test_a_page_prints_what_its_commands_answer(
     page: str, folder: Path, qcompile: Callable[..., Any], capsys: pytest.CaptureFixture[str]
 ) -> None:
     transcript, printed = Transcript(page, folder), None
+    names = {"__name__": "__main__"}
     for language, block in blocks(page):
         if named := FILE.match(block):
             Path(named[1]).write_text(block)
@@ -53,7 +54,7 @@ def test_a_page_prints_what_its_commands_answer(
                     now = answer.out + answer.err
                 transcript.compare(line, expected, now)
         elif language == "py":
-            exec(compile(block, page, "exec"), {"__name__": "__main__"})
+            exec(compile(block, page, "exec"), names)
             printed = capsys.readouterr().out
         elif language == "text" and printed is not None:
             assert matches(block, printed), printed
