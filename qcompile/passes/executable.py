@@ -47,6 +47,14 @@ class Executable:
     predistort: Callable[[FloatArray], FloatArray] | None = None
 
     @property
+    def bit_qubits(self) -> IntArray:
+        """The physical qubit of each bit of the source program, (bits,)."""
+        source, native = self.source, self.native
+        owner = np.repeat(np.arange(len(source)), source.widths)
+        shift = np.subtract(native.first_bits, source.first_bits)[owner]
+        return np.asarray(self.qubits[np.arange(source.bits) + shift])
+
+    @property
     def slot_circuits(self) -> IntArray:
         """The circuit of each slot, (slots,)."""
         return self._slots[0]
