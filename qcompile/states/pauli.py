@@ -106,6 +106,7 @@ class NoisyBlocks:
         maps = [self._maps(row, relaxed) for row, relaxed in zip(placed, channels, strict=True)]
         self._fixed = np.array(maps, dtype=dtype).transpose(2, 1, 0, 3, 4)  # position, run, circuit
         self._columns = self._slot_columns()
+        self._entries = self._nonzero_entries()
 
     def __repr__(self) -> str:
         return f"NoisyBlocks({self._name})"
@@ -175,6 +176,15 @@ class NoisyBlocks:
             columns[: len(run.slots), run.number] = run.slots
         return columns
 
+    def _nonzero_entries(self) -> list[list[list[int]]]:
+        """For each run and row of its map, the columns of entries that are not always 0."""
+        turn = np.eye(4, dtype=int)
+        turn[1:3, 1:3] = 1
+        found = (self._fixed[0] != 0).any(axis=1).astype(int)
+        for fixed in self._fixed[1:]:
+            found = (fixed != 0).any(axis=1).astype(int) @ (turn @ found)
+        return [[np.flatnonzero(row).tolist() for row in entries] for entries in found]
+
     def _run_maps(self, cos: FloatArray, sin: FloatArray) -> FloatArray:
         """The map of each run, (runs, circuits, 4, 4, B): fixed maps and rotations in turn."""
         rows, circuits = cos.shape[:2]
@@ -205,22 +215,25 @@ class NoisyBlocks:
                 by_circuit = state.reshape(len(state), -1, rows)
                 by_circuit *= factors[:, :, None]
             else:
-                state = _on_axis(maps[part.number], state, part.qubit, width)
+                entries = self._entries[part.number]
+                state = _on_axis(maps[part.number], entries, state, part.qubit, width)
         for run in shape.last:
             state = _measured(maps[run.number], state, run.qubit, width)
         return state
 
 
-def _on_axis(matrix: FloatArray, state: FloatArray, qubit: int, width: int) -> FloatArray:
+def _on_axis(
+    matrix: FloatArray, entries: list[list[int]], state: FloatArray, qubit: int, width: int
+) -> FloatArray:
     """A map (circuits, 4, 4, B) on one axis of the Pauli vectors (4**width, circuits * B)."""
     before = state.reshape(4**qubit, 4, 4 ** (width - qubit - 1), -1)
     columns = matrix.transpose(1, 2, 0, 3).reshape(4, 4, -1)
     after = np.empty_like(before)
     after[:, 0] = before[:, 0]  # a map keeps the trace
     for row in (1, 2, 3):
-        total = after[:, row]
-        np.multiply(before[:, 0], columns[row, 0], out=total)
-        for column in (1, 2, 3):
+        total, (first, *others) = after[:, row], entries[row]
+        np.multiply(before[:, first], columns[row, first], out=total)
+        for column in others:
             total += before[:, column] * columns[row, column]
     return after.reshape(state.shape)
 

@@ -14,7 +14,7 @@ import torch
 
 from qcompile.arrays import FloatArray, IntArray
 from qcompile.errors import CircuitError
-from qcompile.ir import Angle, Circuit, Gate, Program
+from qcompile.ir import Angle, Gate, Program
 from qcompile.ir.runs import Run, split
 from qcompile.ir.table import AngleTable
 from qcompile.limits import MAX_STATE_QUBITS
@@ -64,63 +64,35 @@ class Statevectors:
 
 
 class _Runs:
-    """The matrices of runs: those that read inputs for every row, the others once."""
+    """The SU(2) matrices of runs, built from their first columns."""
 
     def __init__(self, runs: Program, dtype: torch.dtype):
-        inputs = set(runs.inputs)
-        reads = [not inputs.isdisjoint(circuit.symbols) for circuit in runs.circuits]
-        self._groups = []
-        for chosen in (True, False):
-            numbers = [i for i, read in enumerate(reads) if read == chosen]
-            steps = _steps(runs, [runs.circuits[i] for i in numbers], dtype)
-            self._groups.append((numbers, steps))
-        self._count, self._dtype = len(runs), dtype
+        columns = [alternating(run) for run in runs.circuits]
+        self._shape, self._dtype = len(runs), dtype
+        self._steps = []
+        for position in range(max(map(len, columns), default=0)):
+            angles = [c[position] if position < len(c) else Angle() for c in columns]
+            table = AngleTable(angles, runs.inputs, runs.parameters, torch, dtype)
+            self._steps.append(("zy"[position % 2], table))
 
-    def __call__(self, x: torch.Tensor, theta: torch.Tensor) -> list[torch.Tensor]:
-        """A matrix (B or 1, 2, 2) for each run, and the identity."""
-        eye = torch.eye(2, dtype=self._dtype.to_complex(), device=theta.device)[None]
-        matrices = [eye] * (self._count + 1)
-        for numbers, steps in self._groups:
-            if numbers:
-                for number, matrix in zip(numbers, _matrices(steps, x, theta), strict=True):
-                    matrices[number] = matrix
-        return matrices
-
-
-_Steps = list[tuple[str, AngleTable]]
-
-
-def _steps(program: Program, runs: Sequence[Circuit], dtype: torch.dtype) -> _Steps:
-    """Rotations of all runs about z and y in turn: the axis, and the angles."""
-    columns = [alternating(run) for run in runs]
-    steps = []
-    for position in range(max(map(len, columns), default=0)):
-        angles = [c[position] if position < len(c) else Angle() for c in columns]
-        table = AngleTable(angles, program.inputs, program.parameters, torch, dtype)
-        steps.append(("zy"[position % 2], table))
-    return steps
-
-
-def _matrices(steps: _Steps, x: torch.Tensor, theta: torch.Tensor) -> tuple[torch.Tensor, ...]:
-    """The SU(2) matrices of all runs, each (B or 1, 2, 2), built from their first columns."""
-    alpha: torch.Tensor | None = None
-    beta: torch.Tensor | None = None
-    for axis, table in steps:
-        angles = torch.as_tensor(table(x, theta), dtype=theta.dtype)
-        half = angles.reshape(-1, angles.shape[-1]) / 2
-        if alpha is None or beta is None:
-            one = torch.ones_like(half)
-            alpha, beta = torch.complex(one, 0 * one), torch.complex(0 * one, 0 * one)
-        if axis == "z":
-            phase = torch.polar(torch.ones_like(half), half)
-            alpha, beta = alpha * phase.conj(), beta * phase
-        else:
-            cos, sin = torch.cos(half), torch.sin(half)
-            alpha, beta = cos * alpha - sin * beta, sin * alpha + cos * beta
-    assert alpha is not None
-    assert beta is not None
-    rows = [torch.stack([alpha, -beta.conj()], -1), torch.stack([beta, alpha.conj()], -1)]
-    return torch.stack(rows, dim=-2).unbind(dim=1)
+    def __call__(self, x: torch.Tensor, theta: torch.Tensor) -> torch.Tensor:
+        """A matrix for each run, and the identity, (B or 1, runs + 1, 2, 2)."""
+        alpha = torch.ones((1, self._shape), dtype=self._dtype.to_complex())
+        beta = torch.zeros_like(alpha)
+        for axis, table in self._steps:
+            angles = torch.as_tensor(table(x, theta), dtype=self._dtype)
+            half = angles.reshape(-1, self._shape) / 2
+            if axis == "z":
+                phase = torch.polar(torch.ones_like(half), half)
+                alpha, beta = alpha * phase.conj(), beta * phase
+            else:
+                cos, sin = torch.cos(half), torch.sin(half)
+                alpha, beta = cos * alpha - sin * beta, sin * alpha + cos * beta
+        alpha, beta = (
+            torch.nn.functional.pad(c, (0, 1), value=v) for c, v in ((alpha, 1), (beta, 0))
+        )
+        rows = [torch.stack([alpha, -beta.conj()], -1), torch.stack([beta, alpha.conj()], -1)]
+        return torch.stack(rows, dim=-2)
 
 
 class _Block:
@@ -135,7 +107,8 @@ class _Block:
         dtype: torch.dtype,
     ):
         self._left = width // 2
-        self._layers, couplings = _layers(width, parts, identity)
+        runs, couplings = _layers(width, parts, identity)
+        self._runs = torch.tensor(runs)
         self._signs = torch.tensor(signs, dtype=dtype)
         self._couplings = [
             (
@@ -145,31 +118,31 @@ class _Block:
             for source, sign in couplings
         ]
 
-    def __call__(self, matrices: Sequence[torch.Tensor], rows: int) -> torch.Tensor:
+    def __call__(self, matrices: torch.Tensor, rows: int) -> torch.Tensor:
         """`<O>` (rows, observables of this circuit) for the matrices of all runs."""
-        state: torch.Tensor | None = None
-        for runs, (source, sign) in zip(self._layers, self._couplings, strict=True):
-            chosen = [matrices[run] for run in runs]
-            left, right = _product(chosen[: self._left]), _product(chosen[self._left :])
-            if state is None:  # from |0>: the first columns
-                state = left[:, :, :1] * right[:, None, :, 0]
-            else:
-                state = left @ state @ right.mT
+        chosen = matrices[:, self._runs]  # (B or 1, layers, qubits, 2, 2)
+        left = _product(chosen[:, :, : self._left])
+        right = _product(chosen[:, :, self._left :]).mT
+        # From |0>: the first columns.
+        state = left[:, 0, :, :1] * right[:, 0, :1, :]
+        for layer, (source, sign) in enumerate(self._couplings):
+            if layer:
+                state = left[:, layer] @ state @ right[:, layer]
             flat = state.flatten(1)
             flat = flat if source is None else flat.index_select(1, source)
             state = (flat * sign).reshape(state.shape)
-        assert state is not None
         flat = state.flatten(1)
         found: torch.Tensor = (flat.real**2 + flat.imag**2) @ self._signs
         return found.expand(rows, -1)
 
 
-def _product(matrices: Sequence[torch.Tensor]) -> torch.Tensor:
-    """The Kronecker product of matrices (B or 1, 2, 2), the first one's index slowest."""
-    product = matrices[0]
-    for matrix in matrices[1:]:
-        product = product[:, :, None, :, None] * matrix[:, None, :, None, :]
-        product = product.flatten(3, 4).flatten(1, 2)
+def _product(matrices: torch.Tensor) -> torch.Tensor:
+    """The Kronecker product over qubits, (..., qubits, 2, 2), the first one's index slowest."""
+    product = matrices[..., 0, :, :]
+    for qubit in range(1, matrices.shape[-3]):
+        factor = matrices[..., qubit, :, :]
+        product = product[..., :, None, :, None] * factor[..., None, :, None, :]
+        product = product.flatten(-4, -3).flatten(-2, -1)
     return product
 
 
