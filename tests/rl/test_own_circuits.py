@@ -277,7 +277,7 @@ def test_the_policy_says_where_its_circuits_are_from() -> None:
         (lambda text: "{", "not JSON"),
         (lambda text: text.replace("ansatz-1", "ansatz-2"), "format"),
         (lambda text: ansatz_text(SINGLE), "numbers; its settings need"),
-        (lambda text: text.replace('"ry"', '"cx"'), "Unknown gate 'cx'"),
+        (lambda text: text.replace('"ry"', '"cx"'), "Gate 'cx' takes no angle"),
     ],
 )
 def test_a_checkpoint_with_other_circuits_is_refused(
