@@ -85,6 +85,7 @@ def command(
         compiled = compile_source(read_file(subject), device, level, "3")
         executable, numbers = compiled.executable, compiled.circuits
     else:
+        policy.program.require_narrow("show")
         numbers, importance = None, policy.importance
         executable = compile(policy.program, device, level, importance)
     values = executable_values(

@@ -147,7 +147,8 @@ class Deployment:
         counts = self.executable.gate_counts()
         return {
             "gates_per_circuit": {
-                gate: max((count[gate] for count in counts), default=0) for gate in GATES
+                gate: max((count[gate] for count in counts), default=0)
+                for gate in (*GATES, *self.device.coupling_gates * self.policy.program.is_wide)
             },
             "circuits_per_step": len(self.policy.program),
             "rounds_per_step": self.executable.round_count,

@@ -6,12 +6,14 @@ import numpy as np
 
 from qcompile.arrays import FloatArray
 from qcompile.calibration import Calibration
+from qcompile.caller import option
 from qcompile.deploy.rows import Rows, packed
 from qcompile.deploy.settings import RunSettings
-from qcompile.errors import CalibrationError
+from qcompile.errors import CalibrationError, DeviceError, OptionError
 from qcompile.execution import ExactPrepared, Executor, Workload, require_exact
 from qcompile.ir import Program
 from qcompile.mitigation import (
+    CALIBRATION_SHOTS,
     Misfit,
     Mitigation,
     calibrate,
@@ -23,6 +25,7 @@ from qcompile.mitigation import (
     response_mitigation,
 )
 from qcompile.mitigation.measure import Part
+from qcompile.mitigation.products import ProductMitigation, product_mitigation, with_sub_products
 from qcompile.passes import Executable, compile, copies_that_fit
 from qcompile.streams import Draws
 
@@ -50,20 +53,32 @@ class Measurement:
         settings: RunSettings,
         importance: FloatArray | None = None,
     ):
-        settings = settings.fitted(copies_that_fit(len(program), executor.device))
+        settings = settings.fitted(copies_that_fit(program, executor.device))
         self.settings, self.executor = settings, executor
+        if program.is_wide:
+            _check_wide(executor, settings)
+        count = len(program.measured)
+        importance = np.ones(count) if importance is None else importance
+        has_products = bool(program.is_wide or program.observables)
+        if has_products and settings.mitigation == "readout":
+            program = with_sub_products(program)
+            importance = np.pad(importance, (0, len(program.measured) - count))
         self.executable: Executable = compile(
             program, executor.device, settings.level, importance, copies=settings.copies or 1
         )
-        self._importance = np.ones(len(program)) if importance is None else importance
+        self._importance = importance
         self._shots = settings.circuit_shots(len(program))
         self.calibration_load = Workload()
         self.calibration_shots: int | None = None
         self.misfits: list[Misfit] = []
         self._mitigation: Mitigation | None = None
+        self._products: ProductMitigation | None = None
         if settings.mitigation == "readout":
             calibration = self._calibration_of("readout")
-            self._mitigation = readout_mitigation(calibration, self.executable)
+            if has_products:
+                self._products = product_mitigation(calibration, self.executable, count)
+            else:
+                self._mitigation = readout_mitigation(calibration, self.executable)
         elif settings.mitigation == "response":
             calibration = self._calibration_of("response")
             self._mitigation = response_mitigation(calibration, self.executable)
@@ -85,7 +100,7 @@ class Measurement:
 
     def _note_misfits(self, calibration: Calibration, part: Part) -> None:
         """Record the misfits of a part on the executable's qubits, each once."""
-        fits = misfits(calibration, [part], self.executable.qubits.tolist())
+        fits = misfits(calibration, [part], self.executable.bit_qubits.tolist())
         self.misfits += [fit for fit in fits if fit not in self.misfits]
 
     def _calibration_of(self, part: Part) -> Calibration:
@@ -104,7 +119,7 @@ class Measurement:
 
     def _measure_calibration(self, part: Part) -> Calibration:
         shots = None if self.settings.shots is None else self._shots_of_calibration(part)
-        calibration = calibrate(self.executor, self.executable.qubits, shots, parts=[part])
+        calibration = calibrate(self.executor, self.executable.bit_qubits, shots, parts=[part])
         if calibration.unfitted:
             raise CalibrationError(
                 f"The {part} of {self.executor.device.name} cannot be calibrated.",
@@ -118,6 +133,8 @@ class Measurement:
     def _shots_of_calibration(self, part: Part) -> int:
         if self.settings.calibration_shots != "auto":
             return self.settings.calibration_shots
+        if self.executable.source.is_wide:
+            return CALIBRATION_SHOTS
         copies = self.settings.copies or 1
         # The variance of a mean over places has the squares of their weights.
         weights = self.settings.place_weights**2 if self.settings.split else np.ones(copies)
@@ -164,6 +181,8 @@ class Measurement:
         return np.asarray(np.subtract(1.0, ones * (2.0 / self._shots)))
 
     def _mitigated(self, z: FloatArray) -> FloatArray:
+        if self._products is not None:
+            return self._products.apply(z)
         return z if self._mitigation is None else self._mitigation.apply(z)
 
     def _measure_split(
@@ -176,3 +195,22 @@ class Measurement:
         weighted = z.reshape(len(z), len(self._weights), -1) * self._weights[:, None]
         mean = np.asarray(weighted.sum(axis=1))
         return mean if self._of_mean is None else self._of_mean.apply(mean)
+
+
+def _check_wide(executor: Executor, settings: RunSettings) -> None:
+    """Check that circuits of several qubits can be measured so, before anything is spent.
+
+    Raises:
+        DeviceError, OptionError: they cannot.
+    """
+    if not executor.runs_wide:
+        raise DeviceError(
+            f"{executor!r} runs circuits of one qubit, the program has wider ones.",
+            "Use a noise model or ideal: those run circuits of several qubits.",
+        )
+    if (settings.copies or 1) > 1:
+        raise OptionError(
+            f"{option('copies')} places circuits of one qubit side by side, the program has wider "
+            "ones.",
+            f"Leave {option('copies')} out.",
+        )

@@ -24,6 +24,8 @@ class Executor(ABC):
     device: Device
     kind: Kind
     calibration: Calibration | None = None
+    runs_wide = False
+    """Whether it runs circuits of several qubits."""
     _last: Prepared | None = None
 
     @abstractmethod

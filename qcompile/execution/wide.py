@@ -80,7 +80,8 @@ class PreparedWide(ExactPrepared):
     def _draw(self, rng: Binomial | None, shots: int, p: FloatArray, index: int) -> CountArray:
         if not isinstance(rng, RowDraws):
             return self._rng.multinomial(shots, p / p.sum(axis=1, keepdims=True))
-        copy, number = divmod(index, len(self._widths) // rng.episode.shape[1])
+        copies = rng.episode.size // len(p)
+        copy, number = divmod(index, len(self._widths) // copies)
         first = [0, *accumulate(2**width - 1 for width in self._widths)][number]
         return rng.outcomes(shots, p, copy, first)
 

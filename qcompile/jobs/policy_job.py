@@ -57,6 +57,7 @@ def export_job(
             "OpenQASM 2 has no inputs, so it cannot hold a parametric job.",
             "Give --observations FILE to bind the angles, or use --format qasm3.",
         )
+    policy.program.require_narrow("An export")
     executable = compile(policy.trained_program, device, level, policy.importance)
     parametric = executable.native if level == 0 else executable.template()
     rows: Iterable[tuple[int | None, Program]] = [(None, parametric)]

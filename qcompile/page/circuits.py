@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from qcompile.calibration import Calibration
 from qcompile.device import Device
 from qcompile.noise import REFERENCE_SHOTS, expected_error
-from qcompile.page.document import Block, Heading, Picture, Prose, Qubits, Section, Tile
+from qcompile.page.document import Block, Code, Heading, Picture, Prose, Qubits, Section, Tile
 from qcompile.passes import LEVELS, Executable, compile
 from qcompile.policy import AnyPolicy, Network, Policy
 from qcompile.report.placement import PERFECT, left_out
@@ -76,6 +78,10 @@ def _drawing(compiled: Compiled, executable: Executable) -> Iterator[Block]:
     gates = " ".join(compiled.device.native.gates)
     count = plural(circuits, "circuit")
     yield Prose(f"{count}, compiled to {gates}. Level {level}: {LEVELS[level]}.")
+    if executable.source.is_wide:
+        yield Code("Before compilation", str(executable.source))
+        yield Code(f"For {compiled.device.name}, level {level}", str(executable.native))
+        return
     shown = None
     drawing = executable.draw("svg")
     if len(drawing) > _MOST_LETTERS:
@@ -118,7 +124,8 @@ def _placement(compiled: Compiled, executable: Executable, name: str) -> Iterato
     device = compiled.device
     circuits: dict[int, list[int]] = {}
     count = len(executable.native) // compiled.copies
-    for index, qubit in enumerate(executable.qubits.tolist()):
+    owners = np.repeat(np.arange(len(executable.native)), executable.native.widths).tolist()
+    for index, qubit in zip(owners, executable.qubits.tolist(), strict=True):
         circuits.setdefault(qubit, []).append(index % count)
     errors = [expected_error(device, qubit) for qubit in range(len(device.qubits))]
     reasons = left_out(device, compiled.calibration)

@@ -160,7 +160,7 @@ class Executable:
 
         It is 1 on the ideal device, where running copies side by side saves nothing.
         """
-        return copies_that_fit(len(self.native), self.device)
+        return copies_that_fit(self.native, self.device)
 
     def to_qiskit(
         self, x: FloatArray | None = None, theta: FloatArray | None = None, *, measure: bool = True

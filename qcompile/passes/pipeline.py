@@ -92,8 +92,9 @@ def compile(
     At level 2 a circuit is sx rz sx or shorter, at level 1 rz sx rz sx rz or shorter (rx and
     rz rx rz where rx is native); unknown angles are fused when the executable is bound.
 
-    `importance` (circuits,) says how much the error of a circuit's `<Z>` matters, as
-    `Policy.importance` does: the most important circuits get the best qubits (`passes.place`). With
+    `importance` (observables,) says how much the error of an observable matters, by default the
+    `<Z>` of each circuit, as `Policy.importance` does: the most important circuits get the best
+    qubits (`passes.place`). With
     `copies` the executable contains that many copies of the program, which share its parameters:
     inputs (B, copies * inputs) and results (B, copies * circuits), both copy by copy.
 
@@ -121,7 +122,10 @@ def _compile_wide(
     program: Program, device: Device, level: int, importance: FloatArray | None, copies: int
 ) -> Executable:
     """A program with circuits of several qubits: routed first, then lowered as any other."""
-    weights = checked_importance(len(program), importance, copies)
+    weights = checked_importance(len(program.measured), importance, copies)
+    first = [observable[0] for observable in program.measured]
+    owners = np.searchsorted(program.first_bits, first, side="right") - 1
+    weights = np.asarray(np.bincount(owners, weights, minlength=len(program)), dtype=float)
     program = program.side_by_side(copies)
     skeleton = DropIdleCouplings().apply(program) if level == 2 else program
     placed = place_wide(skeleton, device, np.tile(weights, copies))

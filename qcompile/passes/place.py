@@ -7,13 +7,17 @@ import numpy as np
 from qcompile.arrays import FloatArray, IntArray, real_array
 from qcompile.device import Device
 from qcompile.errors import CircuitError
+from qcompile.ir import Program
 from qcompile.limits import MAX_EPISODES
 from qcompile.noise import usable
 
 
-def copies_that_fit(circuits: int, device: Device) -> int:
-    """How many copies of `circuits` circuits fit on the usable qubits at once, at least one."""
-    return max(len(usable(device)) // max(circuits, 1), 1)
+def copies_that_fit(program: Program, device: Device) -> int:
+    """How many copies of a program fit on the usable qubits at once, at least one.
+
+    Copies of circuits of several qubits are not placed side by side.
+    """
+    return 1 if program.is_wide else max(len(usable(device)) // max(len(program), 1), 1)
 
 
 def place(

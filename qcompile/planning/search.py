@@ -274,7 +274,7 @@ class Ladder:
         a copy of a split row would have no shot, or another copy no episode.
         """
         fixed, episodes = self.goal.fixed, self.goal.episodes
-        fit = copies_that_fit(len(self.policy.program), self.backend.device)
+        fit = copies_that_fit(self.policy.program, self.backend.device)
         copies = fixed.get("copies", min(fit, episodes))
         split = fixed.get("copies", min(fit, shots))
         is_even = -shots % split <= _EMPTY * shots

@@ -73,7 +73,7 @@ def run_task(
     )
     if task.copies is not None:
         return task
-    fit = copies_that_fit(len(policy.program), device)
+    fit = copies_that_fit(policy.program, device)
     copies = task.fitted(fit).places if task.split else min(episodes, fit)
     return task.model_copy(update={"copies": copies})
 

@@ -8,12 +8,9 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field
 
 from qcompile.errors import CircuitError, PolicyError
-from qcompile.ir import Circuit, Gate
+from qcompile.ir import COUPLINGS, Circuit, Gate
 from qcompile.limits import MAX_ANGLE_LETTERS, MAX_QUBITS
 from qcompile.validation import FirstFault
-
-COUPLINGS = ("cx", "cz", "ecr")
-"""The two-qubit gates."""
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Natural = Annotated[int, Field(ge=0, le=1_000_000)]
@@ -31,11 +28,6 @@ class BlockFile(BaseModel):
 
     def __len__(self) -> int:
         return len(self.gates)
-
-    @property
-    def couplings(self) -> list[str]:
-        """The names of its two-qubit gates."""
-        return [name for name in COUPLINGS if any(gate[0] == name for gate in self.gates)]
 
     def check(self, symbols: Set[str]) -> None:
         """Raise PolicyError for the first invalid gate, or the first unknown symbol."""
@@ -73,13 +65,10 @@ class BlockFile(BaseModel):
             raise CircuitError(f"Unknown symbol {min(unknown)!r}.")
 
     def circuit(self) -> Circuit:
-        """The circuit of a one-qubit block that `check` has accepted."""
-        return Circuit.of([parts[:-1] for parts in self.gates])
-
-
-def single_bits(bits: int) -> list[list[int]]:
-    """The default observables: each bit alone."""
-    return [[bit] for bit in range(bits)]
+        """The circuit of a block that `check` has accepted."""
+        if self.qubits == 1:
+            return Circuit.of([parts[:-1] for parts in self.gates])
+        return Circuit.of(self.gates, self.qubits)
 
 
 def check_observables(observables: Observables, widths: Sequence[int]) -> None:

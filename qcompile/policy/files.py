@@ -13,6 +13,7 @@ from pydantic import BaseModel, ValidationError
 from qcompile.catalogue import find, names, nearest
 from qcompile.errors import CircuitError, PolicyError
 from qcompile.foreign import describe
+from qcompile.ir import Circuit
 from qcompile.output import write_file
 from qcompile.policy.blocks import BlockFile
 from qcompile.policy.decision import hold_values
@@ -192,8 +193,10 @@ def policy_values(policy: AnyPolicy) -> dict[str, Any]:
     more: dict[str, Any] = {**hold_values(policy.hold)}
     if policy.environment_kwargs:
         more["environment_kwargs"] = dict(policy.environment_kwargs)
+    if program.observables:
+        more["observables"] = [[*observable] for observable in program.observables]
     return {
-        "format": FORMAT_2 if more or of_encoder else FORMAT_1,
+        "format": FORMAT_2 if more or of_encoder or program.is_wide else FORMAT_1,
         "name": policy.name,
         "environment": policy.environment,
         "encoder": {
@@ -202,7 +205,7 @@ def policy_values(policy: AnyPolicy) -> dict[str, Any]:
             "scale": encoder.scale.tolist(),
             **of_encoder,
         },
-        "circuits": [circuit.rename(symbols).to_lists() for circuit in program.circuits],
+        "circuits": [_circuit_values(circuit.rename(symbols)) for circuit in program.circuits],
         "theta": policy.theta.tolist(),
         "weights": policy.weights.tolist(),
         "bias": policy.bias.tolist(),
@@ -210,6 +213,13 @@ def policy_values(policy: AnyPolicy) -> dict[str, Any]:
         "metadata": dict(policy.metadata),
         **more,
     }
+
+
+def _circuit_values(circuit: Circuit) -> Any:
+    """The gates of a circuit; of several qubits as a block."""
+    if circuit.width == 1:
+        return circuit.to_lists()
+    return {"qubits": circuit.width, "gates": circuit.to_lists()}
 
 
 def _beyond_format_1(encoder: Encoder) -> dict[str, Any]:

@@ -28,7 +28,7 @@ NO_THETA = np.zeros(0)
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Policy(Softmax):
-    """A policy that chooses among k actions with n circuits.
+    """A policy that chooses among k actions with n observables of its circuits.
 
     theta (parameters,); weights (k, reuse * n), with columns ordered copy by copy; bias (k,). The
     action probabilities are softmax(weights y + bias), where y is the `<Z>` of the circuits,
@@ -53,18 +53,17 @@ class Policy(Softmax):
     environment_kwargs: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        actions, circuits = len(self.bias), len(self.program)
-        self.program.require_narrow("A policy")
+        actions, observables = len(self.bias), len(self.program.measured)
         self.encoder.check(len(self.program.inputs))
         check_arrays(
             {
                 "theta": (self.theta, (len(self.program.parameters),)),
                 "bias": (self.bias, (actions,)),
-                "weights": (self.weights, (actions, self.reuse * circuits)),
+                "weights": (self.weights, (actions, self.reuse * observables)),
             }
         )
-        if not circuits or not actions:
-            raise PolicyError(f"The policy has {circuits} circuits and {actions} actions.")
+        if not observables or not actions:
+            raise PolicyError(f"The policy has {observables} circuits and {actions} actions.")
         check_hold(self.hold)
         check_names(name=self.name, environment=self.environment)
 
@@ -98,7 +97,7 @@ class Policy(Softmax):
         """The parameters after folding: theta, scales and gains unless all 1, weights, bias."""
         factors = (self.encoder.scale, self.encoder.gains)
         count = sum(array.size for array in factors if (array != 1).any())
-        return self.theta.size + count + self.actions * (len(self.program) + 1)
+        return self.theta.size + count + self.actions * (len(self.program.measured) + 1)
 
     @cached_property
     def trained_program(self) -> Program:
@@ -125,14 +124,15 @@ class Policy(Softmax):
 
     @cached_property
     def importance(self) -> FloatArray:
-        """How much an error in a circuit's `<Z>` matters: the variance of its weights over actions.
+        """How much an error of an observable matters: the variance of its weights over actions.
 
-        Shape (circuits,). An error dz in `<Z>` moves the logits by W dz, where W are the folded
-        weights. A shift common to all actions changes no probability: to second order, the
-        Kullback-Leibler divergence between the softmax before and after is half the variance of W
-        dz over actions. For equally likely actions and independent errors of zero mean, it is half
-        the sum over circuits of importance times the mean of dz^2. Errors of qubits also have a
-        bias; the sum then treats their signs as random.
+        Shape (observables,): by default one for each circuit, its `<Z>`. An error dz in `<Z>`
+        moves the logits by W dz, where W are the folded weights. A shift common to all actions
+        changes no probability: to second order, the Kullback-Leibler divergence between the
+        softmax before and after is half the variance of W dz over actions. For equally likely
+        actions and independent errors of zero mean, it is half the sum over observables of
+        importance times the mean of dz^2. Errors of qubits also have a bias; the sum then treats
+        their signs as random.
         """
         return np.asarray(self._folded_weights.var(axis=0))
 

@@ -8,6 +8,7 @@ unsupported parts are read and checked like the rest, and then refused by name
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Annotated, Any, Generic, Literal, TypeVar
 
 import numpy as np
@@ -35,7 +36,7 @@ from qcompile.policy.blocks import (
 from qcompile.policy.decision import MOST_HELD
 from qcompile.policy.encoder import Encoder, check_arrays
 from qcompile.policy.policy import Policy
-from qcompile.policy.refusals import other_decision, products, refuse, wide_blocks
+from qcompile.policy.refusals import other_decision, refuse
 from qcompile.validation import FirstFault, Line
 
 FORMAT_1: Literal["qcompile-policy-1"] = "qcompile-policy-1"
@@ -204,23 +205,19 @@ class PolicyFile2(_File[Literal["qcompile-policy-2"], EncoderFile2, _Circuit2]):
             raise PolicyError(
                 f"circuits have {bits:,} qubits.", f"At most {MAX_POLICY_GATES:,} are allowed."
             )
-        program = self._program(self._circuits())
         observables = self.observables
         if observables is not None:
             check_observables(observables, widths)
         columns = self.reuse * (bits if observables is None else len(observables))
         check_arrays({"weights": (self._weights(), (len(self.bias), columns))})
-        refuse(
-            [
-                *wide_blocks(blocks),
-                *products(observables, bits),
-                *other_decision(self.decision),
-            ]
+        program = replace(
+            self._program(self._circuits()), observables=tuple(map(tuple, observables or ()))
         )
+        refuse(other_decision(self.decision))
         return self._policy(program, hold=self.hold, environment_kwargs=self.environment_kwargs)
 
     def _circuits(self) -> list[Circuit]:
-        """The circuits, with an empty one in place of each wide block."""
+        """The circuits of lists of gates and of blocks."""
         names = self._program([])
         symbols = {*names.inputs, *names.parameters}
         circuits = []
@@ -232,7 +229,7 @@ class PolicyFile2(_File[Literal["qcompile-policy-2"], EncoderFile2, _Circuit2]):
                 part.check(symbols)
             except PolicyError as error:
                 raise PolicyError(f"circuits.{index}.{error}") from error
-            circuits.append(part.circuit() if part.qubits == 1 else Circuit())
+            circuits.append(part.circuit())
         return circuits
 
 

@@ -62,6 +62,7 @@ class Surrogate:
             PolicyError: it has too many terms, or a circuit's coefficients are too large to be
                 exact.
         """
+        policy.program.require_narrow("A surrogate")
         expansion = _Expansion(policy)
         polynomials: list[Polynomial] = []
         basis: dict[Monomial, None] = {}

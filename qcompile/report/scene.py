@@ -7,6 +7,7 @@ import numpy as np
 from qcompile.deploy.filming import Frame
 from qcompile.deploy.player import Player
 from qcompile.notebook import reward_text
+from qcompile.policy import Policy
 from qcompile.report.lettering import Picture, fitted, write
 from qcompile.report.panels import (
     BODY,
@@ -47,7 +48,9 @@ class Scene:
     def __init__(self, player: Player):
         shots = player.settings.shots
         self._title = f"{player.policy.name} on {player.backend}"
-        self._circuits = int(player.sizes()["circuits_per_step"])
+        self._circuits = (
+            len(player.policy.program.measured) if isinstance(player.policy, Policy) else 0
+        )
         self._holds = player.policy.hold > 1
         exact = "exact" if shots is None else f"{shots:,} shots"
         self._below = f"{kind_words(player.kind)}, {exact}" if self._circuits else "network"

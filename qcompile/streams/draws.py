@@ -104,8 +104,8 @@ class RowDraws(NamedTuple):
 
     def outcomes(self, shots: int, p: FloatArray, copy: int, first_index: int) -> CountArray:
         """Counts for `p`, (rows, 2**width), of a circuit of this copy."""
-        places = self.episode[:, copy], self.decision[:, copy]
-        return self.draws.outcomes(shots, p, *places, first_index)
+        episode, decision = (a.reshape(len(p), -1)[:, copy] for a in (self.episode, self.decision))
+        return self.draws.outcomes(shots, p, episode, decision, first_index)
 
 
 class _BlockOfDraws:
