@@ -55,11 +55,11 @@ class Measurement:
     ):
         settings = settings.fitted(copies_that_fit(program, executor.device))
         self.settings, self.executor = settings, executor
-        if program.is_wide:
+        has_products = program.has_products
+        if has_products:
             _check_wide(executor, settings)
         count = len(program.measured)
         importance = np.ones(count) if importance is None else importance
-        has_products = bool(program.is_wide or program.observables)
         if has_products and settings.mitigation == "readout":
             program = with_sub_products(program)
             importance = np.pad(importance, (0, len(program.measured) - count))
@@ -133,7 +133,7 @@ class Measurement:
     def _shots_of_calibration(self, part: Part) -> int:
         if self.settings.calibration_shots != "auto":
             return self.settings.calibration_shots
-        if self.executable.source.is_wide:
+        if self.executable.source.has_products:
             return CALIBRATION_SHOTS
         copies = self.settings.copies or 1
         # The variance of a mean over places has the squares of their weights.
@@ -205,12 +205,12 @@ def _check_wide(executor: Executor, settings: RunSettings) -> None:
     """
     if not executor.runs_wide:
         raise DeviceError(
-            f"{executor!r} runs circuits of one qubit, the program has wider ones.",
+            f"{executor!r} runs circuits of one qubit, the program has wider ones or products.",
             "Use a noise model or ideal: those run circuits of several qubits.",
         )
     if (settings.copies or 1) > 1:
         raise OptionError(
             f"{option('copies')} places circuits of one qubit side by side, the program has wider "
-            "ones.",
+            "ones or products.",
             f"Leave {option('copies')} out.",
         )

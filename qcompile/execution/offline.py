@@ -45,7 +45,7 @@ class OfflineExecutor(Executor):
             DeviceError: the executable was compiled for another device.
         """
         check_device(executable, self.device)
-        if executable.source.is_wide:
+        if executable.source.has_products:
             return PreparedWide(executable, self.rng)
         return _PreparedNoise(executable, self.rng)
 

@@ -81,6 +81,11 @@ class Program:
         """Whether a circuit has more than one qubit."""
         return any(circuit.width > 1 for circuit in self.circuits)
 
+    @property
+    def has_products(self) -> bool:
+        """Whether a circuit has several qubits, or observables are not the bits in order."""
+        return self.is_wide or bool(self.observables)
+
     def require_narrow(self, purpose: str) -> None:
         """Check that every circuit has one qubit, and every bit is an observable, in order.
 

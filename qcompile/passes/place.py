@@ -17,7 +17,7 @@ def copies_that_fit(program: Program, device: Device) -> int:
 
     Copies of circuits of several qubits are not placed side by side.
     """
-    return 1 if program.is_wide else max(len(usable(device)) // max(len(program), 1), 1)
+    return 1 if program.has_products else max(len(usable(device)) // max(len(program), 1), 1)
 
 
 def place(

@@ -30,7 +30,6 @@ def known() -> Any:
 
 
 CALLS: dict[str, Callable[[], object]] = {
-    "A policy": lambda: replace(qcompile.load_policy("cartpole_1q"), program=WIDE),
     "An ansatz": lambda: Ansatz.of_program(WIDE),
     "OpenQASM": lambda: write(WIDE),
     "A drawing": WIDE.draw,

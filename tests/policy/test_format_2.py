@@ -151,34 +151,30 @@ def test_blocks_of_one_qubit_and_single_observables_are_circuits(
 
 
 WIDE = {"circuits": [BLOCK, [["h"]]], "weights": [[0.0] * 6] * 2}
+PRODUCTS = WIDE | {"observables": [[0, 1], [2]], "weights": [[0.0] * 4] * 2}
 REFUSED: list[tuple[dict[str, Any], list[str]]] = [
     (
-        WIDE,
-        ["circuits.0: blocks of up to 2 qubits, with cz. This version runs circuits of one qubit."],
-    ),
-    (
-        {"observables": [[1], [0]]},
-        ["observables [1], [0]: this version measures each bit alone, in order ([0], [1], ...)."],
-    ),
-    (
-        {"decision": "values"},
-        ["decision values: this version draws actions from the softmax of the outputs."],
-    ),
-    (
-        {"decision": "born"},
-        ["decision born: this version draws actions from the softmax of the outputs."],
-    ),
-    (
-        WIDE | {"observables": [[0, 1], [2]], "weights": [[0.0] * 4] * 2, "decision": "gaussian"},
-        [
-            "circuits.0: blocks of up to 2 qubits, with cz. This version runs circuits of one "
-            "qubit.",
-            "observables [0, 1], [2]: this version measures each bit alone, in order "
-            "([0], [1], ...).",
-            "decision gaussian: this version draws actions from the softmax of the outputs.",
-        ],
-    ),
+        {"decision": decision},
+        [f"decision {decision}: this version draws actions from the softmax of the outputs."],
+    )
+    for decision in ("values", "born", "gaussian")
 ]
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("change", [WIDE, PRODUCTS, {"observables": [[1], [0]]}])
+def test_blocks_of_several_qubits_and_products_are_read_and_written(
+    tmp_path: Path, suffix: str, change: dict[str, Any], values: Make, write_json: Make
+) -> None:
+    policy = load_policy(write_json(tmp_path / "p.json", values(**change)))
+    expected = [[0], [1], [2]][: policy.program.bits]
+    assert policy.program.measured == tuple(map(tuple, change.get("observables", expected)))
+    if "circuits" in change:
+        assert policy.program.circuits == (Circuit.of(BLOCK["gates"], 2), Circuit.parse("h"))
+    save_policy(policy, tmp_path / f"again{suffix}")
+    again = load_policy(tmp_path / f"again{suffix}")
+    assert (again.program, policy_values(again)) == (policy.program, policy_values(policy))
+    assert policy_values(again)["format"] == "qcompile-policy-2"
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)

@@ -1,0 +1,129 @@
+"""Policies of circuits of several qubits, played on noise models."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from wide import operator
+
+import qcompile
+from qcompile.deploy.deployment import Deployment
+from qcompile.deploy.play import play
+from qcompile.deploy.settings import RunSettings
+from qcompile.errors import CircuitError, DeviceError, OptionError
+from qcompile.ir import Circuit, Program
+from qcompile.policy import Policy, load_policy
+from qcompile.streams import Stream
+
+LAYER = [["ry", "x0", 0], ["ry", "x1", 1], ["ry", "x2", 2], ["cz", 0, 1], ["cz", 1, 2]]
+GATES = [*LAYER, ["ry", "theta0", 0], ["rx", "theta1", 1], ["ry", "x3", 2], *LAYER, ["ry", 1.0, 1]]
+
+
+def policy() -> Policy:
+    """A policy of CartPole that reads products of Z, with a circuit of one qubit beside."""
+    shipped = load_policy("cartpole")
+    assert isinstance(shipped, Policy)
+    circuits = [Circuit.of(GATES, 3), Circuit.parse("ry(x2)")]
+    program = replace(
+        Program.of(circuits, 4, 2), observables=((0, 1), (3,), (2,), (0, 1, 2), (1, 2))
+    )
+    weights = np.array([[1.0, 2.0, -1.0, 0.5, 0.3], [-1.0, -2.0, 1.0, -0.5, -0.3]])
+    encoder = replace(shipped.encoder, feature=np.arange(4), scale=np.ones(4))
+    return replace(
+        shipped, name="ring", program=program, theta=np.array([0.3, -0.8]),
+        weights=weights, bias=np.zeros(2), reuse=1, encoder=encoder,
+    )  # fmt: skip
+
+
+OBSERVATIONS = np.random.default_rng(3).normal(size=(4, 4))
+
+
+def ideal() -> np.ndarray:
+    """<O> of all observables, from Qiskit's unitaries."""
+    chosen, rows = policy(), []
+    program = chosen.program
+    for x in chosen.encode(OBSERVATIONS):
+        values = {f"x{i}": v for i, v in enumerate(x)} | {"theta0": 0.3, "theta1": -0.8}
+        row = []
+        for observable in program.measured:
+            circuit = max(i for i, first in enumerate(program.first_bits) if first <= observable[0])
+            p = np.abs(operator(program.circuits[circuit], values)[:, 0]) ** 2
+            shifts = [bit - program.first_bits[circuit] for bit in observable]
+            ones = (np.arange(len(p))[:, None] >> shifts) & 1
+            row.append(p @ (-1.0) ** ones.sum(axis=1))
+        rows.append(row)
+    return np.array(rows)
+
+
+def test_without_noise_it_decides_by_the_statevector() -> None:
+    deployment = Deployment(policy(), "ideal", shots=None, seed=1)
+    found = deployment.expectation(OBSERVATIONS)
+    np.testing.assert_allclose(found, ideal(), atol=1e-12)
+    u = Stream(1, "actions").uniforms(np.arange(4), np.zeros(4, int))
+    np.testing.assert_array_equal(deployment.act(OBSERVATIONS), policy().decide(ideal(), u))
+
+
+def test_mitigation_undoes_the_readout_of_products() -> None:
+    """What is left are the errors of gates: a fraction of what the readout takes."""
+    plain, mitigated = (
+        np.abs(
+            Deployment(policy(), "fake_lima", shots=None, mitigation=m).expectation(OBSERVATIONS)
+            - ideal()
+        ).max(axis=0)
+        for m in ("none", "readout")
+    )
+    assert (mitigated < plain).all()
+    assert mitigated[3] < 0.6 * plain[3]  # <ZZZ> loses most
+
+
+def test_counts_are_those_of_the_stated_shots() -> None:
+    settings = RunSettings.of(None, shots=64, mitigation="none", seed=2)
+    deployment = Deployment(policy(), "fake_lima", settings)
+    exact = Deployment(policy(), "fake_lima", RunSettings.of(settings, shots=None))
+    rows = np.repeat(OBSERVATIONS[:1], 3000, axis=0)
+    z = deployment.expectation(rows)
+    wanted = exact.expectation(OBSERVATIONS[:1])[0]
+    sigma = np.sqrt((1 - wanted**2) / (64 * 3000))
+    assert (np.abs(z.mean(axis=0) - wanted) < 4.5 * sigma).all()
+
+
+@pytest.mark.parametrize("backend", ["ideal", "fake_lima"])
+def test_measuring_ahead_changes_nothing(backend: str) -> None:
+    runs = [
+        play(
+            Deployment(policy(), backend, shots=32, seed=5, max_steps=30, speculate=depth),
+            4,
+        )
+        for depth in (1, 8, "auto")
+    ]
+    assert len({str(run.episodes) for run in runs}) == 1
+
+
+def test_a_run_counts_the_couplings() -> None:
+    result = qcompile.run(policy(), "fake_lima", episodes=2, shots=32, max_steps=5, progress=False)
+    gates = result.to_dict()["gates_per_circuit"]
+    assert gates["cx"] > 0
+    assert result.to_dict()["circuits_per_step"] == 2
+
+
+def test_a_report_shows_the_circuits_as_text(tmp_path: object) -> None:
+    result = qcompile.run(policy(), "fake_lima", episodes=2, shots=32, max_steps=5, progress=False)
+    result.report("wide.html")
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path: object, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(str(tmp_path))
+
+
+def test_what_cannot_be_measured_is_refused() -> None:
+    with pytest.raises(OptionError, match="copies places circuits of one qubit side by side"):
+        Deployment(policy(), "fake_lima", copies=2)
+    with pytest.raises(DeviceError, match="runs circuits of one qubit"):
+        Deployment(policy(), "qiskit:FakeLimaV2")
+    with pytest.raises(CircuitError, match="Response mitigation needs circuits of one qubit"):
+        Deployment(policy(), "fake_lima", mitigation="response")
+    with pytest.raises(DeviceError, match="ibm_lima has no couplings"):
+        Deployment(policy(), "ibm_lima")
