@@ -57,14 +57,14 @@ def names(shelf: Shelf, suffixes: Sequence[str]) -> list[str]:
     return sorted(stems)
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
-    """A hint: the known names closest to `name`, or the first dozen of them."""
+def nearest(name: str, known: Iterable[str], most: int = 12) -> str:
+    """A hint: the known names closest to `name`, or the first `most` of them."""
     words = list(dict.fromkeys(known))
     if close := close_names(name, words):
         return f"Did you mean {' or '.join(close)}?"
     if not words:
         return "None is known."
-    return f"Known: {', '.join([*words[:12], *(['...'] if len(words) > 12 else [])])}."
+    return f"Known: {', '.join([*words[:most], *(['...'] if len(words) > most else [])])}."
 
 
 def close_names(name: str, known: Iterable[str]) -> list[str]:

@@ -7,7 +7,7 @@ import pytest
 
 from qcompile.catalogue import nearest
 from qcompile.device import device_names
-from qcompile.rl.settings import SETTING_NAMES
+from qcompile.rl.settings import SETTING_NAMES, nearest_setting
 
 ENVIRONMENTS = ["CartPole-v1", "Acrobot-v1", *gymnasium.registry]
 GATES = ["id", "x", "y", "z", "h", "s", "sdg", "t", "tdg", "sx", "sxdg", "rx", "ry", "rz", "p"]
@@ -38,6 +38,11 @@ def test_a_slip_of_the_pen_is_put_right(name: str, known: list[str], words: str)
 def test_without_similar_names_the_first_dozen_are_listed(name: str) -> None:
     words = nearest(name, SETTING_NAMES)
     assert words == f"Known: {', '.join(SETTING_NAMES[:12])}, ...."
+
+
+def test_all_settings_are_listed() -> None:
+    assert nearest_setting("nothing") == f"Known: {', '.join(SETTING_NAMES)}."
+    assert nearest_setting("clp") == "Did you mean clip?"
 
 
 @pytest.mark.parametrize("name", ["cartpole-v1", "xyz"])

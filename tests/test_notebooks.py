@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import ast
 import re
+import subprocess
+import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,7 +16,9 @@ from nbclient import NotebookClient
 
 from qcompile.notebook import reward_text
 
-NOTEBOOKS = sorted((Path(__file__).parents[1] / "examples").glob("*.ipynb"))
+CHECKOUT = Path(__file__).parents[1]
+PAGE = (CHECKOUT / "docs" / "howto" / "notebook.md").read_text()
+NOTEBOOKS = sorted((CHECKOUT / "examples").glob("*.ipynb"))
 SCREEN = 40
 """Lines of a screen."""
 
@@ -61,6 +66,42 @@ def test_a_cell_of_code_fits_a_screen(path: Path) -> None:
 
 def test_the_first_hour_is_short() -> None:
     assert sum(len(cell.source.splitlines()) for cell in code(NOTEBOOKS[0])) <= 25
+
+
+def imported(path: Path) -> set[str]:
+    """The packages that the cells of a notebook import."""
+    nodes = [*ast.walk(ast.parse("\n".join(cell.source for cell in code(path))))]
+    plain = [name.name for node in nodes if isinstance(node, ast.Import) for name in node.names]
+    named = [node.module or "" for node in nodes if isinstance(node, ast.ImportFrom)]
+    return {name.partition(".")[0] for name in [*plain, *named]}
+
+
+def test_what_the_page_installs_is_enough_for_all() -> None:
+    project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]
+    installed = re.search(r"^pip install .*'\.\[([\w,]+)\]' jupyterlab$", PAGE, re.MULTILINE)
+    assert installed is not None
+    needed = {name for path in NOTEBOOKS for name in imported(path)}
+    assert "qiskit" in needed
+    assert needed & {*project["optional-dependencies"]} <= {*installed[1].split(",")}
+
+
+def test_the_first_two_blocks_of_the_page_are_cells_that_show_something(tmp_path: Path) -> None:
+    cells = re.findall(r"^```py(?:thon)?\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)[:2]
+    notebook = nbformat.v4.new_notebook(cells=[*map(nbformat.v4.new_code_cell, cells)])
+    NotebookClient(notebook, timeout=300, resources={"metadata": {"path": str(tmp_path)}}).execute()
+    shown = [{kind for output in cell.outputs for kind in output.data} for cell in notebook.cells]
+    assert "text/html" in shown[0]
+    assert "image/png" in shown[1]
+
+
+def test_git_ignores_what_notebooks_write() -> None:
+    if not (CHECKOUT / ".git").exists():
+        pytest.skip("not a checkout of git")
+    written = [f"examples/{name}" for name in ("mine.pt", "devices.png", "pole.pt")]
+    kept = ["examples/01_first_hour.ipynb", "examples/study.toml"]
+    words = ["git", "check-ignore", "--no-index", *written, *kept]
+    found = subprocess.run(words, cwd=CHECKOUT, capture_output=True, text=True, check=False)
+    assert found.stdout.split() == written
 
 
 def test_cells_show_tables_and_pictures(executed: Executed) -> None:

@@ -213,9 +213,7 @@ class Settings:
         """A checked copy with these values; `steps` and `episodes` do not change the annealing."""
         unknown = sorted(set(values) - set(_DEFAULTS))
         if unknown:
-            raise TrainingError(
-                f"Unknown setting {unknown[0]!r}.", nearest(unknown[0], SETTING_NAMES)
-            )
+            raise TrainingError(f"Unknown setting {unknown[0]!r}.", nearest_setting(unknown[0]))
         before = plain(self)
         if before["anneal_steps"] is None and before["anneal_episodes"] is None:
             before |= {"anneal_steps": self.steps, "anneal_episodes": self.episodes}
@@ -226,6 +224,11 @@ _DEFAULTS: Mapping[str, Any] = {field.name: field.default for field in fields(Se
 _ADAPTER = TypeAdapter(Settings)
 SETTING_NAMES = tuple(_DEFAULTS)
 _OPTIONAL = {n for n, hint in get_type_hints(Settings).items() if type(None) in get_args(hint)}
+
+
+def nearest_setting(name: str) -> str:
+    """A hint: the settings closest to `name`, or all of them."""
+    return nearest(name, SETTING_NAMES, most=len(SETTING_NAMES))
 
 
 def from_toml(values: Mapping[str, Any]) -> dict[str, Any]:

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from qcompile.caller import option
-from qcompile.catalogue import nearest
 from qcompile.device import IDEAL_NAME, load_device
 from qcompile.errors import OptionError, TrainingError
 from qcompile.policy import Ansatz, AnyPolicy, Network, Policy, load_ansatz, load_policy
@@ -132,11 +131,11 @@ class TrainingRequest:
 
     def _named_settings(self) -> dict[str, Any]:
         """The settings given by name; `Settings.changed` checks their values."""
-        from qcompile.rl.settings import SETTING_NAMES
+        from qcompile.rl.settings import SETTING_NAMES, nearest_setting
 
         for name in self.settings:
             if name not in SETTING_NAMES:
-                raise OptionError(f"Unknown setting {name!r}.", nearest(name, SETTING_NAMES))
+                raise OptionError(f"Unknown setting {name!r}.", nearest_setting(name))
             if name in _PRESET_OF:
                 raise OptionError(
                     f"{name!r} cannot be changed as a setting: the preset depends on it.",

@@ -72,6 +72,7 @@ class Training(Result):
             }
         )
         self._imports = imports
+        self._logs = {"--log": outputs.log, "--tensorboard": outputs.tensorboard}
         self.policy, self.failure, self.interrupted = policy, failure, interrupted
         self.stopped, self.trainings = watch.stopped, [self]
         self.model = trainer.model
@@ -182,5 +183,7 @@ class Training(Result):
             words = ["qcompile", "train", values["environment"]]
             words += [word for module in self._imports for word in ("--import", module)]
             words += ["--resume", state] + ([] if out is None else ["--out", out])
+            for option, path in self._logs.items():
+                words += [] if path is None else [option, str(path)]
             hints.append(f"Resume with: {shlex.join(words)}")
         raise QcompileError("Interrupted.", *hints)

@@ -46,6 +46,18 @@ def test_a_resumed_training_overwrites_its_own_policy(qcompile: Call, ctrl_c: Ca
     assert qcompile(*advice.partition("qcompile ")[2].split()).code == 0
 
 
+def test_the_advice_continues_the_log_and_the_scalars(qcompile: Call, ctrl_c: Call) -> None:
+    words = ("train", "CartPole-v1", "--preset", "paper", "--episodes", 6)
+    kept = ("--log", "a.csv", "--tensorboard", "board", "--checkpoint", "state", "--out", "p.pt")
+    ctrl_c(3)
+    advice = qcompile(*words, *kept).err.splitlines()[-1]
+    assert advice.endswith("--resume state --out p.pt --log a.csv --tensorboard board")
+    assert len(Path("a.csv").read_text().splitlines()) < 7
+    assert qcompile(*advice.partition("qcompile ")[2].split()).code == 0
+    assert len(Path("a.csv").read_text().splitlines()) == 7  # and its header
+    assert len([*Path("board").rglob("*tfevents*")]) == 2
+
+
 def test_of_a_model_without_a_policy_it_overwrites_its_own_checkpoint(
     qcompile: Call, ctrl_c: Call
 ) -> None:

@@ -36,8 +36,20 @@ def stop_at_the_third_job(service: StandIn, monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr("qcompile.live.jobs.time.sleep", interrupt)
 
 
+def machines(capsys: pytest.CaptureFixture[str]) -> str:
+    """What the page's command that lists the machines of an account prints."""
+    block = next(text for _, text in blocks(PAGE) if ".backends()" in text)
+    name, option, code = words_of(block)
+    assert (name, option) == ("python", "-c")
+    exec(code, {})
+    return capsys.readouterr().out.strip()
+
+
 def test_the_page_prints_what_a_service_like_ibms_makes_it_say(
-    empty_folder: Path, qcompile: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+    empty_folder: Path,
+    qcompile: Callable[..., Any],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setenv("COLUMNS", str(WIDTH))
     SOMEBODY(monkeypatch)
@@ -48,6 +60,7 @@ def test_the_page_prints_what_a_service_like_ibms_makes_it_say(
     with StandIn({"ibm_fez": "FakeFez"}) as service:
         for name, value in service.environment().items():
             monkeypatch.setenv(name, value)
+        assert machines(capsys) == "ibm_fez"
         for line, printed in commands:
             asked = QUESTION.search(printed)
             monkeypatch.setattr("sys.stdin", io.StringIO(f"{asked[1]}\n" if asked else ""))
