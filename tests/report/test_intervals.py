@@ -136,6 +136,24 @@ def test_a_legend_says_nothing_twice() -> None:
     ]
 
 
+def test_bands_are_intervals_and_no_others() -> None:
+    """Columns with several intervals are parted by lines; the ideal alone is a band."""
+    for mitigations, lines in ((1, 0), (2, 2)):
+        (axes,) = panes(draw_intervals("", [panel(DEVICES, MITIGATIONS[:mitigations])]))
+        (band,) = axes.patches
+        assert band.get_xy()[1] == -78.0, "the lower end of the ideal's interval"
+        upright = [line for line in axes.lines if [*line.get_xdata()] in ([0.5, 0.5], [1.5, 1.5])]
+        assert len(upright) == lines
+
+
+def test_an_ideal_without_scatter_has_a_line_alone() -> None:
+    flat = Panel("", panel().intervals, (-75.0, -75.0, -75.0), None, "a")
+    figure = draw_intervals("", [flat])
+    (axes,) = panes(figure)
+    assert not axes.patches
+    assert legend(figure)[-1] == "ideal, exact expectations"
+
+
 def test_a_legend_lies_within_the_figure_in_as_few_lines_as_fit() -> None:
     figure = draw_intervals("", [panel(DEVICES, MITIGATIONS[:2], [32, 256])])
     box = figure._drawing.legends[0].get_window_extent()
