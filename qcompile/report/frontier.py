@@ -47,7 +47,7 @@ def draw_frontier(plan: dict[str, Any], style: AnyStyle = None) -> Figure:
         _draw(axes, plan, look.colours)
         words = f"{plural(plan['episodes'], 'episode')} on {plan['backend']}; numbers are shots"
         if _is_far(plan):
-            words += f"; as in the paper it takes {plan['paper']['qpu_seconds']:,.0f} s"
+            words += f"; the paper's way takes {plan['paper']['qpu_seconds']:,.0f} s"
         write_title(drawing, words)
         legend_below(drawing, labelled(axes))
         drawing.draw_without_rendering()  # the labels lie where the marks are not

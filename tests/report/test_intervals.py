@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
+from matplotlib.patches import Patch
 
 from qcompile.report.figure import Figure
 from qcompile.report.intervals import draw_intervals
@@ -152,6 +153,18 @@ def test_an_ideal_without_scatter_has_a_line_alone() -> None:
     (axes,) = panes(figure)
     assert not axes.patches
     assert legend(figure)[-1] == "ideal, exact expectations"
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_the_legend_has_the_interval_of_an_ideal_that_has_one(order: int) -> None:
+    """Whether the panel without one comes first or last."""
+    flat = Panel("flat", panel().intervals, (-75.0, -75.0, -75.0), None, "a")
+    figure = draw_intervals("", [panel(title="wide"), flat][::order])
+    (legend,) = figure._drawing.legends
+    handles = dict(
+        zip([t.get_text() for t in legend.get_texts()], legend.legend_handles, strict=True)
+    )
+    assert isinstance(handles["ideal, exact expectations"], Patch)
 
 
 def test_a_legend_lies_within_the_figure_in_as_few_lines_as_fit() -> None:

@@ -68,7 +68,7 @@ def test_the_axes_reach_as_far_as_the_points() -> None:
     assert axes.get_xlim()[1] < 1000
     assert not {"random actions", "as in the paper, 8192 shots"} & {*legend(figure)}
     title = figure._drawing._suptitle.get_text()  # type: ignore[union-attr]
-    assert title.replace("\n", " ").endswith("; as in the paper it takes 65,000 s")
+    assert title.replace("\n", " ").endswith("; the paper's way takes 65,000 s")
 
 
 def test_what_is_near_is_drawn() -> None:
@@ -77,7 +77,7 @@ def test_what_is_near_is_drawn() -> None:
     assert axes.get_ylim()[0] < 190
     assert axes.get_xlim()[1] > 4000
     assert {"random actions", "as in the paper, 8192 shots", "without noise"} <= {*legend(figure)}
-    assert "as in the paper" not in figure._drawing._suptitle.get_text()  # type: ignore[union-attr]
+    assert "the paper's way" not in figure._drawing._suptitle.get_text()  # type: ignore[union-attr]
 
 
 @pytest.mark.parametrize("paper_s", [4000, 65_000])
