@@ -222,7 +222,7 @@ def command(
         print_table(table.header, table.words, title, right=right, tight=True)
         click.echo(
             f"{_SECONDS}\nahead: most decisions of an episode in one job (--speculate)\n"
-            "at 4 sub-jobs: QPU seconds if IBM counts each job as four, which is not known\n"
+            "at 4 sub-jobs: QPU seconds if IBM counts each job as four (unknown)\n"
             f"mean reward: {values['scored_episodes']} whole episodes on a model of the machine, "
             "more for the recommended settings\n"
             f"kept: 0 % is the reward of random actions, {values['random_reward']:.4g}; "

@@ -40,16 +40,16 @@ def unusable(device: Device) -> dict[int, str]:
     return _reasons(device, _qualities(device))
 
 
-def expected_error(device: Device, qubit: int) -> float | None:
+def expected_error(device: Device, qubit: int, shots: int = REFERENCE_SHOTS) -> float | None:
     """The root of `mean_square_error`, in units of `<Z>`; None if it is infinite."""
-    error = mean_square_error(device, qubit)
+    error = mean_square_error(device, qubit, shots)
     return math.sqrt(error) if math.isfinite(error) else None
 
 
-def mean_square_error(device: Device, qubit: int) -> float:
+def mean_square_error(device: Device, qubit: int, shots: int = REFERENCE_SHOTS) -> float:
     """The expected squared error of `<Z>` on `qubit` with readout mitigation.
 
-    It is that of a level 2 circuit, sx rz sx (or rx), at REFERENCE_SHOTS, averaged over `<Z>` in
+    It is that of a level 2 circuit, sx rz sx (or rx), at a number of shots, averaged over `<Z>` in
     [-1, 1]. Because of pulses and readout the measured `<Z>` is b + k `<Z>`; readout mitigation
     assumes h + g `<Z>`, the line through |0> and |1> as they are measured, and inverts it. That
     leaves shot noise, amplified by 1 / g^2, and the effect of pulses that the line misses:
@@ -59,7 +59,7 @@ def mean_square_error(device: Device, qubit: int) -> float:
     It is infinite if g is 0. If 0 and 1 are swapped, g is negative and corrects that too. Clipping
     to [-1, 1] is ignored.
     """
-    return _quality(device.qubits[qubit], device.native).error
+    return _quality(device.qubits[qubit], device.native, shots).error
 
 
 def _qualities(device: Device) -> list[_Quality]:
@@ -67,7 +67,7 @@ def _qualities(device: Device) -> list[_Quality]:
     return [_quality(qubit, native) for qubit in device.qubits]
 
 
-def _quality(qubit: Qubit, native: NativeGates) -> _Quality:
+def _quality(qubit: Qubit, native: NativeGates, shots: int = REFERENCE_SHOTS) -> _Quality:
     shift, contrast = qubit.p01 - qubit.p10, qubit.contrast
     # Between the two pulses the vector lies in the xy plane; the z component that the first one
     # adds is turned into y by the second, where it is not measured.
@@ -80,7 +80,7 @@ def _quality(qubit: Qubit, native: NativeGates) -> _Quality:
     h, g = shift + contrast * (1 + one) / 2, contrast * (1 - one) / 2
     if g == 0:
         return _Quality(k, math.inf)
-    variance = (1 - b**2 - k**2 / 3) / (REFERENCE_SHOTS * g**2)
+    variance = (1 - b**2 - k**2 / 3) / (shots * g**2)
     return _Quality(k, variance + ((b - h) / g) ** 2 + (k / g - 1) ** 2 / 3)
 
 

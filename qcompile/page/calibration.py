@@ -19,7 +19,7 @@ from qcompile.page.document import (
     Tile,
 )
 from qcompile.page.words import without_folders
-from qcompile.report.calibration_values import calibration_table
+from qcompile.report.calibration_values import calibration_table, fit_words, limit_words
 from qcompile.report.figure import Figure
 from qcompile.report.style import AnyStyle
 from qcompile.report.summary import kind_words
@@ -50,7 +50,7 @@ def calibration_document(
         [
             ("qubits", str(len(calibration.qubits))),
             *_averages(values),
-            ("shots of a circuit", _number(values["shots"])),
+            ("shots per circuit", _number(values["shots"])),
             ("executions", f"{calibration.executions:,}"),
             ("qubits with a bad fit", str(bad)),
         ],
@@ -68,6 +68,10 @@ def calibration_document(
 
 def _number(shots: Any) -> str:
     return f"{shots:,}" if isinstance(shots, int) else str(shots)
+
+
+def _each(shots: int | None) -> str:
+    return "exact" if shots is None else f"{_number(shots)} shots each"
 
 
 def _readout_errors(values: Mapping[str, Any]) -> list[float]:
@@ -113,15 +117,23 @@ def _qubits(calibration: Calibration, values: Mapping[str, Any]) -> Iterator[Blo
     table = calibration_table(dict(values))
     bad = {misfit["qubit"] for misfit in values["calibration_misfits"]}
     marked = frozenset(i for i, qubit in enumerate(calibration.qubits) if qubit in bad)
-    note = "Rows of a bad fit are marked." if marked else ""
-    errors = _readout_errors(values)
+    words = [
+        *["p10: a 0 that is read as 1. p01: a 1 that is read as 0."]
+        * bool(errors := _readout_errors(values))
+    ]
+    if _contrasts(values):
+        words.append(
+            "Measured <Z> = offset + contrast cos(w - tilt), where cos(w) is <Z> without errors."
+        )
+    words += [f"{line[0].upper()}{line[1:]}." for line in fit_words(values)]
+    words += ["Rows of a bad fit are marked."] * bool(marked)
     if errors:
         tiles = [
             Tile(qubit, f"{100 * error:.2f} %", min(error / _WARM, 1.0), "bad fit" * (qubit in bad))
             for qubit, error in sorted(zip(calibration.qubits, errors, strict=True))
         ]
         yield Qubits("Readout error of each qubit", tiles, "The mean of p10 and p01.")
-    yield Table("Fits of each qubit", table.header, table.words, note, marked)
+    yield Table("Fits of each qubit", table.header, table.words, " ".join(words), marked)
 
 
 def _check(values: Mapping[str, Any]) -> Iterator[Block]:
@@ -144,6 +156,7 @@ def _check(values: Mapping[str, Any]) -> Iterator[Block]:
                 values["qubits"], check["chi_square"], check["p_value"], strict=True
             )
         ],
+        limit_words(len(values["qubits"])),
         marked=frozenset(
             i for i, row in enumerate(values["qubits"]) if row["qubit"] in check["drifted"]
         ),
@@ -159,7 +172,7 @@ def _settings(calibration: Calibration, values: Mapping[str, Any]) -> Iterator[t
         if counted is not None:
             yield (
                 f"{part} circuits",
-                f"{len(counted.ones)}, {_number(counted.shots or 'exact')} shots",
+                f"{len(counted.ones)} circuits, {_each(counted.shots)}",
             )
     yield "device", device.source
     if values.get("file"):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,8 +13,9 @@ from qcompile.noise import REFERENCE_SHOTS, expected_error
 from qcompile.page.document import Block, Code, Heading, Picture, Prose, Qubits, Section, Tile
 from qcompile.passes import LEVELS, Executable, compile
 from qcompile.policy import AnyPolicy, Network, Policy
-from qcompile.report.placement import PERFECT, left_out
+from qcompile.report.placement import left_out, perfect_error
 from qcompile.report.tables import plural
+from qcompile.report.wires import angle_words
 
 _MOST_LETTERS = 200_000
 """A longer drawing is of the first circuit alone."""
@@ -29,6 +30,8 @@ class Compiled:
     """A policy, compiled for a device as it was played.
 
     `calibration` is that of a twin. A `backend` has a name of its own where it is not the device's.
+    Errors of qubits are stated at `shots`; None stands for several numbers of shots, and for exact
+    expectations.
     """
 
     policy: AnyPolicy
@@ -37,6 +40,7 @@ class Compiled:
     copies: int = 1
     calibration: Calibration | None = None
     backend: str = ""
+    shots: int | None = None
 
     @property
     def name(self) -> str:
@@ -89,7 +93,12 @@ def _drawing(compiled: Compiled, executable: Executable) -> Iterator[Block]:
     yield Picture(
         f"Circuits for {compiled.device.name}, level {level}: before and after compilation",
         drawing,
-        text="The first circuit alone: `qcompile show` prints them all." if shown == 0 else "",
+        text=" ".join(
+            [
+                *["The first circuit alone: `qcompile show` prints them all."] * (shown == 0),
+                *angle_words(executable),
+            ]
+        ),
         spoken=executable.draw("text", shown),
     )
 
@@ -127,14 +136,16 @@ def _placement(compiled: Compiled, executable: Executable, name: str) -> Iterato
     owners = np.repeat(np.arange(len(executable.native)), executable.native.widths).tolist()
     for index, qubit in zip(owners, executable.qubits.tolist(), strict=True):
         circuits.setdefault(qubit, []).append(index % count)
-    errors = [expected_error(device, qubit) for qubit in range(len(device.qubits))]
+    shots = compiled.shots or REFERENCE_SHOTS
+    errors = [expected_error(device, qubit, shots) for qubit in range(len(device.qubits))]
+    perfect = perfect_error(shots)
     reasons = left_out(device, compiled.calibration)
     shown = sorted(circuits) if len(errors) > _MOST_TILES else range(len(errors))
     tiles = [
         Tile(
             qubit,
             "unknown" if (error := errors[qubit]) is None else f"{error:.4f}",
-            1.0 if error is None else min(max((error / PERFECT - 1) / _WARM, 0.0), 1.0),
+            1.0 if error is None else min(max((error / perfect - 1) / _WARM, 0.0), 1.0),
             _placed(circuits.get(qubit, [])),
             reasons.get(qubit, ""),
         )
@@ -145,10 +156,19 @@ def _placement(compiled: Compiled, executable: Executable, name: str) -> Iterato
     yield Qubits(
         f"Qubits of {name}",
         tiles,
-        f"{plural(count, 'circuit')}{side} in {rounds}; the circuits that matter most are on the "
-        f"best qubits. The number beside a qubit is its error of <Z>: root mean square at "
-        f"{REFERENCE_SHOTS} shots, readout mitigated; {PERFECT:.4f} if perfect.",
+        f"{plural(count, 'circuit')}{side} in {rounds}{_ranking(device, reasons, shots)}. The "
+        f"number beside a qubit is its error of <Z>: root mean square at {plural(shots, 'shot')}, "
+        f"readout mitigated; {perfect:.4f} if perfect.",
     )
+
+
+def _ranking(device: Device, reasons: Container[int], shots: int) -> str:
+    """What the placement followed, where some of the qubits are better than others."""
+    errors = {expected_error(device, q) for q in range(len(device.qubits)) if q not in reasons}
+    if len(errors) < 2:
+        return ""
+    at = f", ranked at {REFERENCE_SHOTS} shots" if shots != REFERENCE_SHOTS else ""
+    return f"; the circuits that matter most are on the best qubits{at}"
 
 
 def _placed(numbers: Sequence[int]) -> str:

@@ -76,23 +76,33 @@ def _name(cell: Mapping[str, Any]) -> str:
 
 
 def _score(cells: Sequence[Mapping[str, Any]]) -> Score | None:
-    """The best cell of the first policy, that without noise left out where there are others."""
-    own = _of_first(cells)
-    played = [cell for cell in own if not cell["reference"]] or own
-    if not played:
+    """The greatest loss against the same policy without noise, in the first environment.
+
+    A cell alone has its mean reward instead, and of cells without a reference it is the highest.
+    """
+    if not cells:
         return None
-    best = max(played, key=lambda cell: float(cell["mean_reward"]))
-    interval = interval_words(best)
-    words = [f"95 % interval {interval}"] * bool(interval) + [_name(best)]
-    label = "best mean reward" if len(played) > 1 else "mean reward"
-    if len(own) < len(cells):
-        label += f" of {best['policy']}"
-    return Score(label, reward_text(best["mean_reward"]), interval="; ".join(words))
-
-
-def _of_first(cells: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
-    """The cells of the first policy: rewards of several environments do not compare."""
-    return [cell for cell in cells if cell["policy"] == cells[0]["policy"]]
+    place = environment_words(cells[0])  # rewards of several environments do not compare
+    own = [cell for cell in cells if environment_words(cell) == place]
+    where = "" if len(own) == len(cells) else f" in {place}"
+    played = [cell for cell in own if not cell["reference"]] or own
+    count = len(played)
+    if count > 1 and not any(c["reference"] or c["paired_difference"] is None for c in played):
+        cell = min(played, key=lambda cell: float(cell["paired_difference"]))
+        label, which, key = "lowest difference to ideal", "the lowest", "paired_ci95"
+        value = difference_text(cell["paired_difference"], cell["mean_reward"])
+    else:
+        cell = max(played, key=lambda cell: float(cell["mean_reward"]))
+        label, which, key = "highest " * (count > 1) + "mean reward", "the highest", "ci95"
+        value = reward_text(cell["mean_reward"])
+    interval = interval_words(cell, key)
+    several = len({other["policy"] for other in own}) > 1
+    words = [
+        *[f"95 % interval {interval}"] * bool(interval),
+        f"{cell['policy']} on " * several + _name(cell),
+        *[f"{which} of {count} cells"] * (count > 1),
+    ]
+    return Score(label + where, value, interval="; ".join(words))
 
 
 def _headline(
@@ -124,11 +134,11 @@ def _scores(cells: Sequence[Mapping[str, Any]]) -> Iterator[tuple[str, str]]:
         interval = interval_words(cell)
         yield "without noise", reward_text(cell["mean_reward"])
         if interval:
-            yield "its 95 % interval", interval
+            yield "95 % interval without noise", interval
     played = [cell for cell in cells if not cell["reference"]]
+    if len(played) > 1:
+        yield "mean rewards, lowest to highest", _range_words(cells)
     if played:
-        worst = min(played, key=lambda cell: float(cell["mean_reward"]))
-        yield "lowest mean reward", reward_text(worst["mean_reward"])
         differences = [
             (cell["paired_difference"], cell["mean_reward"])
             for cell in played
@@ -136,7 +146,11 @@ def _scores(cells: Sequence[Mapping[str, Any]]) -> Iterator[tuple[str, str]]:
         ]
         if differences:
             low, high = (difference_text(*edge(differences)) for edge in (min, max))
-            yield "difference to ideal", f"{low} to {high}"
+            yield (
+                ("difference to ideal", low)
+                if len(differences) == 1
+                else ("differences to ideal, lowest to highest", f"{low} to {high}")
+            )
 
 
 def _results(

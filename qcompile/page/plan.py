@@ -69,7 +69,7 @@ def _headline(values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     yield str(paper["name"]), f"{paper['qpu_seconds']:,.1f} QPU seconds"
     yield "jobs of the cheapest way", f"{way['jobs']:,}"
     yield "decisions", f"{values['decisions']:,}"
-    yield "shots of a circuit", f"{values['shots']:,}"
+    yield "shots per circuit", f"{values['shots']:,}"
 
 
 def _within_score(values: Mapping[str, Any]) -> Score | None:
@@ -93,7 +93,7 @@ def _within_headline(values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     if chosen is not None:
         yield "reward kept", f"{100 * chosen['share']:.1f} %"
         yield "mean reward", reward_text(chosen["mean_reward"])
-        yield "shots of a circuit", f"{chosen['shots']:,}"
+        yield "shots per circuit", f"{chosen['shots']:,}"
         yield "jobs", f"{chosen['jobs']:,}"
     paper = values["paper"]
     yield "as in the paper", f"{paper['qpu_seconds']:,.0f} QPU seconds"
@@ -117,7 +117,7 @@ def _figure(
             f"{SECONDS_PER_EXECUTION:g} for an execution; the free plan has "
             f"{values['free_seconds']:g} in 28 days."
         )
-        yield Picture.of(label, draw, "A bar for each way, on a logarithmic scale.")
+        yield Picture.of(label, draw, "One bar per way, on a logarithmic scale.")
         yield Table("Ways to run it", columns, rows, note, marked)
         return
     if not values["frontier"]:
@@ -130,7 +130,7 @@ def _figure(
     marked = frozenset(i for i, row in enumerate(rows) if any(cell.endswith(" *") for cell in row))
     note = (
         "ahead: decisions of an episode in a job, at most. at 4 sub-jobs: the seconds if IBM "
-        "counts a job as four, which is not known. mean reward: of "
+        "counts each job as four (unknown). mean reward: of "
         f"{values['scored_episodes']} whole episodes on a model of the machine, more for what is "
         "recommended. kept: its share between random actions, "
         f"{reward_text(values['random_reward'])}, and no noise, "

@@ -103,9 +103,9 @@ def _headline(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         yield "solved", "yes" if summary["solved"] else "no"
     if circuits := summary["circuits_per_step"]:
         rounds = plural(summary["rounds_per_step"], "round")
-        yield "circuits of a decision", f"{circuits} in {rounds}"
+        yield "circuits per decision", f"{circuits} in {rounds}"
         shots = summary["shots"]
-        yield "shots of a circuit", f"{shots:,}" if isinstance(shots, int) else "exact"
+        yield "shots per circuit", f"{shots:,}" if isinstance(shots, int) else "exact"
         mitigation = "predistorted angles" if summary["predistort"] else summary["mitigation"]
         yield "mitigation", mitigation
 
@@ -127,7 +127,7 @@ def _episodes(summary: Mapping[str, Any], draw: Callable[[AnyStyle], Figure]) ->
         f"{words}.",
     )
     if 1 < len(rewards) <= _MOST_BARS:
-        yield Picture.of("Reward of each episode", draw, "A bar for each episode, in their order.")
+        yield Picture.of("Reward of each episode", draw, "One bar per episode, in order.")
     rows = [
         [str(index), str(episode["seed"]), reward_text(episode["reward"]), str(episode["length"])]
         for index, episode in enumerate(episodes[:_MOST_ROWS])

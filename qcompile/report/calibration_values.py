@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+import click
 import numpy as np
 
 from qcompile.calibration import Calibration, ReadoutFit, ResponseFit
+from qcompile.mitigation.drift import DRIFT_LEVEL
 from qcompile.mitigation.measure import PARTS
 from qcompile.mitigation.misfit import misfits, p_values
 from qcompile.mitigation.polar import polar_curves
@@ -88,7 +90,23 @@ def calibration_table(values: dict[str, Any], notes: Sequence[str] = ()) -> Tabl
             columns.append(Column(f"{part} fit", parts=parts))
     bad = bad_fits(values)
     rows = [list(_cells(row, bad)) for row in values["qubits"]]
-    return Table(columns, rows, calibration_title(values), notes)
+    return Table(columns, rows, calibration_title(values), [*notes, *fit_words(values)])
+
+
+def fit_words(values: Mapping[str, Any]) -> list[str]:
+    """What the columns of fits say; nothing where none has a chi-square."""
+    first = values["qubits"][0]
+    fits = [f"{part} fit" for part in PARTS if first.get(f"{part}_degrees")]
+    return [f"{', '.join(fits)}: chi-square, then its expected value"] * bool(fits)
+
+
+def limit_words(qubits: int) -> str:
+    """Where the p-value of one of so many qubits contradicts a calibration."""
+    return (
+        f"The p-value must be at least {DRIFT_LEVEL / qubits:.2g}: by chance, "
+        f"{'one of ' * (qubits > 1)}{plural(qubits, 'qubit')} is below it with a probability of "
+        f"{DRIFT_LEVEL:g}."
+    )
 
 
 def _with_error(name: str) -> Column:
@@ -112,6 +130,8 @@ def print_calibration(values: dict[str, Any]) -> None:
     """Print the table of `calibration_values`."""
     table = calibration_table(values)
     print_table(table.header, table.words, table.title, tight=True, right=(0,))
+    for line in fit_words(values):
+        click.echo(line)
 
 
 def _cells(row: dict[str, Any], bad: set[tuple[int, str]]) -> Iterator[Cell]:

@@ -70,8 +70,8 @@ class Columns:
             inside = sorted((i for i in panel.intervals if i.column == column), key=self._place)
             count = len(inside)
             offsets = (np.arange(count) - (count - 1) / 2) * _SPREAD / max(count, 3)
-            if index % 2:
-                axes.axvspan(index - 0.5, index + 0.5, color="0.5", alpha=0.07, lw=0, zorder=0)
+            if index and len(panel.intervals) > len(panel.columns):
+                axes.axvline(index - 0.5, color="0.5", alpha=0.35, linewidth=0.5, zorder=0)
             for interval, offset in zip(inside, offsets, strict=True):
                 axes.errorbar(
                     index + offset,

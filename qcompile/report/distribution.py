@@ -63,7 +63,7 @@ def draw_distributions(
             axes.plot([mean], [middle], "D", color=line, markersize=3.5, label="mean", linestyle="")
             if sample.ci95 is not None:
                 low, high = sample.ci95
-                words = "95 % interval of the mean"
+                words = "95 % interval of the mean" if low < high else ""
                 axes.hlines(middle, low, high, color=line, linewidth=1.2, label=words)
             if len(samples) > 1:
                 axes.annotate(

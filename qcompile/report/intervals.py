@@ -53,7 +53,9 @@ def draw_intervals(title: str, panels: Sequence[Panel], style: AnyStyle = None) 
             for axes, index in zip(panes, row, strict=True):
                 panel = form.panels[index]
                 width_in = drawing.get_figwidth() * widths[index] / longest_in
-                across |= draw_across(axes, panel)
+                for label, sample in draw_across(axes, panel).items():
+                    if not isinstance(across.get(label), tuple):  # a line with its interval
+                        across[label] = sample
                 form.draw(axes, panel, width_in)
                 titles.append(_write_name(axes, panel.title, width_in))
                 axes.grid(axis="y")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from base64 import b64encode
 from collections.abc import Mapping
 from typing import Any
@@ -18,7 +19,7 @@ from qcompile.live.journal_file import reading
 from qcompile.live.perform import costs, describe_progress, task_of
 from qcompile.live.records import State, Submission
 from qcompile.mitigation.misfit import misfit_warnings
-from qcompile.report.calibration_values import calibration_values, print_calibration
+from qcompile.report.calibration_values import calibration_values, limit_words, print_calibration
 from qcompile.report.summary import print_run
 from qcompile.report.tables import cost_in_words, plural, print_table
 from qcompile.terminal import one_line
@@ -184,6 +185,7 @@ def print_validation(check: dict[str, Any]) -> None:
         ],
         f"Twin of {check['file']} against fresh counts, {check['shots']} shots",
     )
+    click.echo(textwrap.fill(limit_words(len(check["qubits"])), 80, subsequent_indent="  "))
     if "power" in check:
         click.echo(
             f"{plural(check['observations'], 'observation')}: an increase of p01 by "

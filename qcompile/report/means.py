@@ -65,9 +65,11 @@ def draw_across(axes: Axes, panel: Panel) -> dict[str, Any]:
     if panel.ideal is not None:
         mean, low, high = panel.ideal
         line = str(axes.xaxis.label.get_color())
+        across = axes.axhline(mean, color=line, linewidth=0.8, zorder=2)
         found["ideal, exact expectations"] = (
-            axes.axhspan(low, high, color=line, alpha=0.08, lw=0, zorder=1),
-            axes.axhline(mean, color=line, linewidth=0.8, zorder=2),
+            (axes.axhspan(low, high, color=line, alpha=0.08, lw=0, zorder=1), across)
+            if low < high
+            else across
         )
     if panel.solved is not None:
         found["solved"] = axes.axhline(panel.solved, color="0.5", lw=0.8, ls=":", zorder=2)

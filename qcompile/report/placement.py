@@ -14,8 +14,10 @@ from qcompile.device import Device
 from qcompile.noise import REFERENCE_SHOTS, USABLE_CONTRAST, unusable
 from qcompile.report.tables import plural, print_table
 
-PERFECT = math.sqrt(2 / 3 / REFERENCE_SHOTS)
-"""The error of a perfect qubit, from shot noise: the mean of 1 - z^2 over z in [-1, 1] is 2/3."""
+
+def perfect_error(shots: int = REFERENCE_SHOTS) -> float:
+    """The error of a perfect qubit, shot noise: the mean of 1 - z^2 over z in [-1, 1] is 2/3."""
+    return math.sqrt(2 / 3 / shots)
 
 
 def left_out(device: Device, calibration: Calibration | None = None) -> dict[int, str]:
@@ -63,7 +65,7 @@ def _lines(values: dict[str, Any], weighed: bool) -> Iterator[str]:
         yield "importance: variance of a circuit's weights over actions, as a share of all"
     yield textwrap.fill(
         f"error of <Z>: root mean square at {REFERENCE_SHOTS} shots, readout mitigated "
-        f"({PERFECT:.4f} if perfect)",
+        f"({perfect_error():.4f} if perfect)",
         80,
         subsequent_indent="  ",
     )

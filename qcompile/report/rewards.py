@@ -32,7 +32,9 @@ def draw_rewards(summary: dict[str, Any], style: AnyStyle = None) -> Figure:
         if summary["mean_reward"] is not None:
             axes.axhline(summary["mean_reward"], color=line, linewidth=1, label="mean")
         if interval_words(summary):
-            axes.axhspan(*summary["ci95"], color=_GREY, alpha=0.35, lw=0, label="95 % interval")
+            low, high = summary["ci95"]
+            seen = "95 % interval" if low < high else ""
+            axes.axhspan(low, high, color=_GREY, alpha=0.35, lw=0, label=seen)
         axes.axhline(0, color=_GREY, linewidth=0.6)
         axes.set_xlabel("episode")
         axes.set_ylabel("reward")

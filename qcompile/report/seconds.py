@@ -26,9 +26,10 @@ def draw_seconds(plan: dict[str, Any], style: AnyStyle = None) -> Figure:
         drawing = look.drawing(_BESIDES_IN + _BAR_IN * len(ways))
         axes = drawing.subplots()
         names = [way["name"] for way in ways]
-        bars = axes.barh(names, seconds, color=look.colours[0], height=0.6)
-        axes.bar_label(bars, [f"{value:,.1f} s" for value in seconds], padding=3)
+        axes.barh(names, seconds, color=look.colours[0], height=0.6)
         free = plan["free_seconds"]
+        for name, value in zip(names, seconds, strict=True):  # beside the line, in a column
+            axes.annotate(f"{value:,.1f} s", (max(*seconds, free) * 1.4, name), va="center")
         axes.axvline(free, color="0.4", linewidth=1, linestyle=":", label=f"free plan, {free:g} s")
         axes.set_xscale("log")
         axes.set_xlim(min(*seconds, free) / 2, max(*seconds, free) * 20)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import chain
 from typing import Any
 
 from rich.markup import escape
@@ -35,14 +36,16 @@ def print_run(summary: dict[str, Any]) -> None:
     grid = Table.grid(padding=(0, 2))
     grid.add_column(style="dim", no_wrap=True)
     grid.add_column()
-    for name, value in (*_reward_lines(summary), *_setting_lines(summary)):
+    lines = _reward_lines, _setting_lines, _cost_lines, _run_lines
+    for name, value in chain.from_iterable(of(summary) for of in lines):
         grid.add_row(name, value)
     out.print(grid)
 
 
 def run_facts(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """The lines of `print_run` below those on the rewards, as plain text."""
-    return [(name, Text.from_markup(words).plain) for name, words in _setting_lines(summary)]
+    """The lines of `print_run` below those on the rewards and above the cost, as plain text."""
+    lines = (*_setting_lines(summary), *_run_lines(summary))
+    return [(name, Text.from_markup(words).plain) for name, words in lines]
 
 
 def interruption(summary: Mapping[str, Any], requested: int) -> list[str]:
@@ -126,19 +129,27 @@ def _setting_lines(summary: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
     else:
         yield "each step", _step_words(summary)
     yield "played", f"{steps} in {summary['wall_seconds']:.1f} s"
+
+
+def _cost_lines(summary: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
+    """What the run took, or would take, on a machine."""
     if "run" in summary:
         yield (
             "paid",
             f"{plural(summary['jobs'], 'job')}, {summary['executions']:,} executions, "
             f"{cost_in_words(summary)}; the limit is {summary['max_qpu_seconds']:g}",
         )
-        yield "run", summary["run"]
     elif summary["qpu_seconds_estimate"] is not None and summary["kind"] != "ideal":
         yield (
             "on hardware",
             f"would take {plural(summary['jobs'], 'job')}, {summary['executions']:,} executions, "
             f"about {_qpu_words(summary['qpu_seconds_estimate'])}",
         )
+
+
+def _run_lines(summary: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
+    if "run" in summary:
+        yield "run", summary["run"]
 
 
 def _qpu_words(seconds: float) -> str:

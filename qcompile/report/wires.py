@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -24,6 +25,22 @@ from qcompile.report.tables import plural, print_hold, print_table
 def wire(circuit: Circuit) -> str:
     """A circuit as one line: |0>─ h ─ ry(x0) ─ M."""
     return "|0>─" + "─".join([*(f" {gate_words(gate)} " for gate in circuit.gates), " M"])
+
+
+def angle_words(executable: Executable) -> list[str]:
+    """What the names before {...} mean in definitions of angles; nothing where there are none."""
+    parts = {late.part for late in executable.native.late_angles}
+    if not parts:
+        return []
+    if parts == {"polar"}:
+        return [
+            "polar{gates}: the angle between |0> and the state that the gates make of it, from 0 "
+            "to pi; its cosine is <Z>."
+        ]
+    return [
+        "first{gates}, polar{gates}, last{gates}: the gates do what rz(first) ry(polar) rz(last) "
+        "do."
+    ]
 
 
 def executable_values(
@@ -122,6 +139,8 @@ def print_executable(executable: Executable, values: dict[str, Any]) -> None:
     if values["definitions"]:
         click.echo("Angles computed when an observation is bound, such as")
         click.echo(f"  {values['definitions'][0]}")
+        for line in angle_words(executable):
+            click.echo(textwrap.fill(line, 80, subsequent_indent="  "))
     if not executable.device.is_ideal:
         print_placement(values)
 

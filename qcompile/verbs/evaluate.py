@@ -94,6 +94,7 @@ class EvaluationResult(Reported):
         names = _page_names(self._evaluation.typed)
         cells = self._evaluation.cells
         played = [cell for cell in cells if not cell.is_reference] or cells
+        shots = {cell.shots for cell in played}
         policies = {cell.policy.name: cell.policy for cell in cells}
         for typed in names.keys() & policies:
             policies[typed] = replace(policies[typed], name=names[typed])
@@ -104,6 +105,7 @@ class EvaluationResult(Reported):
                 cell.level,
                 calibration=cell.backend.calibration,
                 backend=names.get(cell.backend.name, cell.backend.name),
+                shots=cell.shots if len(shots) == 1 else None,
             )
             for cell in played
         }

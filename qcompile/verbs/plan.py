@@ -256,8 +256,15 @@ def plan(
         values["paper"] = way | {"shots": task.shots, "mean_reward": reward}
         values |= within_values(searched, command)
         shared_command = None if point is None else command(point, without_folders)
-    played = task.copies if point is None else point.settings.copies
-    compiled = Compiled(chosen, opened.device, task.level, played or 1, opened.calibration)
+    played = task if point is None else point.settings
+    compiled = Compiled(
+        chosen,
+        opened.device,
+        task.level,
+        played.copies or 1,
+        opened.calibration,
+        shots=played.shots,
+    )
     return Plan(values, compiled, shared_command)
 
 

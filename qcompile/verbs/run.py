@@ -156,7 +156,12 @@ def run(
         on_note(_film_words(film))
     settings = playing.settings
     compiled = Compiled(
-        loaded, opened.device, settings.level, settings.copies or 1, opened.calibration
+        loaded,
+        opened.device,
+        settings.level,
+        settings.copies or 1,
+        opened.calibration,
+        shots=settings.shots,
     )
     clip = None if film is None else film.clip
     return RunResult(result.summary(), episodes, compiled, clip)
@@ -247,4 +252,5 @@ def _run_live(
         for words in misfit_warnings(forecasted.player.misfits):
             on_note(f"{task.calibration_file or 'the calibration'}: {words}")
     values = spend(task, forecasted.total_load, live, connection, on_note)
-    return RunResult(values, episodes, Compiled(policy, device, task.level, task.copies or 1))
+    compiled = Compiled(policy, device, task.level, task.copies or 1, shots=task.shots)
+    return RunResult(values, episodes, compiled)

@@ -22,6 +22,7 @@ from qcompile.mitigation.misfit import misfit_warnings
 from qcompile.policy import Policy, load_circuits
 from qcompile.policy.arguments import with_arguments
 from qcompile.policy.files import policy_values
+from qcompile.report.calibration_values import limit_words
 from qcompile.report.table import Cell, Column, Table
 from qcompile.sweep.arguments import Name, Words, ignore, several
 from qcompile.verbs.arguments import checked
@@ -50,16 +51,17 @@ class Validation(Result):
     def table(self) -> Table:
         """A row for each qubit."""
         values = self.to_dict()
-        columns = ["qubits", "chi_square", "degrees", "p_value"]
+        keys = ["qubits", "chi_square", "degrees", "p_value"]
         rows = [
             [
                 *(Cell.of(value, ".4g") for value in row),
                 "fails" if row[0] in self.failed else "holds",
             ]
-            for row in zip(*(values[column] for column in columns), strict=True)
+            for row in zip(*(values[key] for key in keys), strict=True)
         ]
         names = ["qubit", "chi-square", "expected", "p-value"]
-        return Table([*map(Column, names), Column("twin", right=False)], rows)
+        columns = [*map(Column, names), Column("twin", right=False)]
+        return Table(columns, rows, notes=[limit_words(len(rows))])
 
     def check_passed(self) -> None:
         """Check that the twin passed.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from page.conftest import hostile_policy
 
 import qcompile
-from qcompile.device import load_device
+from qcompile.device import Device, Qubit, load_device
 from qcompile.page.circuits import Compiled, circuits_section, placement_section
 from qcompile.page.document import Heading, Picture, Prose, Qubits
 from qcompile.policy import Dense, Network
@@ -25,6 +26,7 @@ def test_circuits_are_drawn_before_and_after() -> None:
     assert picture.svg.count("<rect") == 9, "h ry rz ry M, and sx rz sx M"
     assert "circuit 0  |0>─ h ─ ry(x0) ─ rz(x0) ─ ry(theta0) ─ M" in picture.spoken
     assert "24 circuits of its shape" in picture.spoken
+    assert picture.text.startswith("polar{gates}: the angle between |0> and the state")
 
 
 def test_policies_have_titles_and_networks_no_circuits() -> None:
@@ -50,6 +52,31 @@ def test_each_circuit_is_on_its_qubit(tmp_path: Path, monkeypatch: pytest.Monkey
         placed = [tile for tile in block.tiles if tile.circuits]
         assert len(placed) == 4 * copies
         assert {tile.circuits for tile in placed} == {f"circuit {index}" for index in range(4)}
+
+
+@pytest.mark.parametrize(("shots", "stated"), [(None, 1024), (1024, 1024), (64, 64), (8192, 8192)])
+def test_errors_are_stated_at_the_shots_of_the_run(shots: int | None, stated: int) -> None:
+    """A qubit without errors has those of shots alone: the root of 2/3 over their number."""
+    qubits = (Qubit(t1_us=1e12, t2_us=1e12, p10=0.0, p01=0.0),) * 4
+    device = Device(name="d", source="test", basis_gates=("rz", "sx", "x"), qubits=qubits)
+    policy = qcompile.load_policy("cartpole")
+    (block,) = placement_section([Compiled(policy, device, shots=shots)]).blocks
+    assert isinstance(block, Qubits)
+    error = f"{math.sqrt(2 / 3 / stated):.4f}"
+    assert {(tile.error, tile.share < 0.001) for tile in block.tiles} == {(error, True)}
+    assert f"at {stated} shots, readout mitigated; {error} if perfect." in block.note
+
+
+def test_qubits_are_best_only_where_others_are_worse() -> None:
+    """Those of ibm_lima have the paper's one set of errors, those of fake_lima have their own."""
+    policy = qcompile.load_policy("cartpole")
+    notes = {}
+    for name in ("ibm_lima", "fake_lima"):
+        (block,) = placement_section([Compiled(policy, load_device(name), shots=64)]).blocks
+        assert isinstance(block, Qubits)
+        notes[name] = block.note
+    assert "best" not in notes["ibm_lima"]
+    assert "on the best qubits, ranked at 1024 shots." in notes["fake_lima"]
 
 
 def test_the_ideal_device_has_no_placement() -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from qcompile.page.document import Facts, Picture, Table
+from qcompile.page.document import Facts, Picture, Score, Table
 from qcompile.page.evaluation import evaluation_document
 from qcompile.report.figure import Figure
 from qcompile.report.intervals import draw_intervals
@@ -54,8 +54,52 @@ def test_the_headline_has_every_policy() -> None:
     facts = dict(evaluation_document([*cells, cell("b", 8.5)], draw).facts)
     assert facts["a, mean rewards"] == "449.0 to 470.0"
     assert facts["b, mean rewards"] == "8.50"
-    alone = dict(evaluation_document(cells[:2], draw).facts)
-    assert alone["lowest mean reward"] == "449.0"
+    alone = dict(evaluation_document(cells[:3], draw).facts)
+    assert alone == {
+        "without noise": "500.0",
+        "95 % interval without noise": "400.0 to 600.0",
+        "mean rewards, lowest to highest": "449.0 to 470.0",
+        "differences to ideal, lowest to highest": "-51.0 to -30.0",
+        "cells": "3",
+    }
+
+
+def test_the_score_is_the_lowest_difference_of_all_policies() -> None:
+    """Policy a has the highest mean, b loses most: 449 - 500 against 12 - 40."""
+    worst = cell("a", 449, paired_ci95=[-60.5, -41.5])
+    cells = [cell("a", 500, True), cell("a", 470), worst, cell("b", 40, True)]
+    lost = cell("b", 12, paired_difference=-28)
+    assert evaluation_document([*cells, lost], draw).score == Score(
+        "lowest difference to ideal",
+        "-51.0",
+        interval="95 % interval -60.5 to -41.5; a on fake_lima, 64 shots, no mitigation; "
+        "the lowest of 3 cells",
+    )
+
+
+def test_the_score_is_of_the_first_environment() -> None:
+    far = [cell("c", mean, environment="Acrobot-v1", paired_difference=-900) for mean in (-90, -80)]
+    score = evaluation_document([cell("a", 449), cell("a", 470), *far], draw).score
+    assert score is not None
+    assert (score.label, score.value) == ("lowest difference to ideal in CartPole-v1", "-51.0")
+
+
+def test_without_a_reference_the_score_says_of_how_many_it_is_the_highest() -> None:
+    cells = [cell(name, mean, paired_difference=None) for name, mean in (("a", 7), ("b", 9))]
+    score = evaluation_document(cells, draw).score
+    assert score is not None
+    assert (score.label, score.value) == ("highest mean reward", "9.00")
+    assert score.interval.endswith(
+        "b on fake_lima, 64 shots, no mitigation; the highest of 2 cells"
+    )
+
+
+@pytest.mark.parametrize("reference", [True, False])
+def test_one_cell_has_its_mean_and_no_range(reference: bool) -> None:
+    document = evaluation_document([cell("a", 449, reference)], draw)
+    assert document.score is not None
+    assert (document.score.label, document.score.value) == ("mean reward", "449.0")
+    assert "lowest" not in " ".join(dict(document.facts))
 
 
 def test_of_many_policies_the_headline_has_the_first() -> None:

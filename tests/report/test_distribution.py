@@ -10,6 +10,7 @@ from matplotlib.patches import StepPatch
 
 from qcompile.report.distribution import Sample, draw_distributions
 from qcompile.report.figure import Figure
+from qcompile.report.rewards import draw_rewards
 
 
 def steps(figure: Figure) -> list[StepPatch]:
@@ -34,6 +35,23 @@ def test_samples_share_their_bins_and_stand_below_each_other() -> None:
     assert (above.edges[0], above.edges[-1]) == (0.0, 20.0)
     assert above.baseline > np.max(below.values)
     assert re.findall(r">(above|below)<", figure.svg()) == ["above", "below"]
+
+
+@pytest.mark.parametrize(("rewards", "seen"), [([5.0] * 6, False), ([4.0, 5.0] * 3, True)])
+def test_the_legend_has_an_interval_that_is_seen(rewards: list[float], seen: bool) -> None:
+    interval = [min(rewards), max(rewards)]
+    summary = {
+        "policy": "p",
+        "backend": "b",
+        "episodes": [{"reward": reward} for reward in rewards],
+        "mean_reward": 5.0,
+        "ci95": interval,
+    }
+    for figure in (draw_distributions("", [Sample("a", rewards, interval)]), draw_rewards(summary)):
+        (legend,) = figure._drawing.legends
+        words = [text.get_text() for text in legend.get_texts()]
+        assert any("95 %" in text for text in words) == seen
+        assert "mean" in words
 
 
 @pytest.mark.parametrize("rewards", [[5.0], [5.0] * 40])

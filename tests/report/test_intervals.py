@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
+from matplotlib.patches import Patch
 
 from qcompile.report.figure import Figure
 from qcompile.report.intervals import draw_intervals
@@ -134,6 +135,36 @@ def test_a_legend_says_nothing_twice() -> None:
         "ideal, exact expectations",
         "solved",
     ]
+
+
+def test_bands_are_intervals_and_no_others() -> None:
+    """Columns with several intervals are parted by lines; the ideal alone is a band."""
+    for mitigations, lines in ((1, 0), (2, 2)):
+        (axes,) = panes(draw_intervals("", [panel(DEVICES, MITIGATIONS[:mitigations])]))
+        (band,) = axes.patches
+        assert band.get_xy()[1] == -78.0, "the lower end of the ideal's interval"
+        upright = [line for line in axes.lines if [*line.get_xdata()] in ([0.5, 0.5], [1.5, 1.5])]
+        assert len(upright) == lines
+
+
+def test_an_ideal_without_scatter_has_a_line_alone() -> None:
+    flat = Panel("", panel().intervals, (-75.0, -75.0, -75.0), None, "a")
+    figure = draw_intervals("", [flat])
+    (axes,) = panes(figure)
+    assert not axes.patches
+    assert legend(figure)[-1] == "ideal, exact expectations"
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_the_legend_has_the_interval_of_an_ideal_that_has_one(order: int) -> None:
+    """Whether the panel without one comes first or last."""
+    flat = Panel("flat", panel().intervals, (-75.0, -75.0, -75.0), None, "a")
+    figure = draw_intervals("", [panel(title="wide"), flat][::order])
+    (legend,) = figure._drawing.legends
+    handles = dict(
+        zip([t.get_text() for t in legend.get_texts()], legend.legend_handles, strict=True)
+    )
+    assert isinstance(handles["ideal, exact expectations"], Patch)
 
 
 def test_a_legend_lies_within_the_figure_in_as_few_lines_as_fit() -> None:
