@@ -101,7 +101,7 @@ def fit_words(values: Mapping[str, Any]) -> list[str]:
 
 
 def limit_words(qubits: int) -> str:
-    """Where the p-value of one of so many qubits contradicts a calibration."""
+    """Where the p-value of one of this many qubits contradicts a calibration."""
     return (
         f"The p-value must be at least {DRIFT_LEVEL / qubits:.2g}: by chance, "
         f"{'one of ' * (qubits > 1)}{plural(qubits, 'qubit')} is below it with a probability of "

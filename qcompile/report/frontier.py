@@ -115,7 +115,7 @@ def _draw(axes: Axes, plan: dict[str, Any], colours: list[Any]) -> None:
 
 
 def _is_far(plan: dict[str, Any]) -> bool:
-    """Whether the paper's way would make the axis of seconds so long that the rest is small."""
+    """Whether the paper's way would stretch the axis of seconds until the rest is small."""
     most = max([plan["within"], *(point["qpu_seconds"] for point in plan["frontier"])])
     return bool(plan["paper"]["qpu_seconds"] > _FAR * most)
 

@@ -26,7 +26,7 @@ class Reported(Result):
         page shows `command`, by default the Python call.
 
         Raises:
-            OptionError: the file does not end with .html; the command is no string.
+            OptionError: the file does not end with .html; the command is not a string.
             OutputError: it cannot be written.
         """
         file = checked_path(path)
