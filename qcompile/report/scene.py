@@ -7,7 +7,6 @@ import numpy as np
 from qcompile.deploy.filming import Frame
 from qcompile.deploy.player import Player
 from qcompile.notebook import reward_text
-from qcompile.policy import Policy
 from qcompile.report.lettering import Picture, fitted, write
 from qcompile.report.panels import (
     BODY,
@@ -48,9 +47,7 @@ class Scene:
     def __init__(self, player: Player):
         shots = player.settings.shots
         self._title = f"{player.policy.name} on {player.backend}"
-        self._circuits = (
-            len(player.policy.program.measured) if isinstance(player.policy, Policy) else 0
-        )
+        self._circuits = int(player.sizes()["circuits_per_step"])
         self._holds = player.policy.hold > 1
         exact = "exact" if shots is None else f"{shots:,} shots"
         self._below = f"{kind_words(player.kind)}, {exact}" if self._circuits else "network"
@@ -61,7 +58,8 @@ class Scene:
     def draw(self, frame: Frame) -> Picture:
         """The frame as a picture, (height, 640, 3); its height is even."""
         if self._layout is None:
-            self._layout = _Layout(frame, self._circuits, self._measured)
+            bars = len(frame.decision.z) if self._circuits else 0
+            self._layout = _Layout(frame, bars, self._measured)
             self._write_titles(self._layout.ground)
         layout, decision = self._layout, frame.decision
         picture = layout.ground.copy()
