@@ -101,7 +101,7 @@ def strategies(task: RunTask, forecasted: Run) -> list[Strategy]:
         Strategy(PACKED, of_step * steps + alone.calibration_load),
         Strategy(LOCKSTEP, forecasted.total_load),
     ]
-    if task.level == 2:  # a twin plays nothing else
+    if task.level == 2 and not policy.program.has_products:  # a twin plays nothing else
         qubits, angles = len(np.unique(executable.qubits)), len(LIVE_ANGLES_RAD)
         of_twin = calibration_workload(qubits, CALIBRATION_SHOTS, ["response"], angles)
         chosen.append(Strategy(TWIN, of_twin))

@@ -46,7 +46,8 @@ def test_a_declined_confirmation_sends_nothing(
 
     monkeypatch.setattr("sys.stdin", io.StringIO(answer))
     words = ("run", "cartpole", "--backend", "fake_lima", "--live", "--max-qpu-seconds", 60)
-    declined = runs.call(*words, "--episodes", 1, "--max-steps", 1, "--mitigation", "none")
+    options = ("--episodes", 1, "--max-steps", 1, "--mitigation", "none", "--shots", 10)
+    declined = runs.call(*words, *options)
     assert declined.code == 1
     assert "Spend this QPU time? [y/N]" in declined.err
     assert (
