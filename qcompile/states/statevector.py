@@ -108,7 +108,7 @@ class _Block:
     ):
         self._left = width // 2
         runs, couplings = _layers(width, parts, identity)
-        self._runs = torch.tensor(runs)
+        self._layers, self._runs = len(runs), torch.tensor(runs).flatten()
         self._signs = torch.tensor(signs, dtype=dtype)
         self._couplings = [
             (
@@ -120,14 +120,14 @@ class _Block:
 
     def __call__(self, matrices: torch.Tensor, rows: int) -> torch.Tensor:
         """`<O>` (rows, observables of this circuit) for the matrices of all runs."""
-        chosen = matrices[:, self._runs]  # (B or 1, layers, qubits, 2, 2)
-        left = _product(chosen[:, :, : self._left])
-        right = _product(chosen[:, :, self._left :]).mT
-        # From |0>: the first columns.
-        state = left[:, 0, :, :1] * right[:, 0, :1, :]
+        chosen = matrices.index_select(1, self._runs).unflatten(1, (self._layers, -1))
+        of_qubits = chosen.unbind(2)  # each (B or 1, layers, 2, 2)
+        left = _product(of_qubits[: self._left]).unbind(1)
+        right = _product(of_qubits[self._left :]).mT.unbind(1)
+        state = left[0][:, :, :1] * right[0][:, :1, :]  # from |0>: the first columns
         for layer, (source, sign) in enumerate(self._couplings):
             if layer:
-                state = left[:, layer] @ state @ right[:, layer]
+                state = left[layer] @ state @ right[layer]
             flat = state.flatten(1)
             flat = flat if source is None else flat.index_select(1, source)
             state = (flat * sign).reshape(state.shape)
@@ -136,11 +136,10 @@ class _Block:
         return found.expand(rows, -1)
 
 
-def _product(matrices: torch.Tensor) -> torch.Tensor:
-    """The Kronecker product over qubits, (..., qubits, 2, 2), the first one's index slowest."""
-    product = matrices[..., 0, :, :]
-    for qubit in range(1, matrices.shape[-3]):
-        factor = matrices[..., qubit, :, :]
+def _product(matrices: Sequence[torch.Tensor]) -> torch.Tensor:
+    """The Kronecker product of matrices (..., 2, 2), the first one's index slowest."""
+    product = matrices[0]
+    for factor in matrices[1:]:
         product = product[..., :, None, :, None] * factor[..., None, :, None, :]
         product = product.flatten(-4, -3).flatten(-2, -1)
     return product
