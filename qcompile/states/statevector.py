@@ -106,7 +106,7 @@ class _Block:
         identity: int,
         dtype: torch.dtype,
     ):
-        self._left = width // 2
+        self._left, self._width = width // 2, width
         runs, couplings = _layers(width, parts, identity)
         self._layers, self._runs = len(runs), torch.tensor(runs).flatten()
         self._signs = torch.tensor(signs, dtype=dtype)
@@ -120,7 +120,7 @@ class _Block:
 
     def __call__(self, matrices: torch.Tensor, rows: int) -> torch.Tensor:
         """`<O>` (rows, observables of this circuit) for the matrices of all runs."""
-        chosen = matrices.index_select(1, self._runs).unflatten(1, (self._layers, -1))
+        chosen = matrices.index_select(1, self._runs).reshape(-1, self._layers, self._width, 2, 2)
         of_qubits = chosen.unbind(2)  # each (B or 1, layers, 2, 2)
         left = _product(of_qubits[: self._left]).unbind(1)
         right = _product(of_qubits[self._left :]).mT.unbind(1)
