@@ -31,6 +31,7 @@ bench: $(VENV)/bench.stamp  ## Measure speed and errors beside the peers, in one
 	$(BIN)/python benchmarks/reading.py
 	$(BIN)/python benchmarks/mitigation.py
 	$(BIN)/python benchmarks/training.py
+	$(BIN)/python benchmarks/entangled.py
 
 calibrations: $(VENV)/dev.stamp  ## Measure fits, false alarms, p-values and power of calibrations (minutes)
 	$(BIN)/python benchmarks/calibration.py

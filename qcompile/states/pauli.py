@@ -21,8 +21,8 @@ from qcompile.noise.channels import CouplingChannel, channel_after_coupling
 from qcompile.noise.circuits import channel_map, maps_between_slots, readout_row
 from qcompile.states.couplings import on_pauli_vector
 
-_CHUNK = 1 << 16
-"""The numbers of a state computed at a time: two of them fit a core's cache."""
+_CHUNK = 1 << 18
+"""The numbers of a state computed at a time: many enough that calls cost little beside them."""
 
 
 class _Run(NamedTuple):
