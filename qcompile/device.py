@@ -136,6 +136,11 @@ class Device(Record):
         """The calibration of each coupling, by gate, control and target."""
         return {(each.gate, *each.qubits): each for each in self.couplings}
 
+    def without_couplings(self) -> Device:
+        """The device for circuits of one qubit, as files of format 1 describe it."""
+        values = {name: getattr(self, name) for name in type(self).model_fields}
+        return Device(**values | {"format": "qcompile-device-1", "couplings": ()})
+
     def to_json(self) -> str:
         return self.model_dump_json(indent=1) + "\n"
 

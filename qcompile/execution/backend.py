@@ -34,7 +34,7 @@ class Backend(Protocol):
 
     @property
     def contents(self) -> str:
-        """A text that changes whenever something changes that results depend on."""
+        """A text that changes whenever something changes that circuits of one qubit depend on."""
         ...
 
     @property
@@ -71,7 +71,7 @@ class DeviceBackend:
 
     @property
     def contents(self) -> str:
-        return self.device.to_json()
+        return self.device.without_couplings().to_json()
 
     def cannot_play(self, shots: int | None, level: int) -> str | None:
         return None
@@ -132,7 +132,7 @@ class SamplerBackend:
 
     @cached_property
     def contents(self) -> str:
-        return f"{self.name}\n{self.device.to_json()}"
+        return f"{self.name}\n{self.device.without_couplings().to_json()}"
 
     def cannot_play(self, shots: int | None, level: int) -> str | None:
         if shots is not None:
@@ -167,7 +167,7 @@ class ObjectBackend:
     @cached_property
     def contents(self) -> str:
         home = type(self.sampler)
-        return f"{home.__module__}.{home.__name__}\n{self.device.to_json()}"
+        return f"{home.__module__}.{home.__name__}\n{self.device.without_couplings().to_json()}"
 
     def cannot_play(self, shots: int | None, level: int) -> str | None:
         if shots is not None:

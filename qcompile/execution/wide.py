@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from itertools import accumulate
 from typing import NamedTuple
 
@@ -133,6 +134,7 @@ def _group(executable: Executable, circuits: list[int]) -> _Group:
     return _Group(circuits, np.array(slots, dtype=np.intp), blocks)
 
 
+@cache
 def _signs(width: int) -> FloatArray:
     """(-1)**(common bits) of outcomes and products, (2**width, 2**width): symmetric."""
     signs: FloatArray = np.ones((1, 1))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -111,6 +112,9 @@ def test_a_run_counts_the_couplings() -> None:
 def test_a_report_shows_the_circuits_as_text(tmp_path: object) -> None:
     result = qcompile.run(policy(), "fake_lima", episodes=2, shots=32, max_steps=5, progress=False)
     result.report("wide.html")
+    page = Path("wide.html").read_text()
+    assert "ry(x0)@0 ry(x1)@1 ry(x2)@2 cz@0,1" in page
+    assert "cx@" in page  # as compiled
 
 
 @pytest.fixture(autouse=True)

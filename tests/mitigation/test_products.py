@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
 import pytest
@@ -128,11 +127,3 @@ def test_a_qubit_that_was_not_calibrated_is_named() -> None:
     known = calibrate(qcompile.OfflineExecutor(device), [0], None, parts=["readout"])
     with pytest.raises(CalibrationError, match="calibrat"):
         product_mitigation(known, executable, 3)
-
-
-def test_all_outcomes_are_covered() -> None:
-    """The reference of these tests: three bits flip independently."""
-    for outcome in product((0, 1), repeat=3):
-        p = np.zeros((2, 2, 2))
-        p[outcome] = 1.0
-        assert shown(p.ravel()).sum() == pytest.approx(1.0)

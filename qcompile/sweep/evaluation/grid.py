@@ -14,7 +14,7 @@ from qcompile.device import IDEAL, IDEAL_NAME
 from qcompile.errors import StudyError
 from qcompile.execution import Backend, DeviceBackend
 from qcompile.output import file_name
-from qcompile.policy import AnyPolicy, Network
+from qcompile.policy import AnyPolicy, Network, Policy
 from qcompile.policy.files import policy_values
 from qcompile.sweep.evaluation.calibrations import CalibrationFile, by_device, check_needed
 
@@ -71,6 +71,8 @@ class Cell:
             "episodes": self.episodes,
             "seed": self.seed,
         }
+        if isinstance(self.policy, Policy) and self.policy.program.has_products:
+            values["couplings"] = _sha256(self.backend.device.to_json())
         if self.greedy:  # cells of version 0.1.0 do not have this key
             values["greedy"] = True
         if self.calibration is not None:
