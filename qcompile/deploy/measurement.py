@@ -212,5 +212,5 @@ def _check_wide(executor: Executor, settings: RunSettings) -> None:
         raise OptionError(
             f"{option('copies')} places circuits of one qubit side by side, the program has wider "
             "ones or products.",
-            f"Leave {option('copies')} out.",
+            f"Remove {option('copies')}.",
         )

@@ -102,7 +102,7 @@ class Program:
         if self.observables:
             raise CircuitError(
                 f"{purpose} measures each circuit: the program has other observables.",
-                "Leave observables out.",
+                "Remove its observables.",
             )
 
     @property
