@@ -82,7 +82,7 @@ def _drawing(compiled: Compiled, executable: Executable) -> Iterator[Block]:
     gates = " ".join(compiled.device.native.gates)
     count = plural(circuits, "circuit")
     yield Prose(f"{count}, compiled to {gates}. Level {level}: {LEVELS[level]}.")
-    if executable.source.is_wide:
+    if executable.source.has_products:
         yield Code("Before compilation", str(executable.source))
         yield Code(f"For {compiled.device.name}, level {level}", str(executable.native))
         return

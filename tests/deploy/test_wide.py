@@ -117,6 +117,21 @@ def test_a_report_shows_the_circuits_as_text(tmp_path: object) -> None:
     assert "cx@" in page  # as compiled
 
 
+def test_products_of_circuits_of_one_qubit_are_reported_too() -> None:
+    """Observables in another order, without any coupling, and on a device that has none."""
+    program = replace(Program.of([Circuit.parse("ry(x0)"), Circuit.parse("ry(x1)")], 4, 2))
+    swapped = replace(program, observables=((1,), (0,)))
+    other = replace(policy(), program=swapped, weights=np.eye(2))
+    plain = replace(other, program=program, weights=np.eye(2)[:, ::-1])
+    found, expected = (Deployment(p, "ibm_lima", shots=None) for p in (other, plain))
+    np.testing.assert_allclose(
+        found.expectation(OBSERVATIONS), expected.expectation(OBSERVATIONS)[:, ::-1], atol=1e-9
+    )
+    result = qcompile.run(other, "ibm_lima", episodes=2, shots=32, max_steps=5, progress=False)
+    result.report("narrow.html")
+    assert "observables 1 0" in Path("narrow.html").read_text()
+
+
 @pytest.fixture(autouse=True)
 def _folder(tmp_path: object, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(str(tmp_path))
