@@ -212,7 +212,6 @@ class Executable:
         Slot k of circuit i is the input a{i}_{k}; `bind` returns its value. `numbers` replace
         0, 1, ... as the circuit numbers i. If a name is `taken`, more underscores follow the a.
         """
-        self.source.require_narrow("A template")
         numbers = range(len(self.native)) if numbers is None else numbers
         prefix = "a"
         while any(name.startswith(prefix) and name[len(prefix) :][:1].isdigit() for name in taken):

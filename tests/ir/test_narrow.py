@@ -34,7 +34,6 @@ CALLS: dict[str, Callable[[], object]] = {
     "OpenQASM": lambda: write(WIDE),
     "A drawing": WIDE.draw,
     "A Simulator": lambda: Simulator(WIDE),
-    "A template": lambda: executable().to_qiskit(),
     "A twin": lambda: TwinExecutor(known()).prepare(executable()),
     "Readout mitigation": lambda: readout_mitigation(known(), executable()),
     "Response mitigation": lambda: response_mitigation(known(), executable()),
