@@ -9,9 +9,7 @@ from several import measured, random_qiskit
 
 from qcompile.device import IDEAL, load_device
 from qcompile.errors import CircuitError
-from qcompile.ir import Circuit
 from qcompile.jobs.program_file import compile_source
-from qcompile.passes.fences import Fence, fenced
 from qcompile.qasm import read
 
 DEVICES = [IDEAL, *map(load_device, ("fake_lima", "fake_jakarta", "fake_fez"))]
@@ -109,21 +107,3 @@ def test_marks_are_limited(monkeypatch: pytest.MonkeyPatch) -> None:
             read(text.format("cx q, q[1];\n" and "cx q[0:18], q[1:19];\n")), IDEAL, 0, "3"
         )
     assert compile_source(read(text.format("h q;\n")), IDEAL, 0, "3").notes == ()
-
-
-def test_parts_of_a_fence_stay_together() -> None:
-    """The second circuit's gates come after the first's in the list, not in time."""
-    text = "h@0 cx@0,1 rz(a)@0 rz(b)@1 cx@1,0 x@2 cx@2,3 cx@2,3 rz(c)@2 s@2 rz(d)@3 cx@3,2"
-    runs, parts = fenced(Circuit.parse(text, 4), [{"z"}, {"a", "b", "c", "d"}])
-    words = [f"fence{p.qubits}" if isinstance(p, Fence) else str(p) for p in parts]
-    assert words == [
-        *("Run(qubit=0, number=0)", "cx@0,1", "Run(qubit=2, number=1)", "cx@2,3", "cx@2,3"),
-        *("fence(0, 1, 2, 3)", "cx@1,0", "Run(qubit=2, number=2)", "cx@3,2"),
-    ]
-    assert list(map(str, runs)) == ["h", "x", "s"]
-
-
-def test_without_fences_parts_are_runs_and_couplings() -> None:
-    runs, parts = fenced(Circuit.parse("h@0 cx@0,1 rz(a)@0", 2), [{"z"}])
-    assert list(map(str, runs)) == ["h", "rz(a)"]
-    assert len(parts) == 3
