@@ -146,9 +146,9 @@ class Program:
         Qubits that gates connect are one circuit, and every other qubit is one. If some qubits are
         measured, observable j is the one with the j-th bit, and circuits without a measured qubit
         are left out; otherwise it is qubit j. Circuits come in the order of their first observable,
-        so that circuit i is observable i where all have one qubit. Parameters whose names start with x are inputs and all others are
-        parameters, unless `inputs` says otherwise: another prefix, a ParameterVector, or a list of
-        Parameters and names. Both are sorted by name, numbers as numbers; an `inputs` list keeps
+        so that circuit i is observable i where all have one qubit. Parameters whose names start
+        with x are inputs and all others are parameters, unless `inputs` says otherwise: another
+        prefix, a ParameterVector, or a list of Parameters and names. Both are sorted by name, numbers as numbers; an `inputs` list keeps
         its order. The symbol of element x[3] of a vector is x3.
 
         Raises:
