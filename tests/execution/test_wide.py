@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from wide import ANY, random_circuit
 
 import qcompile
 from qcompile.errors import CircuitError
@@ -131,9 +130,66 @@ def test_keyed_counts_repeat_alone_and_in_any_copy() -> None:
     np.testing.assert_array_equal(beside.reshape(4, -1), alone)
 
 
-def test_a_circuit_too_wide_for_its_noise_is_refused() -> None:
-    rng = np.random.default_rng(0)
-    wide = Program.of([random_circuit(rng, ANY, 9)], 2, 2)
-    executable = qcompile.compile(wide, qcompile.load_device("ideal"))
-    with pytest.raises(CircuitError, match=r"9 qubits on the device.\n.*up to 8 qubits"):
-        OfflineExecutor(executable.device).prepare(executable)
+def chain(width: int) -> Program:
+    """Rotations and a chain of couplings, twice; <Z> of the ends, and their product."""
+    layer = [["ry", "x0", q] for q in range(width)] + [["rz", "x1", q] for q in range(width)]
+    layer += [["cx", q, q + 1] for q in range(width - 1)]
+    layer += [["ry", "theta0", q] for q in range(width)]
+    observables = ((0,), (width - 1,), (0, width - 1), tuple(range(width)))
+    return replace(Program.of([Circuit.of(layer, width)], 2, 2), observables=observables)
+
+
+def test_more_than_8_qubits_go_through_aer() -> None:
+    """9 qubits on a line of 16, with noise, beside Aer with the backend's own model; and ideal."""
+    from qiskit import QuantumCircuit
+    from qiskit_aer import AerSimulator
+    from qiskit_aer.noise import NoiseModel
+
+    device = qcompile.load_device("fake_toronto")
+    executable = qcompile.compile(chain(9), device)
+    assert executable.native.widths == (9,)
+    x = X[:2]
+    found = OfflineExecutor(device).expectation(executable, x, THETA)
+    noise = NoiseModel.from_backend_properties(find_backend("fake_toronto").properties())
+    placed = executable.qubits.tolist()
+    simulator = AerSimulator(method="density_matrix", noise_model=noise)
+    for row, angles in zip(found, executable.bind(x, THETA), strict=True):
+        values = iter(angles.tolist())
+        built = QuantumCircuit(max(placed) + 1)
+        for gate in executable.native.circuits[0].gates:
+            angle = () if gate.angle is None else (next(values),)
+            getattr(built, gate.name)(*angle, *(placed[qubit] for qubit in gate.qubits))
+        built.save_probabilities(placed[::-1])
+        p = simulator.run(built).result().data()["probabilities"].reshape((2,) * 9)
+        for axis, physical in enumerate(placed):
+            qubit = device.qubits[physical]
+            errors = [[1 - qubit.p10, qubit.p01], [qubit.p10, 1 - qubit.p01]]
+            p = np.moveaxis(np.tensordot(errors, p, (1, axis)), 0, axis)
+        outcomes = np.indices((2,) * 9)
+        expected = [(p * (-1.0) ** outcomes[list(o)].sum(axis=0)).sum() for o in chain(9).measured]
+        np.testing.assert_allclose(row, expected, atol=1e-9)
+    perfect = qcompile.load_device("ideal")
+    found = OfflineExecutor(perfect).expectation(qcompile.compile(chain(9), perfect), x, THETA)
+    np.testing.assert_allclose(found, [ideal(chain(9), row) for row in x], atol=1e-10)
+    ones = OfflineExecutor(device, seed=0).run(executable, x, THETA, 64)
+    assert ones.shape == (2, 4)
+
+
+def test_single_precision_is_close() -> None:
+    device = qcompile.load_device("fake_lima")
+    executable = qcompile.compile(program(), device)
+    exact = OfflineExecutor(device).expectation(executable, X, THETA)
+    single = OfflineExecutor(device, dtype=np.float32).expectation(executable, X, THETA)
+    assert single.dtype == np.float64
+    assert 0 < np.abs(single - exact).max() < 1e-5
+    with pytest.raises(qcompile.OptionError, match=r"numpy\.float64 or numpy\.float32"):
+        OfflineExecutor(device, dtype=int)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("name", "width", "most"), [("fake_toronto", 13, 12), ("ideal", 17, 16)])
+def test_a_circuit_too_wide_for_its_noise_is_refused(name: str, width: int, most: int) -> None:
+    device = qcompile.load_device(name)
+    executable = qcompile.compile(chain(width), device)
+    words = rf"{width} qubits on {name}.\n.*up to {most} qubits"
+    with pytest.raises(CircuitError, match=words):
+        OfflineExecutor(device).prepare(executable)
