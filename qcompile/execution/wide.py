@@ -77,9 +77,9 @@ class PreparedWide(ExactPrepared):
         largest_shots(shots)
         odd = np.empty((len(x), len(self.executable.source.measured)), dtype=np.int64)
         for group, parities in self._parities(x, theta):
-            p = np.clip(_signed_sums(parities) / 2**group.width, 0.0, 1.0)
+            p = np.clip(signed_sums(parities) / 2**group.width, 0.0, 1.0)
             of_group = shots[group.circuits] if isinstance(shots, np.ndarray) else shots
-            counts = _signed_sums(self._draw(rng, of_group, p, group))
+            counts = signed_sums(self._draw(rng, of_group, p, group))
             odd_counts = (counts[:, :, :1] - counts) // 2  # product 0 counts all shots
             odd[:, group.numbers] = odd_counts[:, group.places, group.products]
         return odd
@@ -150,7 +150,7 @@ def _blocks(circuits: list[Circuit], device: Device, qubits: IntArray, dtype: An
     return NoisyBlocks(circuits, device, qubits, dtype)
 
 
-def _signed_sums(values: NDArray[Any]) -> NDArray[Any]:
+def signed_sums(values: NDArray[Any]) -> NDArray[Any]:
     """For each product of Z, the sum of values (..., 2**width) with the signs of their outcomes.
 
     This is the Walsh-Hadamard transform, and its own inverse times 2**width.
