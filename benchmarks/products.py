@@ -1,8 +1,8 @@
 """The remaining errors of <ZZ> and <ZZZZ> after mitigation, beside mthree: `make bench`.
 
-Random parameters of a circuit of 4 qubits that entangles, with asymmetric readout and perfect gates,
-so that readout is the only error. mthree gets the same outcomes and the same calibration counts; the
-inverse with the true matrices, clipped to [-1, 1] like ours, is the best possible.
+Random parameters of a circuit of 4 qubits that entangles, with asymmetric readout and perfect
+gates, so that readout is the only error. mthree gets the same outcomes and the same calibration
+counts; the inverse with the true matrices, clipped to [-1, 1] like ours, is the best possible.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def with_true_matrices(undo: ProductMitigation, executable: Executable) -> Produ
 
 
 def all_products() -> tuple[tuple[int, ...], ...]:
-    """Number n has the qubits whose bit is set in n, the first qubit's highest; none has number 0."""
+    """Number n has the qubits whose bit is set in n, the first qubit's highest; 0 is left out."""
     return tuple(
         tuple(q for q in range(QUBITS) if number >> (QUBITS - 1 - q) & 1)
         for number in range(1, 2**QUBITS)
