@@ -28,6 +28,7 @@ ORDER = (
     {"nn"},
     {"execution"},
     {"interop"},
+    {"qiskit"},
     {"mitigation"},
     {"policy"},
     {"deploy"},

@@ -15,7 +15,12 @@ import pytest
 from golden_files import REWRITES
 from sessions import DOCS, WIDTH, Transcript, blocks, matches, typed, words_of
 
-PAGES = ("start/getting-started.md", "howto/paper-figure.md", "howto/entangling.md")
+PAGES = (
+    "start/getting-started.md",
+    "howto/paper-figure.md",
+    "howto/entangling.md",
+    "howto/late-binding.md",
+)
 PICTURES = {
     "howto/paper-figure.md": {"paper-figure.svg": "devices.svg", "paper-shots.svg": "shots.svg"}
 }
