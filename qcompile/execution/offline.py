@@ -26,8 +26,6 @@ class OfflineExecutor(Executor):
         DeviceError: `device` is not a Device.
     """
 
-    runs_wide = True
-
     def __init__(self, device: Device, seed: int | np.random.SeedSequence | None = None):
         if not isinstance(device, Device):
             raise DeviceError(

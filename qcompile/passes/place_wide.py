@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -12,7 +13,11 @@ from qcompile.device import Device
 from qcompile.errors import CircuitError
 from qcompile.ir import Circuit, Program
 from qcompile.noise import usable
-from qcompile.passes.route import route
+from qcompile.passes.drop_unobservable import DropIdleCouplings
+from qcompile.passes.route import Routed, route
+
+_WORSE = 2.0
+"""The largest ratio of the coupling errors of a copy and the first one."""
 
 
 class Placed(NamedTuple):
@@ -53,6 +58,46 @@ def place_wide(program: Program, device: Device, importance: FloatArray) -> Plac
         _with_circuits(program, circuits),
         np.concatenate([placed[index][1] for index in range(len(circuits))]),
         np.array([placed[index][0] for index in range(len(circuits))]),
+    )
+
+
+def wide_copies_that_fit(program: Program, device: Device) -> int:
+    """How many copies fit in one round, each with at most twice the coupling error of the first.
+
+    They are placed as by `place_wide`, copy by copy; at least one. The ideal device gains nothing
+    by a second.
+
+    Raises:
+        DeviceError, MissingExtraError: as by `place_wide`.
+    """
+    if device.is_ideal:
+        return 1
+    needed = DropIdleCouplings().apply(program)
+    wide = [circuit for circuit in needed.circuits if circuit.width > 1]
+    alone = len(program) - len(wide)
+    taken: set[int] = set()
+    most, copies = math.inf, 0
+    while True:
+        error = 0.0
+        for circuit in wide:
+            routed = route(circuit, device, taken=taken)
+            if routed is None:
+                return max(copies, 1)
+            taken.update(routed.qubits.tolist())
+            error += _coupling_error(routed, device)
+        free = len(set(usable(device)) - taken)
+        if error > most or free < alone * (copies + 1):
+            return max(copies, 1)
+        most, copies = min(most, _WORSE * error), copies + 1
+
+
+def _coupling_error(routed: Routed, device: Device) -> float:
+    """The sum of the errors of a routed circuit's couplings."""
+    calibrations, qubits = device.coupling_calibrations, routed.qubits.tolist()
+    return sum(
+        calibrations[gate.name, qubits[gate.qubits[0]], qubits[gate.qubits[1]]].error
+        for gate in routed.circuit.gates
+        if gate.is_coupling
     )
 
 

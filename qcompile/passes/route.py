@@ -7,7 +7,7 @@ runs around them.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Set
+from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -61,7 +61,9 @@ def route(
         from qiskit.transpiler import TranspilerError, generate_preset_pass_manager
     except ImportError as error:
         raise MissingExtraError("Placing circuits on several qubits", "qiskit") from error
-    free = set(range(len(device.qubits))) - {*taken, *unusable(device)}
+    free = sorted(set(range(len(device.qubits))) - {*taken, *unusable(device)})
+    if len(free) < circuit.width:
+        return None
     target = _target(device, free)
     manager = generate_preset_pass_manager(1, target=target, seed_transpiler=seed)
     manager.optimization = None  # it would merge the runs
@@ -71,7 +73,8 @@ def route(
         routed = manager.run(_skeleton(circuit.width, parts))
     except TranspilerError:
         return None
-    return _read(routed, circuit.width, runs.circuits)
+    found = _read(routed, circuit.width, runs.circuits)
+    return Routed(found.circuit, np.array(free)[found.qubits])
 
 
 def _skeleton(width: int, parts: tuple[Run | Gate, ...]) -> QuantumCircuit:
@@ -88,34 +91,34 @@ def _skeleton(width: int, parts: tuple[Run | Gate, ...]) -> QuantumCircuit:
     return skeleton
 
 
-def _target(device: Device, free: Set[int]) -> Target:
-    """The device's gates on its free qubits and the couplings between them, with their errors."""
+def _target(device: Device, free: Sequence[int]) -> Target:
+    """The device's gates on its free qubits and the couplings between them, with their errors.
+
+    The target has only these qubits, numbered in order: Qiskit 2.6 panics where few of a target's
+    qubits have gates.
+    """
     from qiskit.circuit import Measure, Parameter
     from qiskit.circuit.library import CXGate, CZGate, ECRGate, RXGate, RZGate, SXGate, XGate
     from qiskit.transpiler import InstructionProperties, Target
 
     classes = {"sx": SXGate(), "x": XGate(), "cx": CXGate(), "cz": CZGate(), "ecr": ECRGate()}
     classes |= {"rz": RZGate(Parameter("angle")), "rx": RXGate(Parameter("angle"))}
-    target = Target(num_qubits=len(device.qubits))
+    target = Target(num_qubits=len(free))
+    qubits = [device.qubits[qubit] for qubit in free]
     for name in device.native.gates:
-        errors = {q: device.qubits[q].gates.get(name) for q in sorted(free)}
-        target.add_instruction(
-            classes[name],
-            {(q,): InstructionProperties(error=e.error if e else 0.0) for q, e in errors.items()},
-        )
-    name = device.coupling_gates[0]
-    target.add_instruction(
-        classes[name],
-        {
-            each.qubits: InstructionProperties(error=each.error)
-            for each in device.couplings
-            if each.gate == name and set(each.qubits) <= free
-        },
-    )
-    readout = {q: (device.qubits[q].p10 + device.qubits[q].p01) / 2 for q in sorted(free)}
-    target.add_instruction(
-        Measure(), {(q,): InstructionProperties(error=e) for q, e in readout.items()}
-    )
+        errors = [qubit.gates.get(name) for qubit in qubits]
+        properties = [InstructionProperties(error=each.error if each else 0.0) for each in errors]
+        target.add_instruction(classes[name], {(q,): each for q, each in enumerate(properties)})
+    name, place = device.coupling_gates[0], {qubit: number for number, qubit in enumerate(free)}
+    couplings = {
+        (place[each.qubits[0]], place[each.qubits[1]]): InstructionProperties(error=each.error)
+        for each in device.couplings
+        if each.gate == name and place.keys() >= set(each.qubits)
+    }
+    if couplings:  # Qiskit takes an empty dictionary as any two qubits
+        target.add_instruction(classes[name], couplings)
+    readout = [InstructionProperties(error=(qubit.p10 + qubit.p01) / 2) for qubit in qubits]
+    target.add_instruction(Measure(), {(q,): each for q, each in enumerate(readout)})
     return target
 
 

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from wide import ANY, random_circuit
+from wide_aer import by_aer, noisy_simulator
 
 import qcompile
 from qcompile.errors import CircuitError
 from qcompile.execution import OfflineExecutor
 from qcompile.ir import Circuit, Program
-from qcompile.snapshot import find_backend
 from qcompile.streams import Draws
 
 LAYER = [["ry", "x0", 0], ["ry", "x1", 1], ["rx", "x0", 2], ["cz", 0, 1], ["cz", 1, 2]]
@@ -61,38 +61,13 @@ def test_without_noise_it_is_the_statevector(level: int) -> None:
 @pytest.mark.parametrize("level", [0, 1, 2])
 def test_with_noise_it_is_aer(name: str, level: int) -> None:
     """The native circuit, qubits and all, in Aer's density matrix with the backend's noise."""
-    from qiskit_aer import AerSimulator
-    from qiskit_aer.noise import NoiseModel
-
     device = qcompile.load_device(name)
     wide = replace(program(), circuits=(BLOCK,), observables=((0,), (1,), (2,), (0, 1, 2)))
     executable = qcompile.compile(wide, device, level)
     found = OfflineExecutor(device).expectation(executable, X, THETA)
-    noise = NoiseModel.from_backend_properties(find_backend(name).properties())
-    simulator = AerSimulator(method="density_matrix", noise_model=noise)
+    simulator = noisy_simulator(name)
     for row, x in zip(found, X, strict=True):
-        np.testing.assert_allclose(row, by_aer(executable, x, simulator), atol=1e-9)
-
-
-def by_aer(executable: qcompile.Executable, x: np.ndarray, simulator: object) -> np.ndarray:
-    from qiskit import QuantumCircuit
-
-    (native,) = executable.native.circuits
-    angles = iter(executable.bind(x[None], THETA)[0].tolist())
-    placed = executable.qubits.tolist()
-    built = QuantumCircuit(len(executable.device.qubits))
-    for gate in native.gates:
-        angle = () if gate.angle is None else (next(angles),)
-        getattr(built, gate.name)(*angle, *(placed[qubit] for qubit in gate.qubits))
-    built.save_probabilities([placed[2], placed[1], placed[0]])
-    p = simulator.run(built).result().data()["probabilities"].reshape(2, 2, 2)  # type: ignore[attr-defined]
-    for axis in range(3):
-        qubit = executable.device.qubits[placed[axis]]
-        errors = [[1 - qubit.p10, qubit.p01], [qubit.p10, 1 - qubit.p01]]
-        p = np.moveaxis(np.tensordot(errors, p, (1, axis)), 0, axis)
-    outcomes = np.indices((2, 2, 2))
-    observables = executable.source.measured
-    return np.array([(p * (-1) ** outcomes[list(o)].sum(axis=0)).sum() for o in observables])
+        np.testing.assert_allclose(row, by_aer(executable, x, THETA, simulator), atol=1e-9)
 
 
 def test_counts_are_odd_parities_of_joint_shots() -> None:
