@@ -14,7 +14,7 @@ from qcompile.errors import CircuitError
 from qcompile.ir import Circuit, Program
 from qcompile.noise import usable
 from qcompile.passes.drop_unobservable import DropIdleCouplings
-from qcompile.passes.route import Routed, route
+from qcompile.passes.route import route
 
 _WORSE = 2.0
 """The largest ratio of the coupling errors of a copy and the first one."""
@@ -84,21 +84,11 @@ def wide_copies_that_fit(program: Program, device: Device) -> int:
             if routed is None:
                 return max(copies, 1)
             taken.update(routed.qubits.tolist())
-            error += _coupling_error(routed, device)
+            error += routed.coupling_error(device)
         free = len(set(usable(device)) - taken)
         if error > most or free < alone * (copies + 1):
             return max(copies, 1)
         most, copies = min(most, _WORSE * error), copies + 1
-
-
-def _coupling_error(routed: Routed, device: Device) -> float:
-    """The sum of the errors of a routed circuit's couplings."""
-    calibrations, qubits = device.coupling_calibrations, routed.qubits.tolist()
-    return sum(
-        calibrations[gate.name, qubits[gate.qubits[0]], qubits[gate.qubits[1]]].error
-        for gate in routed.circuit.gates
-        if gate.is_coupling
-    )
 
 
 def _routed(

@@ -2,12 +2,14 @@
 
 Qiskit sees a circuit once, as a skeleton: each run is one rz with a parameter, which it leaves as
 it is. What it inserts, swaps and translated couplings, are couplings and gates that fuse with the
-runs around them.
+runs around them. Routes are remembered: a process places the same policy many times.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -24,6 +26,10 @@ if TYPE_CHECKING:
     from qiskit.transpiler import Target
 
 
+_TRIES = 8
+"""Routings of a circuit that needs swaps: their couplings differ by up to a half."""
+
+
 class Routed(NamedTuple):
     """A circuit in a device's couplings, and its physical qubits (circuit.width,).
 
@@ -34,6 +40,23 @@ class Routed(NamedTuple):
     circuit: Circuit
     qubits: IntArray
 
+    def coupling_error(self, device: Device) -> float:
+        """The sum of the errors of its couplings."""
+        calibrations, qubits = device.coupling_calibrations, self.qubits.tolist()
+        couplings = (gate for gate in self.circuit.gates if gate.is_coupling)
+        return sum(
+            calibrations[gate.name, qubits[gate.qubits[0]], qubits[gate.qubits[1]]].error
+            for gate in couplings
+        )
+
+
+@dataclass(frozen=True)
+class _Machine:
+    """A device, equal to those with the same contents."""
+
+    contents: str
+    device: Device = field(compare=False)
+
 
 def route(
     circuit: Circuit, device: Device, *, taken: Collection[int] = (), seed: int = 0
@@ -41,7 +64,8 @@ def route(
     """The circuit on free qubits of the device; None if none are connected well enough.
 
     Of the layouts without swaps the one with the least gate and readout error is taken, if there
-    is one. The same seed gives the same result. Gates and couplings of any kind are allowed.
+    is one; otherwise the one of several routings whose couplings have the least error. The same
+    seed gives the same result. Gates and couplings of any kind are allowed.
 
     Raises:
         DeviceError: the device has no couplings, or the circuit is wider than the device.
@@ -58,9 +82,31 @@ def route(
             "Use a larger device.",
         )
     try:
-        from qiskit.transpiler import TranspilerError, generate_preset_pass_manager
+        import qiskit  # noqa: F401
     except ImportError as error:
         raise MissingExtraError("Placing circuits on several qubits", "qiskit") from error
+    return _best(circuit, _Machine(device.to_json(), device), frozenset(taken), seed)
+
+
+@lru_cache(maxsize=4096)
+def _best(circuit: Circuit, machine: _Machine, taken: frozenset[int], seed: int) -> Routed | None:
+    """The best of _TRIES routings, or the first one if it needs no swaps."""
+    device = machine.device
+    first = _route(circuit, device, taken, seed)
+    if first is None or _couplings(first.circuit) == _couplings(circuit):
+        return first
+    others = (_route(circuit, device, taken, seed + k) for k in range(1, _TRIES))
+    return min(filter(None, [first, *others]), key=lambda found: found.coupling_error(device))
+
+
+def _couplings(circuit: Circuit) -> int:
+    return sum(gate.is_coupling for gate in circuit.gates)
+
+
+def _route(circuit: Circuit, device: Device, taken: frozenset[int], seed: int) -> Routed | None:
+    """The circuit as Qiskit routes it with this seed."""
+    from qiskit.transpiler import TranspilerError, generate_preset_pass_manager
+
     free = sorted(set(range(len(device.qubits))) - {*taken, *unusable(device)})
     if len(free) < circuit.width:
         return None
@@ -74,7 +120,9 @@ def route(
     except TranspilerError:
         return None
     found = _read(routed, circuit.width, runs.circuits)
-    return Routed(found.circuit, np.array(free)[found.qubits])
+    qubits = np.array(free)[found.qubits]
+    qubits.setflags(write=False)  # routes are shared
+    return Routed(found.circuit, qubits)
 
 
 def _skeleton(width: int, parts: tuple[Run | Gate, ...]) -> QuantumCircuit:
