@@ -30,6 +30,28 @@ def policy() -> Policy:
     )  # fmt: skip
 
 
+PAIR = {
+    "format": "qcompile-policy-2",
+    "name": "pair",
+    "environment": "CartPole-v1",
+    "encoder": {"function": "arctan", "feature": [2, 3], "scale": [4, 1]},
+    "circuits": [
+        {
+            "qubits": 2,
+            "gates": [
+                ["ry", "x0+pi/2", 0],
+                ["ry", "x1", 1],
+                ["cz", 0, 1],
+                ["ry", "theta0", 1],
+            ],
+        }
+    ],
+    "observables": [[0], [0, 1]],
+    "theta": [1.5708],
+    "weights": [[4, 4], [-4, -4]],
+    "bias": [0, 0],
+}
+"""A policy file that balances the pole."""
 OBSERVATIONS = np.random.default_rng(3).normal(size=(4, 4))
 
 
