@@ -13,11 +13,11 @@ from qcompile.errors import CalibrationError
 from qcompile.execution import ExactPrepared, Executor, Workload, require_exact
 from qcompile.ir import Program
 from qcompile.mitigation import (
-    CALIBRATION_SHOTS,
     Misfit,
     Mitigation,
     calibrate,
     calibration_workload,
+    enough_product_shots,
     enough_shots,
     misfits,
     predistorted,
@@ -60,14 +60,13 @@ class Measurement:
         self.settings, self.executor = settings, executor
         has_products = program.has_products
         count = len(program.measured)
-        importance = np.ones(count) if importance is None else importance
+        self._importance = importance = np.ones(count) if importance is None else importance
         if has_products and settings.mitigation == "readout":
             program = with_sub_products(program)
             importance = np.pad(importance, (0, len(program.measured) - count))
         self.executable: Executable = compile(
             program, executor.device, settings.level, importance, copies=settings.copies or 1
         )
-        self._importance = importance
         self._shots = self._observed_shots = settings.circuit_shots(len(program))
         if has_products and isinstance(self._shots, np.ndarray):
             self._observed_shots = self._shots[[*self.executable.source.owners]]
@@ -137,12 +136,14 @@ class Measurement:
     def _shots_of_calibration(self, part: Part) -> int:
         if self.settings.calibration_shots != "auto":
             return self.settings.calibration_shots
-        if self.executable.source.has_products:
-            return CALIBRATION_SHOTS
         copies = self.settings.copies or 1
         # The variance of a mean over places has the squares of their weights.
         weights = self.settings.place_weights**2 if self.settings.split else np.ones(copies)
         importance = np.outer(weights, self._importance).ravel()
+        if self.executable.source.has_products:
+            places = self.settings.place_shots if self.settings.split else [self.settings.shots]
+            of_copy = np.broadcast_to(np.array(places), copies)
+            return enough_product_shots(self.executable, len(self._importance), of_copy, importance)
         return enough_shots(self.executable, part, self._shots, importance)
 
     def __call__(

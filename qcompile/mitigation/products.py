@@ -19,7 +19,7 @@ from itertools import combinations, product
 
 import numpy as np
 
-from qcompile.arrays import FloatArray
+from qcompile.arrays import CountArray, FloatArray
 from qcompile.calibration import Calibration
 from qcompile.errors import CalibrationError
 from qcompile.ir import Program
@@ -86,9 +86,10 @@ class ProductMitigation:
         counted, calibrated = self.variances(z, shots)
         return np.asarray(np.sqrt(counted + calibrated))
 
-    def variances(self, z: FloatArray, shots: int) -> tuple[FloatArray, FloatArray]:
+    def variances(self, z: FloatArray, shots: int | CountArray) -> tuple[FloatArray, FloatArray]:
         """The variances of `apply(z)`: those of the shot noise, and of the calibration.
 
+        `shots` may be (copies,), another number for each copy.
         Products of the same shots are correlated: <M_S M_T> is the product of the bits that are in
         one of them only. Those of the calibration are to first order.
         """

@@ -16,8 +16,8 @@ from qcompile.noise import usable
 from qcompile.passes.drop_unobservable import DropIdleCouplings
 from qcompile.passes.route import route
 
-_WORSE = 2.0
-"""The largest ratio of the coupling errors of a copy and the first one."""
+_WORSE, _SMALL = 2.0, 0.05
+"""The largest ratio of the coupling errors of a copy and the first one, and errors always taken."""
 
 
 class Placed(NamedTuple):
@@ -62,9 +62,10 @@ def place_wide(program: Program, device: Device, importance: FloatArray) -> Plac
 
 
 def wide_copies_that_fit(program: Program, device: Device) -> int:
-    """How many copies fit in one round, each with at most twice the coupling error of the first.
+    """How many copies fit in one round, each with couplings about as good as those of the first.
 
-    They are placed as by `place_wide`, copy by copy; at least one. The ideal device gains nothing
+    The sum of their errors is at most twice that of the first, or at most 0.05. Copies are placed
+    as by `place_wide`, one after the other. There is at least one; the ideal device gains nothing
     by a second.
 
     Raises:
@@ -88,7 +89,9 @@ def wide_copies_that_fit(program: Program, device: Device) -> int:
         free = len(set(usable(device)) - taken)
         if error > most or free < alone * (copies + 1):
             return max(copies, 1)
-        most, copies = min(most, _WORSE * error), copies + 1
+        if not copies:
+            most = max(_WORSE * error, _SMALL)
+        copies += 1
 
 
 def _routed(

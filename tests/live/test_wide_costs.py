@@ -93,6 +93,14 @@ def test_the_qubits_of_a_policy_are_calibrated_and_used(runs: Runs) -> None:
     assert len(runs.service.ledger().jobs) == before + 2
 
 
+def test_a_calibration_has_as_many_shots_as_the_run_needs(runs: Runs) -> None:
+    """By default: six patterns of four qubits at 256 shots for rows of 64, not at 8192."""
+    words = ("run", "ring.json", "--backend", "fake_lima", "--shots", 64, "--max-steps", 2)
+    assert told(runs, *words, "--episodes", 2)["calibration_shots"] == 256
+    calibration, *_ = runs.service.ledger().jobs
+    assert (calibration.shots, calibration.executions) == (256, 6 * 256)
+
+
 def test_curves_of_single_qubits_are_refused_before_anything_is_paid(runs: Runs) -> None:
     run = ("run", "ring.json", "--backend", "fake_lima", "--shots", 64, *LIVE)
     curves = ("calibrate", "--backend", "fake_lima", "--seed", 0, "--out", "twin.json")
@@ -120,10 +128,10 @@ def test_the_command_of_a_live_plan_works_as_typed(
     """Of the copies that fit, as many share an execution as there are episodes."""
     monkeypatch.setattr(search, "_LEAST", 8)
     monkeypatch.setattr(search, "_MOST", 8)
-    monkeypatch.setattr(search, "LADDER", (64,))
+    monkeypatch.setattr(search, "LADDER", (16,))
     Path("pair.json").write_text(json.dumps(PAIR))
     words = ("plan", "pair.json", "--backend", "fake_toronto", "--episodes", 2, "--live")
-    answer = runs.call(*words, "--within", 500, "--keep", 0.2, "--max-steps", 20, "--json")
+    answer = runs.call(*words, "--within", 500, "--keep", 0.1, "--max-steps", 10, "--json")
     assert answer.code == 0, answer.err
     chosen = answer.json()["recommended"]
     assert chosen["copies"] >= 2
