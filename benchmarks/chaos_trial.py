@@ -54,7 +54,7 @@ SCENARIOS = {
         *("--shots", "50", "--split", "--copies", "4", "--speculate", "2", *LIVE),
     ),
     "wide": (
-        *("run", WIDE, "--backend", "fake_toronto", "--episodes", "3", "--max-steps", "10"),
+        *("run", WIDE, "--backend", "fake_toronto", "--episodes", "3", "--max-steps", "6"),
         *("--shots", "64", "--copies", "2", "--speculate", "2", "--calibration-shots", "300"),
         *LIVE,
     ),
