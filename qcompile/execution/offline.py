@@ -30,8 +30,6 @@ class OfflineExecutor(Executor):
         OptionError: there is no such `dtype`.
     """
 
-    runs_wide = True
-
     def __init__(
         self,
         device: Device,

@@ -39,7 +39,9 @@ class Prepared(ABC):
     def ones(
         self, x: FloatArray, theta: FloatArray, shots: CircuitShots, rng: Binomial | None = None
     ) -> CountArray:
-        """The number of ones of each circuit in its `shots`, (B, circuits), for x (B, inputs).
+        """The shots with odd parity of each observable, (B, observables), for x (B, inputs).
+
+        Each circuit is run with its `shots`; the parity of one bit is odd where it is 1.
 
         A sampler runs the largest number of shots of any circuit, and ignores the last shots of
         circuits with fewer. Counts drawn from probabilities use `rng`, by default the generator of

@@ -160,7 +160,7 @@ class Executable:
 
         It is 1 on the ideal device, where running copies side by side saves nothing.
         """
-        return copies_that_fit(self.native, self.device)
+        return copies_that_fit(self.source, self.device)
 
     def to_qiskit(
         self, x: FloatArray | None = None, theta: FloatArray | None = None, *, measure: bool = True
@@ -169,8 +169,9 @@ class Executable:
 
         The circuits have native gates only. Without x (inputs,) and theta (parameters,) the open
         angles are parameters a{i}_{k} for slot k of circuit i, whose values `bind` returns; with
-        both, the circuits contain numbers. Register c has a bit for each circuit of the round, in
-        order; `measure=False` omits the measurements and the register.
+        both, the circuits contain numbers. Register c has a bit for each qubit of the source
+        circuits of the round, in order: for each circuit, where those have one. Qubits gained by
+        routing are not measured. `measure=False` omits the measurements and the register.
 
         Raises:
             CircuitError: x or theta has the wrong shape, or only one of them is given.

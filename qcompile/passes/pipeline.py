@@ -123,9 +123,7 @@ def _compile_wide(
 ) -> Executable:
     """A program with circuits of several qubits: routed first, then lowered as any other."""
     weights = checked_importance(len(program.measured), importance, copies)
-    first = [observable[0] for observable in program.measured]
-    owners = np.searchsorted(program.first_bits, first, side="right") - 1
-    weights = np.asarray(np.bincount(owners, weights, minlength=len(program)), dtype=float)
+    weights = np.asarray(np.bincount(program.owners, weights, minlength=len(program)), dtype=float)
     program = program.side_by_side(copies)
     skeleton = DropIdleCouplings().apply(program) if level == 2 else program
     placed = place_wide(skeleton, device, np.tile(weights, copies))

@@ -10,14 +10,20 @@ from qcompile.errors import CircuitError
 from qcompile.ir import Program
 from qcompile.limits import MAX_EPISODES
 from qcompile.noise import usable
+from qcompile.passes.place_wide import wide_copies_that_fit
 
 
 def copies_that_fit(program: Program, device: Device) -> int:
     """How many copies of a program fit on the usable qubits at once, at least one.
 
-    Copies of circuits of several qubits are not placed side by side.
+    Circuits of several qubits are routed to find out (`passes.place_wide`).
+
+    Raises:
+        DeviceError, MissingExtraError: circuits of several qubits cannot be routed.
     """
-    return 1 if program.has_products else max(len(usable(device)) // max(len(program), 1), 1)
+    if program.is_wide:
+        return wide_copies_that_fit(program, device)
+    return max(len(usable(device)) // max(len(program), 1), 1)
 
 
 def place(

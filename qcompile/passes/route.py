@@ -2,12 +2,14 @@
 
 Qiskit sees a circuit once, as a skeleton: each run is one rz with a parameter, which it leaves as
 it is. What it inserts, swaps and translated couplings, are couplings and gates that fuse with the
-runs around them.
+runs around them. Routes are remembered: a process places the same policy many times.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Set
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -24,6 +26,10 @@ if TYPE_CHECKING:
     from qiskit.transpiler import Target
 
 
+_TRIES = 8
+"""Routings of a circuit that needs swaps: their couplings differ by up to a half."""
+
+
 class Routed(NamedTuple):
     """A circuit in a device's couplings, and its physical qubits (circuit.width,).
 
@@ -34,6 +40,23 @@ class Routed(NamedTuple):
     circuit: Circuit
     qubits: IntArray
 
+    def coupling_error(self, device: Device) -> float:
+        """The sum of the errors of its couplings."""
+        calibrations, qubits = device.coupling_calibrations, self.qubits.tolist()
+        couplings = (gate for gate in self.circuit.gates if gate.is_coupling)
+        return sum(
+            calibrations[gate.name, qubits[gate.qubits[0]], qubits[gate.qubits[1]]].error
+            for gate in couplings
+        )
+
+
+@dataclass(frozen=True)
+class _Machine:
+    """A device, equal to those with the same contents."""
+
+    contents: str
+    device: Device = field(compare=False)
+
 
 def route(
     circuit: Circuit, device: Device, *, taken: Collection[int] = (), seed: int = 0
@@ -41,7 +64,8 @@ def route(
     """The circuit on free qubits of the device; None if none are connected well enough.
 
     Of the layouts without swaps the one with the least gate and readout error is taken, if there
-    is one. The same seed gives the same result. Gates and couplings of any kind are allowed.
+    is one; otherwise the one of several routings whose couplings have the least error. The same
+    seed gives the same result. Gates and couplings of any kind are allowed.
 
     Raises:
         DeviceError: the device has no couplings, or the circuit is wider than the device.
@@ -58,10 +82,34 @@ def route(
             "Use a larger device.",
         )
     try:
-        from qiskit.transpiler import TranspilerError, generate_preset_pass_manager
+        import qiskit  # noqa: F401
     except ImportError as error:
         raise MissingExtraError("Placing circuits on several qubits", "qiskit") from error
-    free = set(range(len(device.qubits))) - {*taken, *unusable(device)}
+    return _best(circuit, _Machine(device.to_json(), device), frozenset(taken), seed)
+
+
+@lru_cache(maxsize=4096)
+def _best(circuit: Circuit, machine: _Machine, taken: frozenset[int], seed: int) -> Routed | None:
+    """The best of _TRIES routings, or the first one if it needs no swaps."""
+    device = machine.device
+    first = _route(circuit, device, taken, seed)
+    if first is None or _couplings(first.circuit) == _couplings(circuit):
+        return first
+    others = (_route(circuit, device, taken, seed + k) for k in range(1, _TRIES))
+    return min(filter(None, [first, *others]), key=lambda found: found.coupling_error(device))
+
+
+def _couplings(circuit: Circuit) -> int:
+    return sum(gate.is_coupling for gate in circuit.gates)
+
+
+def _route(circuit: Circuit, device: Device, taken: frozenset[int], seed: int) -> Routed | None:
+    """The circuit as Qiskit routes it with this seed."""
+    from qiskit.transpiler import TranspilerError, generate_preset_pass_manager
+
+    free = sorted(set(range(len(device.qubits))) - {*taken, *unusable(device)})
+    if len(free) < circuit.width:
+        return None
     target = _target(device, free)
     manager = generate_preset_pass_manager(1, target=target, seed_transpiler=seed)
     manager.optimization = None  # it would merge the runs
@@ -71,7 +119,10 @@ def route(
         routed = manager.run(_skeleton(circuit.width, parts))
     except TranspilerError:
         return None
-    return _read(routed, circuit.width, runs.circuits)
+    found = _read(routed, circuit.width, runs.circuits)
+    qubits = np.array(free)[found.qubits]
+    qubits.setflags(write=False)  # routes are shared
+    return Routed(found.circuit, qubits)
 
 
 def _skeleton(width: int, parts: tuple[Run | Gate, ...]) -> QuantumCircuit:
@@ -88,34 +139,34 @@ def _skeleton(width: int, parts: tuple[Run | Gate, ...]) -> QuantumCircuit:
     return skeleton
 
 
-def _target(device: Device, free: Set[int]) -> Target:
-    """The device's gates on its free qubits and the couplings between them, with their errors."""
+def _target(device: Device, free: Sequence[int]) -> Target:
+    """The device's gates on its free qubits and the couplings between them, with their errors.
+
+    The target has only these qubits, numbered in order: Qiskit 2.6 panics where few of a target's
+    qubits have gates.
+    """
     from qiskit.circuit import Measure, Parameter
     from qiskit.circuit.library import CXGate, CZGate, ECRGate, RXGate, RZGate, SXGate, XGate
     from qiskit.transpiler import InstructionProperties, Target
 
     classes = {"sx": SXGate(), "x": XGate(), "cx": CXGate(), "cz": CZGate(), "ecr": ECRGate()}
     classes |= {"rz": RZGate(Parameter("angle")), "rx": RXGate(Parameter("angle"))}
-    target = Target(num_qubits=len(device.qubits))
+    target = Target(num_qubits=len(free))
+    qubits = [device.qubits[qubit] for qubit in free]
     for name in device.native.gates:
-        errors = {q: device.qubits[q].gates.get(name) for q in sorted(free)}
-        target.add_instruction(
-            classes[name],
-            {(q,): InstructionProperties(error=e.error if e else 0.0) for q, e in errors.items()},
-        )
-    name = device.coupling_gates[0]
-    target.add_instruction(
-        classes[name],
-        {
-            each.qubits: InstructionProperties(error=each.error)
-            for each in device.couplings
-            if each.gate == name and set(each.qubits) <= free
-        },
-    )
-    readout = {q: (device.qubits[q].p10 + device.qubits[q].p01) / 2 for q in sorted(free)}
-    target.add_instruction(
-        Measure(), {(q,): InstructionProperties(error=e) for q, e in readout.items()}
-    )
+        errors = [qubit.gates.get(name) for qubit in qubits]
+        properties = [InstructionProperties(error=each.error if each else 0.0) for each in errors]
+        target.add_instruction(classes[name], {(q,): each for q, each in enumerate(properties)})
+    name, place = device.coupling_gates[0], {qubit: number for number, qubit in enumerate(free)}
+    couplings = {
+        (place[each.qubits[0]], place[each.qubits[1]]): InstructionProperties(error=each.error)
+        for each in device.couplings
+        if each.gate == name and place.keys() >= set(each.qubits)
+    }
+    if couplings:  # Qiskit takes an empty dictionary as any two qubits
+        target.add_instruction(classes[name], couplings)
+    readout = [InstructionProperties(error=(qubit.p10 + qubit.p01) / 2) for qubit in qubits]
+    target.add_instruction(Measure(), {(q,): each for q, each in enumerate(readout)})
     return target
 
 

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from wide_aer import by_aer, noisy_simulator
 
 import qcompile
 from qcompile.errors import CircuitError
 from qcompile.execution import OfflineExecutor
 from qcompile.ir import Circuit, Program
-from qcompile.snapshot import find_backend
 from qcompile.streams import Draws
 
 LAYER = [["ry", "x0", 0], ["ry", "x1", 1], ["rx", "x0", 2], ["cz", 0, 1], ["cz", 1, 2]]
@@ -60,38 +60,13 @@ def test_without_noise_it_is_the_statevector(level: int) -> None:
 @pytest.mark.parametrize("level", [0, 1, 2])
 def test_with_noise_it_is_aer(name: str, level: int) -> None:
     """The native circuit, qubits and all, in Aer's density matrix with the backend's noise."""
-    from qiskit_aer import AerSimulator
-    from qiskit_aer.noise import NoiseModel
-
     device = qcompile.load_device(name)
     wide = replace(program(), circuits=(BLOCK,), observables=((0,), (1,), (2,), (0, 1, 2)))
     executable = qcompile.compile(wide, device, level)
     found = OfflineExecutor(device).expectation(executable, X, THETA)
-    noise = NoiseModel.from_backend_properties(find_backend(name).properties())
-    simulator = AerSimulator(method="density_matrix", noise_model=noise)
+    simulator = noisy_simulator(name)
     for row, x in zip(found, X, strict=True):
-        np.testing.assert_allclose(row, by_aer(executable, x, simulator), atol=1e-9)
-
-
-def by_aer(executable: qcompile.Executable, x: np.ndarray, simulator: object) -> np.ndarray:
-    from qiskit import QuantumCircuit
-
-    (native,) = executable.native.circuits
-    angles = iter(executable.bind(x[None], THETA)[0].tolist())
-    placed = executable.qubits.tolist()
-    built = QuantumCircuit(len(executable.device.qubits))
-    for gate in native.gates:
-        angle = () if gate.angle is None else (next(angles),)
-        getattr(built, gate.name)(*angle, *(placed[qubit] for qubit in gate.qubits))
-    built.save_probabilities([placed[2], placed[1], placed[0]])
-    p = simulator.run(built).result().data()["probabilities"].reshape(2, 2, 2)  # type: ignore[attr-defined]
-    for axis in range(3):
-        qubit = executable.device.qubits[placed[axis]]
-        errors = [[1 - qubit.p10, qubit.p01], [qubit.p10, 1 - qubit.p01]]
-        p = np.moveaxis(np.tensordot(errors, p, (1, axis)), 0, axis)
-    outcomes = np.indices((2, 2, 2))
-    observables = executable.source.measured
-    return np.array([(p * (-1) ** outcomes[list(o)].sum(axis=0)).sum() for o in observables])
+        np.testing.assert_allclose(row, by_aer(executable, x, THETA, simulator), atol=1e-9)
 
 
 def test_counts_are_odd_parities_of_joint_shots() -> None:
@@ -141,33 +116,13 @@ def chain(width: int) -> Program:
 
 def test_more_than_8_qubits_go_through_aer() -> None:
     """9 qubits on a line of 16, with noise, beside Aer with the backend's own model; and ideal."""
-    from qiskit import QuantumCircuit
-    from qiskit_aer import AerSimulator
-    from qiskit_aer.noise import NoiseModel
-
     device = qcompile.load_device("fake_toronto")
     executable = qcompile.compile(chain(9), device)
     assert executable.native.widths == (9,)
-    x = X[:2]
+    x, simulator = X[:2], noisy_simulator("fake_toronto")
     found = OfflineExecutor(device).expectation(executable, x, THETA)
-    noise = NoiseModel.from_backend_properties(find_backend("fake_toronto").properties())
-    placed = executable.qubits.tolist()
-    simulator = AerSimulator(method="density_matrix", noise_model=noise)
-    for row, angles in zip(found, executable.bind(x, THETA), strict=True):
-        values = iter(angles.tolist())
-        built = QuantumCircuit(max(placed) + 1)
-        for gate in executable.native.circuits[0].gates:
-            angle = () if gate.angle is None else (next(values),)
-            getattr(built, gate.name)(*angle, *(placed[qubit] for qubit in gate.qubits))
-        built.save_probabilities(placed[::-1])
-        p = simulator.run(built).result().data()["probabilities"].reshape((2,) * 9)
-        for axis, physical in enumerate(placed):
-            qubit = device.qubits[physical]
-            errors = [[1 - qubit.p10, qubit.p01], [qubit.p10, 1 - qubit.p01]]
-            p = np.moveaxis(np.tensordot(errors, p, (1, axis)), 0, axis)
-        outcomes = np.indices((2,) * 9)
-        expected = [(p * (-1.0) ** outcomes[list(o)].sum(axis=0)).sum() for o in chain(9).measured]
-        np.testing.assert_allclose(row, expected, atol=1e-9)
+    for row, of_row in zip(found, x, strict=True):
+        np.testing.assert_allclose(row, by_aer(executable, of_row, THETA, simulator), atol=1e-9)
     perfect = qcompile.load_device("ideal")
     found = OfflineExecutor(perfect).expectation(qcompile.compile(chain(9), perfect), x, THETA)
     np.testing.assert_allclose(found, [ideal(chain(9), row) for row in x], atol=1e-10)
