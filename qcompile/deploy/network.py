@@ -96,8 +96,9 @@ class NetworkPlayer:
 
     def sizes(self) -> dict[str, Any]:
         """All 0: it has no circuits."""
-        gates = dict.fromkeys(GATES, 0)
-        return {"gates_per_circuit": gates, "circuits_per_step": 0, "rounds_per_step": 0}
+        counted = ("circuits_per_step", "observables_per_step", "rounds_per_step")
+        none = dict.fromkeys(("couplings_per_circuit", *counted), 0)
+        return {"gates_per_circuit": dict.fromkeys(GATES, 0), **none}
 
 
 def refuse_options(network: Network, names: Sequence[str]) -> None:

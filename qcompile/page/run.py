@@ -104,6 +104,10 @@ def _headline(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     if circuits := summary["circuits_per_step"]:
         rounds = plural(summary["rounds_per_step"], "round")
         yield "circuits per decision", f"{circuits} in {rounds}"
+        if couplings := summary.get("couplings_per_circuit"):
+            yield "couplings per circuit", str(couplings)
+        if (observables := summary.get("observables_per_step", circuits)) != circuits:
+            yield "observables per decision", str(observables)
         shots = summary["shots"]
         yield "shots per circuit", f"{shots:,}" if isinstance(shots, int) else "exact"
         mitigation = "predistorted angles" if summary["predistort"] else summary["mitigation"]

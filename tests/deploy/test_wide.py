@@ -16,6 +16,7 @@ from qcompile.deploy.settings import RunSettings
 from qcompile.errors import CircuitError, DeviceError, OptionError
 from qcompile.ir import Circuit, Program
 from qcompile.policy import Policy, load_policy
+from qcompile.report.summary import run_facts
 from qcompile.streams import Stream
 
 LAYER = [["ry", "x0", 0], ["ry", "x1", 1], ["ry", "x2", 2], ["cz", 0, 1], ["cz", 1, 2]]
@@ -104,9 +105,13 @@ def test_measuring_ahead_changes_nothing(backend: str) -> None:
 
 def test_a_run_counts_the_couplings() -> None:
     result = qcompile.run(policy(), "fake_lima", episodes=2, shots=32, max_steps=5, progress=False)
-    gates = result.to_dict()["gates_per_circuit"]
-    assert gates["cx"] > 0
-    assert result.to_dict()["circuits_per_step"] == 2
+    values = result.to_dict()
+    native = qcompile.compile(policy().trained_program, qcompile.load_device("fake_lima")).native
+    count = sum(gate.is_coupling for gate in native.circuits[0].gates)
+    assert count > 0
+    assert values["gates_per_circuit"]["cx"] == values["couplings_per_circuit"] == count
+    assert (values["circuits_per_step"], values["observables_per_step"]) == (2, 5)
+    assert "5 observables, 1 round" in dict(run_facts(values))["each step"]
 
 
 def test_a_report_shows_the_circuits_as_text(tmp_path: object) -> None:
