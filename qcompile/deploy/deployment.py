@@ -23,7 +23,6 @@ from qcompile.execution import (
     Workload,
     open_executor,
 )
-from qcompile.ir import COUPLINGS
 from qcompile.policy import Policy
 from qcompile.policy.policy import NO_THETA
 from qcompile.streams import Draws
@@ -146,7 +145,7 @@ class Deployment:
     def sizes(self) -> dict[str, Any]:
         """Largest gate counts of a circuit, circuits and rounds, as in `qcompile run --json`."""
         counts = self.executable.gate_counts()
-        couplings = (sum(count[gate] for gate in COUPLINGS) for count in counts)
+        couplings = (circuit.couplings for circuit in self.executable.native.circuits)
         return {
             "gates_per_circuit": {
                 gate: max((count[gate] for count in counts), default=0)

@@ -69,6 +69,21 @@ class Circuit:
         return tuple(gate.angle for gate in self.gates if gate.angle is not None)
 
     @property
+    def depth(self) -> int:
+        """The most gates that follow each other, each on a qubit of the one before."""
+        ends = [0] * self.width
+        for gate in self.gates:
+            last = 1 + max(ends[qubit] for qubit in gate.qubits)
+            for qubit in gate.qubits:
+                ends[qubit] = last
+        return max(ends)
+
+    @property
+    def couplings(self) -> int:
+        """The number of gates on two qubits."""
+        return sum(gate.is_coupling for gate in self.gates)
+
+    @property
     def symbols(self) -> tuple[str, ...]:
         """Every symbol in the circuit, in order of first use."""
         late = (g.angle.terms for g in self.gates if g.angle is not None and g.angle.terms)

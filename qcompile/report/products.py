@@ -1,4 +1,4 @@
-"""Observables in words: products of Z, by their bits."""
+"""Observables and bits in words."""
 
 from __future__ import annotations
 
@@ -8,3 +8,8 @@ from collections.abc import Sequence
 def product_words(bits: Sequence[int]) -> str:
     """<Z0 Z2> for the bits 0 and 2."""
     return f"<{' '.join(f'Z{bit}' for bit in bits)}>"
+
+
+def numbers(several: Sequence[int]) -> str:
+    """0 2 3."""
+    return " ".join(map(str, several))

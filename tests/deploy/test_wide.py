@@ -15,6 +15,7 @@ from qcompile.deploy.play import play
 from qcompile.deploy.settings import RunSettings
 from qcompile.errors import CircuitError, DeviceError, OptionError
 from qcompile.ir import Circuit, Program
+from qcompile.noise import usable
 from qcompile.policy import Policy, load_policy
 from qcompile.report.summary import run_facts
 from qcompile.streams import Stream
@@ -135,6 +136,14 @@ def test_products_of_circuits_of_one_qubit_are_reported_too() -> None:
     result = qcompile.run(other, "ibm_lima", episodes=2, shots=32, max_steps=5, progress=False)
     result.report("narrow.html")
     assert "observables 1 0" in Path("narrow.html").read_text()
+
+
+def test_fewer_bits_than_there_are_may_be_measured() -> None:
+    """The circuit of the observable that matters most is on the best qubit."""
+    program = replace(Program.of([Circuit.parse("ry(x0)")] * 3, 1), observables=((2,), (0,)))
+    device = qcompile.load_device("fake_lima")
+    placed = qcompile.compile(program, device, importance=np.array([1.0, 5.0]))
+    assert placed.qubits.tolist() == [usable(device)[rank] for rank in (0, 2, 1)]
 
 
 @pytest.fixture(autouse=True)
