@@ -14,6 +14,7 @@ from qcompile.device import IDEAL, IDEAL_NAME
 from qcompile.errors import OptionError
 from qcompile.execution import Kind, Workload
 from qcompile.mitigation import CALIBRATION_SHOTS, Misfit
+from qcompile.passes import Executable
 from qcompile.policy import Network
 from qcompile.streams import Draws
 
@@ -44,6 +45,7 @@ class NetworkPlayer:
 
     backend: str = IDEAL_NAME
     kind: Kind = "ideal"
+    executable: Executable | None = None
     misfits: Sequence[Misfit] = ()
     calibration_load = Workload()
     calibration_shots: int | None = None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -67,6 +68,11 @@ class Circuit:
     def angles(self) -> tuple[Angle, ...]:
         """The angles of the gates, in order."""
         return tuple(gate.angle for gate in self.gates if gate.angle is not None)
+
+    @property
+    def gate_counts(self) -> dict[str, int]:
+        """The number of gates of each name, by name."""
+        return dict(sorted(Counter(gate.name for gate in self.gates).items()))
 
     @property
     def depth(self) -> int:

@@ -31,8 +31,11 @@ _CUT = 0.75
 _RADIUS, _RADIUS_PT, _NAMED_PT = 0.3, 14.0, 2.8
 """Of a qubit: in couplings, but in points at most; and what a digit of its number needs."""
 _BARS_IN, _TITLE_IN, _BAR_IN = 0.55, 0.2, 0.09
-_ERRORS = ("#b4c0cc", "#e69f00", "#d55e00")
-"""From the least to the greatest: seen on white and on black, and by colour-blind readers."""
+_ERRORS = ("#b4c0cc", "#e59e00", "#d45d00")
+"""From the least to the greatest: seen on white and on black, and by colour-blind readers.
+
+None is a colour of the palette, which pages change on a dark ground.
+"""
 _SHARE, _FEW = 0.95, 20
 """The part of the errors that the scale of colours covers, where there are more than a few."""
 _GREY = "0.45"
@@ -117,13 +120,15 @@ class _Map:
         }
         for name, (scale, label) in scales.items():
             beyond = np.max(scale.get_array()) > scale.norm.vmax  # type: ignore[arg-type]
-            drawing.colorbar(
+            bar = drawing.colorbar(
                 scale,
                 cax=panels[name],
                 orientation="horizontal",
                 extend="max" if beyond else "neither",
                 label=label,
             )
+            assert bar.solids is not None
+            bar.solids.set_edgecolor("face")  # no seams between its colours
         if title:
             write_title(drawing, title)
         legend_below(drawing, self._samples())
@@ -137,7 +142,7 @@ class _Map:
         for each in self.device.couplings:
             low, high = sorted(each.qubits)
             errors[low, high] = min(errors.get((low, high), 1.0), each.error)
-        chosen = [self.places[[*pair]] for pair in self.used.gates]
+        chosen = [self.places[[*pair]] for pair in self.used.pairs]
         widths = self.radius_pt * np.array([0.8, 0.25])
         axes.add_collection(
             LineCollection(chosen, colors=[self._in_use], linewidths=widths[0], zorder=1)

@@ -12,7 +12,7 @@ import click
 from qcompile.calibration import Calibration
 from qcompile.device import Device
 from qcompile.noise import REFERENCE_SHOTS, USABLE_CONTRAST, unusable
-from qcompile.report.products import numbers
+from qcompile.report.circuit_words import numbers
 from qcompile.report.tables import plural, print_table
 
 

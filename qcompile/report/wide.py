@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -12,9 +11,9 @@ import numpy as np
 
 from qcompile.arrays import FloatArray
 from qcompile.passes import Executable
+from qcompile.report.circuit_words import gate_words, numbers, product_words
 from qcompile.report.drawing.diagram import compiled
 from qcompile.report.drawing.text import ROOM, text
-from qcompile.report.products import numbers, product_words
 from qcompile.report.tables import print_table, wide_console
 
 _MOST_LINES = 100
@@ -33,7 +32,7 @@ def wide_values(executable: Executable, index: int) -> dict[str, Any]:
         "bits": [*range(first, first + before.width)],
         "qubits": qubits[: before.width],
         "routing_qubits": qubits[before.width :],
-        "gates_before_by_name": dict(sorted(Counter(gate.name for gate in before.gates).items())),
+        "gates_before_by_name": before.gate_counts,
         "couplings_before": before.couplings,
         "couplings": after.couplings,
         "depth_before": before.depth,
@@ -97,8 +96,8 @@ def print_circuits(values: Mapping[str, Any], reads: Sequence[str]) -> None:
                 row["circuit"],
                 numbers(row["bits"]),
                 *reads[index : index + 1],
-                _counted(row["gates_before_by_name"]),
-                _counted(row["gates"]),
+                gate_words(row["gates_before_by_name"]),
+                gate_words(row["gates"]),
                 f"{row['couplings_before']} to {row['couplings']}",
                 f"{row['depth_before']} to {row['depth']}",
             ]
@@ -122,8 +121,3 @@ def print_observables(values: Mapping[str, Any]) -> None:
             for row in values["observables"]
         ],
     )
-
-
-def _counted(gates: Mapping[str, int]) -> str:
-    """13 rz + 12 sx."""
-    return " + ".join(f"{number} {gate}" for gate, number in gates.items()) or "no gate"

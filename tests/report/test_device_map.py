@@ -47,7 +47,8 @@ def segments(axes: Any, is_blue: bool) -> set[tuple[float, ...]]:
 def test_a_circuit_uses_its_qubits_and_couplings() -> None:
     usage = Usage.of(TWO)
     assert usage.bits == {3: (0,), 4: (1,), 1: ()}
-    assert usage.gates == {(3, 4): 2, (1, 3): 1}
+    assert usage.gates == {("cx", 3, 4): 1, ("cx", 4, 3): 1, ("cx", 1, 3): 1}
+    assert usage.pairs == [(1, 3), (3, 4)]
     assert (usage.measured, usage.passed) == ([3, 4], [1])
 
 
@@ -90,7 +91,7 @@ def test_colours_follow_the_errors() -> None:
     errors = [(qubit.p10 + qubit.p01) / 2 for qubit in device.qubits]
     colours = [to_hex(colour) for colour in rings.get_edgecolor()]
     assert colours[int(np.argmin(errors))] == "#b4c0cc"
-    assert colours[int(np.argmax(errors))] == "#d55e00"
+    assert colours[int(np.argmax(errors))] == "#d45d00"
 
 
 def words(figure: Any) -> str:

@@ -10,8 +10,8 @@ from numbers import Integral
 from qcompile.errors import FigureError
 from qcompile.ir import Circuit, Program
 from qcompile.passes import Executable
+from qcompile.report.circuit_words import product_words
 from qcompile.report.drawing.columns import Columns, side_by_side
-from qcompile.report.products import product_words
 
 _MOST_ANGLES = 12
 """Of more angles that are computed when a program is bound, a drawing defines the first."""
