@@ -146,11 +146,14 @@ class Deployment:
     def sizes(self) -> dict[str, Any]:
         """Largest gate counts of a circuit, circuits and rounds, as in `qcompile run --json`."""
         counts = self.executable.gate_counts()
+        couplings = (circuit.couplings for circuit in self.executable.native.circuits)
         return {
             "gates_per_circuit": {
                 gate: max((count[gate] for count in counts), default=0)
                 for gate in (*GATES, *self.device.coupling_gates * self.policy.program.is_wide)
             },
+            "couplings_per_circuit": max(couplings, default=0),
             "circuits_per_step": len(self.policy.program),
+            "observables_per_step": len(self.policy.program.measured),
             "rounds_per_step": self.executable.round_count,
         }

@@ -21,6 +21,8 @@ from qcompile.simulate import LateAngles
 
 if TYPE_CHECKING:
     from qcompile.report.drawing import Form
+    from qcompile.report.figure import Figure
+    from qcompile.report.style import AnyStyle
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -190,6 +192,16 @@ class Executable:
         from qcompile.report.drawing import draw_executable
 
         return draw_executable(self, form, circuit)
+
+    def plot_map(self, style: AnyStyle = None) -> Figure:
+        """The device's qubits and couplings by their errors, those that the circuits use marked.
+
+        Raises:
+            FigureError: the device has no couplings; the style cannot be read.
+        """
+        from qcompile.report.device_map import draw_executable_map
+
+        return draw_executable_map(self, style)
 
     def gate_counts(self) -> list[Counter[str]]:
         """The number of native gates of each circuit, by name."""

@@ -19,7 +19,7 @@ from qcompile.passes.executable import Executable
 from qcompile.passes.fuse_known import FuseKnown
 from qcompile.passes.fuse_rotations import FuseRotations
 from qcompile.passes.merge_rotations import MergeRotations
-from qcompile.passes.place import checked_importance, place
+from qcompile.passes.place import circuit_importance, place
 from qcompile.passes.place_wide import place_wide
 from qcompile.passes.to_couplings import ToCouplings
 from qcompile.passes.to_native import ToNative
@@ -112,7 +112,8 @@ def compile(
         raise DeviceError(f"compile takes a Device, found {describe(device)}.", f"Use {call}.")
     if program.is_wide:
         return _compile_wide(program, device, level, importance, copies)
-    qubits, rounds = place(len(program), device, importance, copies)
+    weights = circuit_importance(program, importance, copies)
+    qubits, rounds = place(len(program), device, weights, copies)
     program = program.side_by_side(copies)
     native = lower(program, level, device.native)
     return Executable(program, native, device, level, qubits, rounds)
@@ -122,8 +123,7 @@ def _compile_wide(
     program: Program, device: Device, level: int, importance: FloatArray | None, copies: int
 ) -> Executable:
     """A program with circuits of several qubits: routed first, then lowered as any other."""
-    weights = checked_importance(len(program.measured), importance, copies)
-    weights = np.asarray(np.bincount(program.owners, weights, minlength=len(program)), dtype=float)
+    weights = circuit_importance(program, importance, copies)
     program = program.side_by_side(copies)
     skeleton = DropIdleCouplings().apply(program) if level == 2 else program
     placed = place_wide(skeleton, device, np.tile(weights, copies))

@@ -62,6 +62,22 @@ def place(
     return qubits, rounds
 
 
+def circuit_importance(
+    program: Program, importance: FloatArray | None = None, copies: int = 1
+) -> FloatArray:
+    """The importance of each circuit, (circuits,): the sum over its observables.
+
+    `importance` (observables,) is theirs; by default it is the same for all.
+
+    Raises:
+        CircuitError: as `place`.
+    """
+    of_observables = checked_importance(len(program.measured), importance, copies)
+    if not program.has_products:
+        return of_observables
+    return np.asarray(np.bincount(program.owners, of_observables, len(program)), dtype=float)
+
+
 def checked_importance(circuits: int, importance: FloatArray | None, copies: int) -> FloatArray:
     """`importance` as (circuits,) numbers, all equal by default.
 

@@ -16,7 +16,9 @@ from qcompile.deploy.settings import RunSettings
 from qcompile.errors import CircuitError, DeviceError
 from qcompile.execution import Executor, Prepared
 from qcompile.ir import Circuit, Program
+from qcompile.noise import usable
 from qcompile.passes import Executable
+from qcompile.report.summary import run_facts
 from qcompile.streams import Stream
 
 
@@ -66,17 +68,13 @@ def test_measuring_ahead_changes_nothing(backend: str) -> None:
 
 def test_a_run_counts_the_couplings() -> None:
     result = qcompile.run(policy(), "fake_lima", episodes=2, shots=32, max_steps=5, progress=False)
-    gates = result.to_dict()["gates_per_circuit"]
-    assert gates["cx"] > 0
-    assert result.to_dict()["circuits_per_step"] == 2
-
-
-def test_a_report_shows_the_circuits_as_text(tmp_path: object) -> None:
-    result = qcompile.run(policy(), "fake_lima", episodes=2, shots=32, max_steps=5, progress=False)
-    result.report("wide.html")
-    page = Path("wide.html").read_text()
-    assert "ry(x0)@0 ry(x1)@1 ry(x2)@2 cz@0,1" in page
-    assert "cx@" in page  # as compiled
+    values = result.to_dict()
+    native = qcompile.compile(policy().trained_program, qcompile.load_device("fake_lima")).native
+    count = sum(gate.is_coupling for gate in native.circuits[0].gates)
+    assert count > 0
+    assert values["gates_per_circuit"]["cx"] == values["couplings_per_circuit"] == count
+    assert (values["circuits_per_step"], values["observables_per_step"]) == (2, 5)
+    assert "5 observables, 1 round" in dict(run_facts(values))["each step"]
 
 
 def test_products_of_circuits_of_one_qubit_are_reported_too() -> None:
@@ -91,7 +89,15 @@ def test_products_of_circuits_of_one_qubit_are_reported_too() -> None:
     )
     result = qcompile.run(other, "ibm_lima", episodes=2, shots=32, max_steps=5, progress=False)
     result.report("narrow.html")
-    assert "observables 1 0" in Path("narrow.html").read_text()
+    assert "observables: &lt;Z1&gt;, &lt;Z0&gt;" in Path("narrow.html").read_text()
+
+
+def test_fewer_bits_than_there_are_may_be_measured() -> None:
+    """The circuit of the observable that matters most is on the best qubit."""
+    program = replace(Program.of([Circuit.parse("ry(x0)")] * 3, 1), observables=((2,), (0,)))
+    device = qcompile.load_device("fake_lima")
+    placed = qcompile.compile(program, device, importance=np.array([1.0, 5.0]))
+    assert placed.qubits.tolist() == [usable(device)[rank] for rank in (0, 2, 1)]
 
 
 @pytest.fixture(autouse=True)

@@ -32,7 +32,6 @@ def known() -> Any:
 CALLS: dict[str, Callable[[], object]] = {
     "An ansatz": lambda: Ansatz.of_program(WIDE),
     "OpenQASM": lambda: write(WIDE),
-    "A drawing": WIDE.draw,
     "A Simulator": lambda: Simulator(WIDE),
     "A twin": lambda: TwinExecutor(known()).prepare(executable()),
     "Readout mitigation": lambda: readout_mitigation(known(), executable()),
