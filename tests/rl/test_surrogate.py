@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from qcompile.policy import Policy, load_policy, save_policy
-from qcompile.rl.models import SVQC, SurrogateModel, parameter_count
+from qcompile.rl.models import CircuitModel, SurrogateModel, parameter_count
 from qcompile.rl.settings import Settings
 from qcompile.simulate import Simulator
 
@@ -81,7 +81,7 @@ def test_the_exported_circuits_compute_the_same(name: str, tmp_path: Path) -> No
 def test_a_surrogate_can_be_any_policy_of_the_parallel_layout(reuse: int) -> None:
     """<Z> is -sin(x) cos(theta) - cos(x)^2 sin(theta): weights -cos(theta) W | -sin(theta) W."""
     settings = Settings(steps=1, scales=(0.7, 3.0), reuse=reuse, theta_spread_rad=6.0)
-    circuits = SVQC(4, 3, settings, torch.Generator().manual_seed(0))
+    circuits = CircuitModel(4, 3, settings, torch.Generator().manual_seed(0))
     perturb(circuits)
     changed = settings.changed(model="surrogate", theta_spread_rad=0.0)
     surrogate = SurrogateModel(4, 3, changed, torch.Generator().manual_seed(9))
