@@ -138,6 +138,9 @@ def _check_sizes(
             raise ContentsError(
                 f"It has {count} environments; its settings say {settings.environments}."
             )
+    if (ansatz is None) == (settings.layout == "own"):
+        which = "no circuits" if ansatz is None else "circuits"
+        raise ContentsError(f"It has {which}, but its settings have layout {settings.layout!r}.")
     bits = reads_bits(settings, ansatz)
     (environment,) = training_environments(saved.environment, 1, bits, arguments)
     features, actions = features_and_actions(environment)

@@ -204,7 +204,7 @@ def test_inputs_read_the_features_in_turn(inputs: int, features: int, read: Any)
         (SINGLE, {"scales": ((1.0, 2.0),)}, "Own circuits need one number for all inputs"),
         (SINGLE, {"layout": "parallel"}, "Layout 'parallel' with own circuits"),
         (None, {}, "Layout 'own' without own circuits"),
-        (SINGLE, {"model": "mvqc", "layout": "parallel"}, "Model 'mvqc' cannot train own circuits"),
+        (SINGLE, {"model": "mvqc"}, "Model 'mvqc' cannot train a Program.\n  Train it as svqc."),
         (None, {"layout": "parallel", "encoder": ("tanh",)}, "encoder has 1 functions for 4"),
         (None, {"layout": "parallel", "features": (7,)}, "features names feature 7"),
     ],
@@ -273,7 +273,7 @@ def test_the_policy_says_where_its_circuits_are_from() -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda text: None, "numbers; its settings need"),
+        (lambda text: None, "It has no circuits, but its settings have layout 'own'."),
         (lambda text: "{", "not JSON"),
         (lambda text: text.replace("ansatz-1", "ansatz-2"), "format"),
         (lambda text: ansatz_text(SINGLE), "numbers; its settings need"),
