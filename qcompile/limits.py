@@ -58,5 +58,8 @@ MAX_QUBITS = 10_000
 MAX_NOISY_QUBITS = 8
 """The most qubits of a circuit whose noise is computed: a Pauli vector of 65,536 numbers a row."""
 
+MAX_IDEAL_QUBITS = 12
+"""The most qubits of a circuit that is played without noise: all products of Z are computed."""
+
 MAX_STATE_QUBITS = 16
 """The most qubits of a circuit whose statevector is computed."""

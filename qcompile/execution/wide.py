@@ -12,8 +12,9 @@ from qcompile.arrays import CircuitShots, CountArray, FloatArray, IntArray
 from qcompile.errors import CircuitError
 from qcompile.execution.prepared import Binomial, ExactPrepared, largest_shots
 from qcompile.ir import Circuit, Program
-from qcompile.limits import MAX_NOISY_QUBITS
+from qcompile.limits import MAX_IDEAL_QUBITS, MAX_NOISY_QUBITS
 from qcompile.passes import Executable
+from qcompile.states.ideal import IdealBlocks
 from qcompile.states.pauli import NoisyBlocks
 from qcompile.streams.draws import RowDraws
 
@@ -30,20 +31,20 @@ class _Group(NamedTuple):
 
     circuits: list[int]
     slots: IntArray
-    blocks: NoisyBlocks
+    blocks: NoisyBlocks | IdealBlocks
 
 
 class PreparedWide(ExactPrepared):
     """An executable with circuits of several qubits, with the noise of its qubits and couplings.
 
     Raises:
-        CircuitError: a circuit has more qubits than a Pauli vector is kept for.
+        CircuitError: a circuit has more qubits than can be computed.
     """
 
     def __init__(self, executable: Executable, rng: np.random.Generator):
         super().__init__(executable, rng)
         source, native = executable.source, executable.native
-        _check_widths(native)
+        _check_widths(native, executable.device.is_ideal)
         self._widths = source.widths
         self._observables = [_on_circuit(source, index) for index in range(len(source))]
         shapes: dict[object, list[int]] = {}
@@ -99,12 +100,13 @@ class PreparedWide(ExactPrepared):
         return found
 
 
-def _check_widths(native: Program) -> None:
-    widest = max(native.widths)
-    if widest > MAX_NOISY_QUBITS:
+def _check_widths(native: Program, is_ideal: bool) -> None:
+    widest, most = max(native.widths), MAX_IDEAL_QUBITS if is_ideal else MAX_NOISY_QUBITS
+    if widest > most:
+        what = "Circuits are" if is_ideal else "The noise of circuits is"
         raise CircuitError(
             f"A circuit has {widest} qubits on the device.",
-            f"The noise of circuits is computed on up to {MAX_NOISY_QUBITS} qubits.",
+            f"{what} computed on up to {most} qubits.",
         )
 
 
@@ -130,7 +132,12 @@ def _group(executable: Executable, circuits: list[int]) -> _Group:
     count = len(native.circuits[circuits[0]].angles)
     slots = [np.flatnonzero(owners == circuit)[:count] for circuit in circuits]
     members = [native.circuits[circuit] for circuit in circuits]
-    blocks = NoisyBlocks(members, executable.device, executable.qubits[bits])
+    device = executable.device
+    blocks = (
+        IdealBlocks(members)
+        if device.is_ideal
+        else NoisyBlocks(members, device, executable.qubits[bits])
+    )
     return _Group(circuits, np.array(slots, dtype=np.intp), blocks)
 
 

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from wide import ANY, random_circuit
 
 import qcompile
 from qcompile.errors import CircuitError
 from qcompile.execution import OfflineExecutor
 from qcompile.ir import Circuit, Program
+from qcompile.policy.layouts import ring
 from qcompile.snapshot import find_backend
 from qcompile.streams import Draws
 
@@ -28,12 +28,12 @@ def program() -> Program:
     return replace(Program.of(circuits, 2, 2), observables=OBSERVABLES)
 
 
-def ideal(program: Program, x: np.ndarray) -> np.ndarray:
+def ideal(program: Program, x: np.ndarray, theta: np.ndarray = THETA) -> np.ndarray:
     """<O> of all observables for one row, from Qiskit's statevector."""
     from qiskit import QuantumCircuit
     from qiskit.quantum_info import SparsePauliOp, Statevector
 
-    values = {"x0": x[0], "x1": x[1], "theta0": THETA[0], "theta1": THETA[1]}
+    values = dict(zip(program.symbols, [*x, *theta], strict=True))
     built = QuantumCircuit(program.bits)
     for first, circuit in zip(program.first_bits, program.circuits, strict=True):
         for gate in circuit.substitute(values).gates:
@@ -131,9 +131,28 @@ def test_keyed_counts_repeat_alone_and_in_any_copy() -> None:
     np.testing.assert_array_equal(beside.reshape(4, -1), alone)
 
 
-def test_a_circuit_too_wide_for_its_noise_is_refused() -> None:
-    rng = np.random.default_rng(0)
-    wide = Program.of([random_circuit(rng, ANY, 9)], 2, 2)
-    executable = qcompile.compile(wide, qcompile.load_device("ideal"))
-    with pytest.raises(CircuitError, match=r"9 qubits on the device.\n.*up to 8 qubits"):
+@pytest.mark.parametrize(
+    ("name", "width", "what"),
+    [("ideal", 13, "Circuits are"), ("fake_lima", 4, "The noise of circuits is")],
+)
+def test_a_circuit_too_wide_is_refused(
+    name: str, width: int, what: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("qcompile.execution.wide.MAX_NOISY_QUBITS", 3)
+    wide = Program.of([Circuit.of([["cx", 0, 1]], width)])
+    executable = qcompile.compile(wide, qcompile.load_device(name))
+    words = rf"{width} qubits on the device.\n.*{what} computed on up to {width - 1} qubits"
+    with pytest.raises(CircuitError, match=words):
         OfflineExecutor(executable.device).prepare(executable)
+
+
+def test_many_perfect_qubits_are_played() -> None:
+    """Ten qubits in a ring; and an empty batch."""
+    many, _ = ring(10, 1)
+    rng = np.random.default_rng(3)
+    x, theta = rng.uniform(-2, 2, (2, 10)), rng.uniform(-2, 2, 40)
+    executable = qcompile.compile(many, qcompile.load_device("ideal"))
+    executor = OfflineExecutor(executable.device)
+    found = executor.expectation(executable, x, theta)
+    np.testing.assert_allclose(found, [ideal(many, row, theta) for row in x], atol=1e-12)
+    assert executor.expectation(executable, x[:0], theta).shape == (0, 10)
