@@ -16,10 +16,10 @@ from mitigation import SEEDS, mthree, peer
 
 import qcompile
 from qcompile.device import Device
-from qcompile.execution.wide import signed_sums
 from qcompile.mitigation import CALIBRATION_SHOTS, calibrate
 from qcompile.mitigation.products import ProductMitigation, product_mitigation, with_sub_products
 from qcompile.passes import Executable
+from qcompile.states.parities import signed_sums
 
 QUBITS, ROWS = 4, 200
 OBSERVABLES = ((0, 1), (1, 2), (2, 3), (0, 3), (0, 1, 2, 3))

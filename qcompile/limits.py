@@ -62,4 +62,4 @@ MAX_DENSITY_QUBITS = 12
 """The most qubits of a circuit whose noise Aer computes: a density matrix of 256 MB."""
 
 MAX_STATE_QUBITS = 16
-"""The most qubits of a circuit whose statevector is computed."""
+"""The most qubits of a circuit whose statevector is computed: without noise, and to train it."""

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from qcompile.arrays import CircuitShots, CountArray, FloatArray, IntArray
 from qcompile.device import Device
@@ -16,10 +15,12 @@ from qcompile.ir import Circuit, Program
 from qcompile.limits import MAX_DENSITY_QUBITS, MAX_PAULI_QUBITS, MAX_STATE_QUBITS
 from qcompile.passes import Executable
 from qcompile.states.density import DensityBlocks
+from qcompile.states.ideal import IdealBlocks
+from qcompile.states.parities import signed_sums
 from qcompile.states.pauli import NoisyBlocks
 from qcompile.streams.draws import RowDraws
 
-Blocks = NoisyBlocks | DensityBlocks
+Blocks = IdealBlocks | NoisyBlocks | DensityBlocks
 
 
 class _Group(NamedTuple):
@@ -41,8 +42,8 @@ class _Group(NamedTuple):
 class PreparedWide(ExactPrepared):
     """An executable with circuits of several qubits, with the noise of its qubits and couplings.
 
-    Up to 8 qubits the state is a Pauli vector of `dtype`; above, Aer's density matrix, or its
-    statevector where there is no noise.
+    Without noise the state is a statevector; with noise up to 8 qubits a Pauli vector of `dtype`,
+    and above Aer's density matrix.
 
     Raises:
         CircuitError: a circuit has too many qubits.
@@ -145,20 +146,8 @@ def _group(executable: Executable, circuits: list[int], dtype: Any) -> _Group:
 
 
 def _blocks(circuits: list[Circuit], device: Device, qubits: IntArray, dtype: Any) -> Blocks:
+    if device.is_ideal:
+        return IdealBlocks(circuits)
     if circuits[0].width > MAX_PAULI_QUBITS:
         return DensityBlocks(circuits, device, qubits)
     return NoisyBlocks(circuits, device, qubits, dtype)
-
-
-def signed_sums(values: NDArray[Any]) -> NDArray[Any]:
-    """For each product of Z, the sum of values (..., 2**width) with the signs of their outcomes.
-
-    This is the Walsh-Hadamard transform, and its own inverse times 2**width.
-    """
-    shape, size = values.shape, values.shape[-1]
-    half = 1
-    while half < size:
-        even, odd = np.moveaxis(values.reshape(*shape[:-1], -1, 2, half), -2, 0)
-        values = np.stack([even + odd, even - odd], axis=-2)
-        half *= 2
-    return values.reshape(shape)

@@ -35,18 +35,15 @@ class DensityBlocks:
             what = f"The noise of a circuit of {circuits[0].width} qubits"
             raise MissingExtraError(what, "qiskit") from error
         self._name = f"{len(circuits)} circuits on {circuits[0].width} qubits of {device.name}"
-        method = "statevector" if device.is_ideal else "density_matrix"
         self._runs, self._readout = [], []
         for circuit, row in zip(circuits, qubits.tolist(), strict=True):
-            placed = [None if device.is_ideal else device.qubits[qubit] for qubit in row]
-            noise = None if device.is_ideal else _noise_model(circuit, device, row)
             simulator = AerSimulator(
-                method=method,
-                noise_model=noise,
+                method="density_matrix",
+                noise_model=_noise_model(circuit, device, row),
                 max_parallel_experiments=1,  # a density matrix may fill the memory
             )
             self._runs.append((simulator, *_parametrised(circuit)))
-            self._readout.append([_outcome_map(qubit) for qubit in placed])
+            self._readout.append([_outcome_map(device.qubits[qubit]) for qubit in row])
 
     def __repr__(self) -> str:
         return f"DensityBlocks({self._name})"
@@ -67,7 +64,7 @@ class DensityBlocks:
         return _measured(result, np.array(self._readout)).reshape(rows, circuits, -1)
 
 
-def _outcome_map(qubit: Qubit | None) -> FloatArray:
+def _outcome_map(qubit: Qubit) -> FloatArray:
     """The map from P(0) and P(1) of a qubit to 1 and the measured `<Z>`, (2, 2)."""
     offset, _, _, contrast = readout_row(qubit)
     return np.array([[1.0, 1.0], [offset + contrast, offset - contrast]])

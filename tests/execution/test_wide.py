@@ -12,6 +12,7 @@ import qcompile
 from qcompile.errors import CircuitError
 from qcompile.execution import OfflineExecutor
 from qcompile.ir import Circuit, Program
+from qcompile.policy.layouts import ring
 from qcompile.streams import Draws
 
 LAYER = [["ry", "x0", 0], ["ry", "x1", 1], ["rx", "x0", 2], ["cz", 0, 1], ["cz", 1, 2]]
@@ -27,12 +28,12 @@ def program() -> Program:
     return replace(Program.of(circuits, 2, 2), observables=OBSERVABLES)
 
 
-def ideal(program: Program, x: np.ndarray) -> np.ndarray:
+def ideal(program: Program, x: np.ndarray, theta: np.ndarray = THETA) -> np.ndarray:
     """<O> of all observables for one row, from Qiskit's statevector."""
     from qiskit import QuantumCircuit
     from qiskit.quantum_info import SparsePauliOp, Statevector
 
-    values = {"x0": x[0], "x1": x[1], "theta0": THETA[0], "theta1": THETA[1]}
+    values = dict(zip(program.symbols, [*x, *theta], strict=True))
     built = QuantumCircuit(program.bits)
     for first, circuit in zip(program.first_bits, program.circuits, strict=True):
         for gate in circuit.substitute(values).gates:
@@ -115,7 +116,7 @@ def chain(width: int) -> Program:
 
 
 def test_more_than_8_qubits_go_through_aer() -> None:
-    """9 qubits on a line of 16, with noise, beside Aer with the backend's own model; and ideal."""
+    """9 qubits on a line of 16, with noise, beside Aer with the backend's own model."""
     device = qcompile.load_device("fake_toronto")
     executable = qcompile.compile(chain(9), device)
     assert executable.native.widths == (9,)
@@ -123,9 +124,6 @@ def test_more_than_8_qubits_go_through_aer() -> None:
     found = OfflineExecutor(device).expectation(executable, x, THETA)
     for row, of_row in zip(found, x, strict=True):
         np.testing.assert_allclose(row, by_aer(executable, of_row, THETA, simulator), atol=1e-9)
-    perfect = qcompile.load_device("ideal")
-    found = OfflineExecutor(perfect).expectation(qcompile.compile(chain(9), perfect), x, THETA)
-    np.testing.assert_allclose(found, [ideal(chain(9), row) for row in x], atol=1e-10)
     ones = OfflineExecutor(device, seed=0).run(executable, x, THETA, 64)
     assert ones.shape == (2, 4)
 
@@ -148,3 +146,15 @@ def test_a_circuit_too_wide_for_its_noise_is_refused(name: str, width: int, most
     words = rf"{width} qubits on {name}.\n.*up to {most} qubits"
     with pytest.raises(CircuitError, match=words):
         OfflineExecutor(device).prepare(executable)
+
+
+def test_many_perfect_qubits_are_played() -> None:
+    """Ten qubits in a ring; and an empty batch."""
+    many, _ = ring(10, 1)
+    rng = np.random.default_rng(3)
+    x, theta = rng.uniform(-2, 2, (2, 10)), rng.uniform(-2, 2, 40)
+    executable = qcompile.compile(many, qcompile.load_device("ideal"))
+    executor = OfflineExecutor(executable.device)
+    found = executor.expectation(executable, x, theta)
+    np.testing.assert_allclose(found, [ideal(many, row, theta) for row in x], atol=1e-12)
+    assert executor.expectation(executable, x[:0], theta).shape == (0, 10)
