@@ -94,9 +94,9 @@ def compile(
 
     `importance` (observables,) says how much the error of an observable matters, by default the
     `<Z>` of each circuit, as `Policy.importance` does: the most important circuits get the best
-    qubits (`passes.place`). With
-    `copies` the executable contains that many copies of the program, which share its parameters:
-    inputs (B, copies * inputs) and results (B, copies * circuits), both copy by copy.
+    qubits (`passes.place`). With `copies` the executable contains that many copies of the program,
+    which share its parameters: inputs (B, copies * inputs) and results (B, copies * observables),
+    both copy by copy.
 
     Raises:
         CircuitError: `program` is not a Program (the message says how to make one), there is no
@@ -110,22 +110,28 @@ def compile(
     if not isinstance(device, Device):
         call = "load_backend(backend).device" if is_qiskit_backend(device) else "load_device(name)"
         raise DeviceError(f"compile takes a Device, found {describe(device)}.", f"Use {call}.")
-    if program.is_wide:
-        return _compile_wide(program, device, level, importance, copies)
+    if program.has_products:
+        importance = _of_circuits(program, importance, copies)
+        if program.is_wide:
+            return _compile_wide(program, device, level, importance, copies)
     qubits, rounds = place(len(program), device, importance, copies)
     program = program.side_by_side(copies)
     native = lower(program, level, device.native)
     return Executable(program, native, device, level, qubits, rounds)
 
 
+def _of_circuits(program: Program, importance: FloatArray | None, copies: int) -> FloatArray:
+    """The importance of each circuit, (circuits,): the sum over its observables."""
+    weights = checked_importance(len(program.measured), importance, copies)
+    return np.bincount(program.owners, weights, minlength=len(program)).astype(float)
+
+
 def _compile_wide(
-    program: Program, device: Device, level: int, importance: FloatArray | None, copies: int
+    program: Program, device: Device, level: int, importance: FloatArray, copies: int
 ) -> Executable:
     """A program with circuits of several qubits: routed first, then lowered as any other."""
-    weights = checked_importance(len(program.measured), importance, copies)
-    weights = np.asarray(np.bincount(program.owners, weights, minlength=len(program)), dtype=float)
     program = program.side_by_side(copies)
     skeleton = DropIdleCouplings().apply(program) if level == 2 else program
-    placed = place_wide(skeleton, device, np.tile(weights, copies))
+    placed = place_wide(skeleton, device, np.tile(importance, copies))
     native = lower(placed.program, level, device.native, device.coupling_gates)
     return Executable(program, native, device, level, placed.qubits, placed.rounds)

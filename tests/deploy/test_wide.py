@@ -16,6 +16,7 @@ from qcompile.deploy.settings import RunSettings
 from qcompile.errors import CircuitError, DeviceError
 from qcompile.execution import Executor, Prepared
 from qcompile.ir import Circuit, Program
+from qcompile.noise import usable
 from qcompile.passes import Executable
 from qcompile.streams import Stream
 
@@ -92,6 +93,16 @@ def test_products_of_circuits_of_one_qubit_are_reported_too() -> None:
     result = qcompile.run(other, "ibm_lima", episodes=2, shots=32, max_steps=5, progress=False)
     result.report("narrow.html")
     assert "observables 1 0" in Path("narrow.html").read_text()
+
+
+def test_fewer_observables_than_circuits() -> None:
+    """The one circuit that is observed gets the best qubit."""
+    circuits = [Circuit.parse("ry(x0)"), Circuit.parse("ry(x1)"), Circuit.parse("ry(x2)")]
+    program = replace(Program.of(circuits, 4, 2), observables=((2,),))
+    one = replace(policy(), program=program, weights=np.array([[2.0], [-1.0]]))
+    deployment = Deployment(one, "ibm_lima", shots=None, mitigation="none")
+    assert deployment.expectation(OBSERVATIONS).shape == (4, 1)
+    assert deployment.executable.qubits[2] == usable(deployment.device)[0]
 
 
 @pytest.fixture(autouse=True)
