@@ -100,6 +100,16 @@ def test_fewer_bits_than_there_are_may_be_measured() -> None:
     assert placed.qubits.tolist() == [usable(device)[rank] for rank in (0, 2, 1)]
 
 
+def test_fewer_observables_than_circuits() -> None:
+    """The one circuit that is observed gets the best qubit."""
+    circuits = [Circuit.parse("ry(x0)"), Circuit.parse("ry(x1)"), Circuit.parse("ry(x2)")]
+    program = replace(Program.of(circuits, 4, 2), observables=((2,),))
+    one = replace(policy(), program=program, weights=np.array([[2.0], [-1.0]]))
+    deployment = Deployment(one, "ibm_lima", shots=None, mitigation="none")
+    assert deployment.expectation(OBSERVATIONS).shape == (4, 1)
+    assert deployment.executable.qubits[2] == usable(deployment.device)[0]
+
+
 @pytest.fixture(autouse=True)
 def _folder(tmp_path: object, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(str(tmp_path))

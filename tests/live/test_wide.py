@@ -7,7 +7,7 @@ import sqlite3
 import subprocess
 import sys
 from base64 import b64decode
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,12 +20,14 @@ from qiskit.quantum_info import Statevector
 from standin import StandIn
 from wide_policies import policy
 
+from qcompile.device import Device
 from qcompile.execution import PrimitiveExecutor
 from qcompile.ir import Circuit, Program
 from qcompile.live.connection import Connection
 from qcompile.live.perform import begin, complete
 from qcompile.live.play import RunTask
 from qcompile.passes import compile
+from qcompile.passes.route import route
 from qcompile.policy import save_policy
 from qcompile.policy.files import policy_values
 from qcompile.streams import Draws
@@ -121,6 +123,28 @@ def test_a_journal_is_played_again_for_nothing(runs: Runs) -> None:
     again = runs.call("resume", "last", "--json")
     assert again.code == 0, again.err
     assert played(again.json()) == played(first)
+    assert runs.service.ledger().jobs == before
+
+
+def test_another_routing_is_no_replay(runs: Runs, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As another version of Qiskit might choose: the run stops, and nothing is sent or lost."""
+    runs.call(*PLAY)
+    before = runs.service.ledger().jobs
+    [path] = Path("runs").glob("*/journal.sqlite")
+    with sqlite3.connect(path) as db:
+        db.execute("UPDATE run SET result = NULL")
+    first = route(policy().trained_program.circuits[0], Connection("fake_lima").device())
+    assert first is not None
+    avoided = int(first.qubits[0])
+
+    def other(circuit: Circuit, device: Device, *, taken: Collection[int]) -> Any:
+        return route(circuit, device, taken={*taken, avoided})
+
+    monkeypatch.setattr("qcompile.passes.place_wide.route", other)
+    again = runs.call("resume", "last", "--json")
+    assert again.code == 1
+    assert "differs from the one that was sent." in again.err
+    assert "The versions are the same." in again.err
     assert runs.service.ledger().jobs == before
 
 
