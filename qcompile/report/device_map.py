@@ -36,6 +36,8 @@ _ERRORS = ("#b4c0cc", "#e59e00", "#d45d00")
 
 None is a colour of the palette, which pages change on a dark ground.
 """
+_APART = 0.06
+"""Between the two scales of colours, of the width of one."""
 _SHARE, _FEW = 0.95, 20
 """The part of the errors that the scale of colours covers, where there are more than a few."""
 _GREY = "0.45"
@@ -106,7 +108,9 @@ class _Map:
         around_in = _BARS_IN + _TITLE_IN * bool(title)
         drawing = self.style.drawing(height_in + around_in, wide=self.is_wide)
         panels = drawing.subplot_mosaic(
-            [["map", "map"], ["readout", "coupling"]], height_ratios=[height_in, _BAR_IN]
+            [["map", "map", "map"], ["readout", ".", "coupling"]],
+            height_ratios=[height_in, _BAR_IN],
+            width_ratios=[1, _APART, 1],
         )
         axes = panels["map"]
         axes.set_axis_off()
