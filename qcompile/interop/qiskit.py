@@ -32,7 +32,7 @@ from qcompile.passes import Executable
 from qcompile.qasm.gates import KNOWN_GATES, standard
 
 _WITHOUT_EFFECT = ("barrier", "delay")
-_STANDARD = "qiskit.circuit.library.standard_gates"
+STANDARD_GATES = "qiskit.circuit.library.standard_gates"
 _PROBES = (0.7390851332151607, -1.3247179572447460)
 """The points at which an angle is checked to be affine."""
 
@@ -133,7 +133,7 @@ def _definition(operation: Any) -> Any:
     from qiskit.circuit import ControlFlowOp
 
     home = getattr(operation, "base_class", type(operation)).__module__
-    if home.startswith(_STANDARD) or isinstance(operation, ControlFlowOp):
+    if home.startswith(STANDARD_GATES) or isinstance(operation, ControlFlowOp):
         return None
     return getattr(operation, "definition", None)
 

@@ -248,7 +248,7 @@ def test_measurements_branches_and_resets_stay_in_their_places() -> None:
         for q in bound.circuit.qubits
     }
     assert set(last.values()) == {"measure"}
-    simulator, shots = AerSimulator(seed_simulator=5), 100_000
+    simulator, shots = AerSimulator(seed_simulator=5), 8_000
     values = np.array([[0.7, -1.9], [2.2, 0.4]])
     for row, angles in zip(values, bound.angles(values), strict=True):
         pair = [circuit.assign_parameters(row), bound.circuit.assign_parameters(angles)]

@@ -14,7 +14,7 @@ from qcompile.arrays import FloatArray
 from qcompile.device import IDEAL
 from qcompile.errors import CircuitError, MissingExtraError
 from qcompile.foreign import describe
-from qcompile.interop.late.instructions import folded, read_instructions
+from qcompile.interop.late.instructions import folded, is_standard, read_instructions
 from qcompile.interop.late.template import assembled
 from qcompile.interop.late.values import expression_values, parameter_values, read_pub
 from qcompile.ir.table import AngleTable, are_large
@@ -30,9 +30,9 @@ def late(isa_circuit: Any, target: Any = None, keep: Keep = "state") -> LateCirc
 
     `isa_circuit` is a QuantumCircuit after Qiskit's transpiler, with any gates, bits and control
     flow; what is no gate on one qubit stays where it is. A run is rz sx rz sx rz or shorter, or rz
-    rx rz where `target` (a Target or BackendV2; by default, the circuit itself) has rx. `keep` is
-    what stays the same from |0>, up to global phase: the "state", or the distribution of a
-    measurement in "z" of all qubits, which needs no rz at the end.
+    rx rz where `target` (a Target or BackendV2) has rx; without a target, where the circuit has rx
+    and no sx. `keep` is what stays the same from |0>, up to global phase: the "state", or the
+    distribution of a measurement in "z" of all qubits, which needs no rz at the end.
 
     Raises:
         CircuitError: not a QuantumCircuit, no such `keep`, an angle is not real, or the target has
@@ -59,7 +59,8 @@ class LateCircuit:
     """
 
     def __init__(self, source: Any, native: NativeGates, keep: Keep):
-        self.source, self.keep = source, keep
+        self._given, self._native = source, native
+        self.source, self.keep = source.copy(), keep
         instructions = read_instructions(source)
         program = instructions.program
         is_open = [keep == "z" or last for last in _measured_last(source)]
@@ -75,8 +76,8 @@ class LateCircuit:
     def angles(self, values: Any) -> FloatArray:
         """The template's angles (..., T) for values (..., P) of the source's parameters.
 
-        P are the source's `parameters`, in Qiskit's order. A mapping from parameters, vectors or
-        names to arrays is taken as `BindingsArray` takes it. Angles of rzz are in [0, pi/2].
+        P are the source's `parameters`, in Qiskit's order. A BindingsArray, or a mapping that is
+        taken for one, gives them by name. Angles of rzz are in [0, pi/2], outside of control flow.
 
         Raises:
             CircuitError: the values have another shape, are not real, or give an angle that is not
@@ -113,32 +114,47 @@ class LateCircuit:
         from qiskit.primitives.containers.bindings_array import BindingsArray
 
         read = read_pub(pub)
-        if read.circuit is not self.source and read.circuit != self.source:
+        if not self._is_source(read.circuit):
             raise CircuitError(
                 "The PUB has another circuit than the one that is bound late.",
                 "Use the circuit that late() was given, after transpilation.",
             )
-        values = self.angles(read.parameter_values.as_array(read.circuit.parameters))
-        bound = BindingsArray({self._parameters: values}) if self._parameters else None
+        values = read.parameter_values
+        angles = self.angles(values.as_array(read.circuit.parameters))
+        named = {self._parameters: angles} if self._parameters else None
+        bound = BindingsArray(named, shape=values.shape)
         if isinstance(read, SamplerPub):
-            shape = {} if self._parameters else {"shape": read.parameter_values.shape}
-            bound = BindingsArray(**shape) if bound is None else bound
             return SamplerPub(self.circuit, bound, read.shots)
         self._require_z(read.observables)
-        if bound is None:
-            bound = BindingsArray(shape=read.parameter_values.shape)
         return EstimatorPub(self.circuit, read.observables, bound, read.precision)
 
     def map_observables(self, observables: Any) -> Any:
         """Observables on the qubits before the layout, as ones on the template's qubits.
 
         A Pauli or SparsePauliOp stays one; anything else becomes an ObservablesArray.
+
+        Raises:
+            CircuitError: Qiskit cannot read them, or they have other qubits than the circuit.
         """
+        from qiskit.exceptions import QiskitError
         from qiskit.primitives.containers import ObservablesArray
 
-        if not hasattr(observables, "apply_layout"):
-            observables = ObservablesArray.coerce(observables)
-        return observables.apply_layout(self.circuit.layout, num_qubits=self.circuit.num_qubits)
+        circuit = self.circuit
+        try:
+            if not hasattr(observables, "apply_layout"):
+                observables = ObservablesArray.coerce(observables)
+            return observables.apply_layout(circuit.layout, num_qubits=circuit.num_qubits)
+        except (ValueError, TypeError, QiskitError) as error:
+            raise CircuitError(f"Qiskit cannot map these observables: {error}") from error
+
+    def _is_source(self, circuit: Any) -> bool:
+        """Whether it is the given circuit, with nothing added since, or one equal to it then."""
+        is_given = circuit is self._given and len(circuit.data) == len(self.source.data)
+        return is_given or bool(circuit == self.source)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickled as what it was made of, because functions of expressions cannot be pickled."""
+        return LateCircuit, (self.source, self._native, self.keep)
 
     def _require_z(self, observables: Any) -> None:
         if self.keep == "state":
@@ -194,7 +210,8 @@ def _measured_last(circuit: Any) -> list[bool]:
     """Whether each qubit ends with a measurement."""
     last = [False] * circuit.num_qubits
     for instruction in circuit.data:
+        name = instruction.operation.name if is_standard(instruction.operation) else None
         for qubit in instruction.qubits:
-            if instruction.operation.name != "barrier":
-                last[circuit.find_bit(qubit).index] = instruction.operation.name == "measure"
+            if name != "barrier":
+                last[circuit.find_bit(qubit).index] = name == "measure"
     return last

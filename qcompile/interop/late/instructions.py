@@ -20,13 +20,17 @@ import numpy as np
 
 from qcompile.arrays import FloatArray
 from qcompile.errors import CircuitError
-from qcompile.interop.qiskit import _angle, _definition
+from qcompile.interop.qiskit import STANDARD_GATES, _angle, _definition
 from qcompile.ir import COUPLINGS, Angle, Circuit, Gate, Program
+from qcompile.ir.turns import reduced
 from qcompile.qasm.gates import KNOWN_GATES, standard
 
 _DIAGONAL = ("measure", "barrier", "delay", "rzz", "cp", "crz", "cu1")
 """Instructions that commute with rotations about z of their qubits."""
+_MODULES = (STANDARD_GATES, *(f"qiskit.circuit.{name}" for name in ("measure", "barrier", "delay")))
+"""The modules of the operations whose names say what they do."""
 _VIRTUAL = ("rz", "p", "z", "s", "sdg", "t", "tdg", "id", "u1", "barrier")
+"""Instructions without a pulse, which leave the run before them open."""
 
 
 @dataclass(frozen=True)
@@ -90,9 +94,16 @@ def folded(angle: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     Up to global phase rzz(angle) is rzz of the first between two rx of the second on one of its
     qubits, then rz of the third on both: ZZ = i rzz(pi), and X on one qubit turns the sign.
     """
+    angle = reduced(angle)
     halves = np.rint(angle / math.pi)
     rest = angle - halves * math.pi
     return np.abs(rest), np.where(rest < 0, math.pi, 0.0), math.pi * (halves % 2)
+
+
+def with_angle(instruction: Any, angle: Any) -> Any:
+    """An rzz instruction with another angle, and its label."""
+    operation = instruction.operation
+    return instruction.replace(operation=type(operation)(angle, label=operation.label))
 
 
 class _Reader:
@@ -109,14 +120,14 @@ class _Reader:
         gates = self._gates(operation) if len(qubits) == 1 and not instruction.clbits else None
         if gates is not None:
             self.found.gates += [gate.on(qubits[0]) for gate in gates]
-        elif operation.name == "rzz" and _is_standard(operation):
+        elif operation.name == "rzz" and is_standard(operation):
             self._interaction(position, instruction, qubits)
-        elif operation.name != "global_phase":
+        elif operation.name != "global_phase" or not is_standard(operation):
             self._between(instruction, qubits)
 
     def _gates(self, operation: Any) -> Sequence[Gate] | None:
         """The gates of an operation on one qubit; None if it is not made of gates."""
-        if operation.name in KNOWN_GATES and _definition(operation) is None:
+        if operation.name in KNOWN_GATES and is_standard(operation):
             return standard(operation.name, [self._angle(value) for value in operation.params])
         definition = _definition(operation)
         if definition is None or definition.num_clbits or definition.num_qubits != 1:
@@ -128,13 +139,18 @@ class _Reader:
         """The angle of a number or an expression; one that is not affine is a symbol of its own."""
         if not hasattr(value, "parameters"):
             return Angle.of(float(value))
-        if value not in self._angles:
+        try:
+            found = self._angles.get(value)
+        except OverflowError:  # Qiskit cannot hash an expression that is a negative number
+            return _angle(value, self._names, products=False)
+        if found is None:
             try:
-                self._angles[value] = _angle(value, self._names, products=False)
+                found = _angle(value, self._names, products=False)
             except CircuitError:
-                self._angles[value] = Angle.symbol(f"e{len(self.found.expressions)}")
+                found = Angle.symbol(f"e{len(self.found.expressions)}")
                 self.found.expressions.append(value)
-        return self._angles[value]
+            self._angles[value] = found
+        return found
 
     def _interaction(self, position: int, instruction: Any, qubits: tuple[int, ...]) -> None:
         """An rzz, with its turns in the runs around it."""
@@ -143,7 +159,7 @@ class _Reader:
         if angle.is_constant:
             rest, about_x, about_z = (float(v) for v in folded(np.array(angle.constant)))
             turns = Angle(about_x), Angle(about_z)
-            instruction = instruction.replace(operation=type(instruction.operation)(rest))
+            instruction = with_angle(instruction, rest)
             number = None
         else:
             number = len(self.found.interactions)
@@ -156,23 +172,24 @@ class _Reader:
 
     def _between(self, instruction: Any, qubits: tuple[int, ...]) -> None:
         name, other = instruction.operation.name, self.found.width
-        if name in COUPLINGS and _is_standard(instruction.operation):
+        if name in COUPLINGS and is_standard(instruction.operation):
             couplings = [Gate(name, None, qubits)]
         else:
-            stops = "cz" if name in _DIAGONAL and _is_standard(instruction.operation) else "cx"
+            stops = "cz" if name in _DIAGONAL and is_standard(instruction.operation) else "cx"
             of = qubits or range(other)  # without qubits: about bits or variables, in this order
             couplings = [Gate(stops, None, (other, qubit)) for qubit in of]
         self.found.gates += couplings
         self.found.between.append(Between(instruction, len(couplings)))
 
 
-def _is_standard(operation: Any) -> bool:
-    """Whether the operation is Qiskit's own of that name, and not controlled by 0."""
-    home = getattr(operation, "base_class", type(operation)).__module__
+def is_standard(operation: Any) -> bool:
+    """Whether the operation is Qiskit's own of that name, and not controlled by 0.
+
+    Gates of users may have any name: a cz of theirs need not be diagonal.
+    """
+    module = getattr(operation, "base_class", type(operation)).__module__
     all_ones = (1 << getattr(operation, "num_ctrl_qubits", 0)) - 1
-    return home.startswith("qiskit.circuit.") and (
-        getattr(operation, "ctrl_state", all_ones) == all_ones
-    )
+    return module.startswith(_MODULES) and getattr(operation, "ctrl_state", all_ones) == all_ones
 
 
 def _pulsed_neighbours(circuit: Any) -> dict[tuple[int, int], int]:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from qcompile.arrays import FloatArray
+from qcompile.arrays import FloatArray, real_array
 from qcompile.errors import CircuitError
 from qcompile.interop.late.instructions import Instructions
 
@@ -21,9 +21,10 @@ def expression_values(instructions: Instructions) -> Callable[[FloatArray], Floa
         return lambda values: np.zeros((len(values), 0))
     import sympy
 
-    symbols = [parameter.sympify() for parameter in instructions.parameters]
-    texts = [expression.sympify() for expression in instructions.expressions]
-    compute = sympy.lambdify(symbols, texts, modules="numpy", cse=True, dummify=True)
+    # The user's names may be no identifiers, or those that cse gives to shared parts: x0, x1, ...
+    symbols = {p.sympify(): sympy.Symbol(f"p{i}") for i, p in enumerate(instructions.parameters)}
+    formulas = [e.sympify().xreplace(symbols) for e in instructions.expressions]
+    compute = sympy.lambdify([*symbols.values()], formulas, modules="numpy", cse=True)
 
     def evaluate(values: FloatArray) -> FloatArray:
         with np.errstate(all="ignore"):  # angles that are not finite are refused together
@@ -43,18 +44,19 @@ def parameter_values(values: Any, circuit: Any) -> FloatArray:
     from qiskit.primitives.containers.bindings_array import BindingsArray
 
     count = len(circuit.parameters)
-    if isinstance(values, dict):
+    if isinstance(values, dict | BindingsArray):
         try:
             values = BindingsArray.coerce(values).as_array(circuit.parameters)
         except (ValueError, TypeError) as error:
             raise CircuitError(f"The values do not fit the circuit: {error}") from error
-    array = np.asarray(values)
-    if array.dtype.kind not in "biuf" or not array.ndim or array.shape[-1] != count:
+    array = real_array(values)
+    if array is None or not array.ndim or array.shape[-1] != count:
+        found = "are not an array of real numbers" if array is None else f"have shape {array.shape}"
         raise CircuitError(
-            f"The values have shape {array.shape} and type {array.dtype}.",
+            f"The values {found}.",
             f"The last axis must be the {count} parameters of the circuit, as real numbers.",
         )
-    return array.astype(float)
+    return array
 
 
 def read_pub(pub: Any) -> Any:
@@ -63,20 +65,27 @@ def read_pub(pub: Any) -> Any:
     if isinstance(pub, SamplerPub | EstimatorPub):
         return pub
     try:
-        if isinstance(pub, tuple | list) and len(pub) > 1 and _are_observables(pub[1]):
+        if isinstance(pub, tuple | list) and len(pub) > 1 and _has_observables(*pub[:3]):
             return EstimatorPub.coerce(tuple(pub))
         return SamplerPub.coerce(tuple(pub) if isinstance(pub, list) else pub)
     except (ValueError, TypeError) as error:
         raise CircuitError(f"Qiskit cannot read this as a PUB: {error}") from error
 
 
-def _are_observables(thing: Any) -> bool:
+def _has_observables(circuit: Any, second: Any, third: Any = None) -> bool:
+    """Whether the second part of a PUB is observables, not values.
+
+    Before shots, or nothing, an empty array is values, and so are those of parameters by name.
+    """
     from qiskit.primitives.containers import ObservablesArray
 
-    if thing is None:
-        return False
+    if third is None or isinstance(third, int | np.integer):
+        names = {parameter.name for parameter in getattr(circuit, "parameters", ())}
+        is_named = isinstance(second, dict) and names >= second.keys()
+        if is_named or (isinstance(second, list | tuple | np.ndarray) and not np.size(second)):
+            return False
     try:
-        ObservablesArray.coerce(thing)
+        ObservablesArray.coerce(second)
     except (TypeError, ValueError, AttributeError):
         return False
     return True
