@@ -14,7 +14,8 @@ from qcompile.arrays import FloatArray
 from qcompile.device import IDEAL
 from qcompile.errors import CircuitError, MissingExtraError
 from qcompile.foreign import describe
-from qcompile.interop.late.instructions import folded, is_standard, read_instructions
+from qcompile.interop.late.instructions import folded, read_instructions
+from qcompile.interop.late.operations import is_standard
 from qcompile.interop.late.template import assembled
 from qcompile.interop.late.values import expression_values, parameter_values, read_pub
 from qcompile.ir.table import AngleTable, are_large
@@ -210,8 +211,8 @@ def _measured_last(circuit: Any) -> list[bool]:
     """Whether each qubit ends with a measurement."""
     last = [False] * circuit.num_qubits
     for instruction in circuit.data:
-        name = instruction.operation.name if is_standard(instruction.operation) else None
-        for qubit in instruction.qubits:
-            if name != "barrier":
-                last[circuit.find_bit(qubit).index] = name == "measure"
+        if not is_standard(instruction.operation, "barrier"):
+            is_measured = is_standard(instruction.operation, "measure")
+            for qubit in instruction.qubits:
+                last[circuit.find_bit(qubit).index] = is_measured
     return last

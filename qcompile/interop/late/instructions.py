@@ -20,17 +20,12 @@ import numpy as np
 
 from qcompile.arrays import FloatArray
 from qcompile.errors import CircuitError
-from qcompile.interop.qiskit import STANDARD_GATES, _angle, _definition
+from qcompile.interop.late.frames import Turn, frames
+from qcompile.interop.late.operations import DIAGONAL, is_standard, with_angle
+from qcompile.interop.qiskit import _angle, _definition
 from qcompile.ir import COUPLINGS, Angle, Circuit, Gate, Program
 from qcompile.ir.turns import reduced
 from qcompile.qasm.gates import KNOWN_GATES, standard
-
-_DIAGONAL = ("measure", "barrier", "delay", "rzz", "cp", "crz", "cu1")
-"""Instructions that commute with rotations about z of their qubits."""
-_MODULES = (STANDARD_GATES, *(f"qiskit.circuit.{name}" for name in ("measure", "barrier", "delay")))
-"""The modules of the operations whose names say what they do."""
-_VIRTUAL = ("rz", "p", "z", "s", "sdg", "t", "tdg", "id", "u1", "barrier")
-"""Instructions without a pulse, which leave the run before them open."""
 
 
 @dataclass(frozen=True)
@@ -83,8 +78,8 @@ def read_instructions(circuit: Any) -> Instructions:
     if not circuit.num_qubits:
         raise CircuitError("The circuit has no qubits.", "Late binding needs gates on qubits.")
     reader = _Reader(circuit)
-    for position, instruction in enumerate(circuit.data):
-        reader.add(position, instruction)
+    for instruction in circuit.data:
+        reader.add(instruction)
     return reader.found
 
 
@@ -100,10 +95,14 @@ def folded(angle: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     return np.abs(rest), np.where(rest < 0, math.pi, 0.0), math.pi * (halves % 2)
 
 
-def with_angle(instruction: Any, angle: Any) -> Any:
-    """An rzz instruction with another angle, and its label."""
-    operation = instruction.operation
-    return instruction.replace(operation=type(operation)(angle, label=operation.label))
+@dataclass(frozen=True)
+class _Fold:
+    """The turns of an rzz, and its angle in range, or the number of the open interaction."""
+
+    about_x: Angle
+    about_z: Angle
+    inside: float = 0.0
+    number: int | None = None
 
 
 class _Reader:
@@ -112,22 +111,27 @@ class _Reader:
         self._circuit = circuit
         self._names = {p.name: f"p{i}" for i, p in enumerate(circuit.parameters)}
         self._angles: dict[Any, Angle] = {}
-        self._pulsed = _pulsed_neighbours(circuit)
+        self._frames = frames(circuit)
+        of_rzz = (i.operation.params[0] for i in circuit.data if is_standard(i.operation, "rzz"))
+        self._folds = [self._fold(self._angle(value)) for value in of_rzz]
+        self._read = 0
+        self._about_z: dict[int, list[Gate]] = {}  # the gates that wait for the end of a chain
 
-    def add(self, position: int, instruction: Any) -> None:
+    def add(self, instruction: Any) -> None:
         operation = instruction.operation
         qubits = tuple(self._circuit.find_bit(qubit).index for qubit in instruction.qubits)
         gates = self._gates(operation) if len(qubits) == 1 and not instruction.clbits else None
         if gates is not None:
-            self.found.gates += [gate.on(qubits[0]) for gate in gates]
-        elif operation.name == "rzz" and is_standard(operation):
-            self._interaction(position, instruction, qubits)
-        elif operation.name != "global_phase" or not is_standard(operation):
+            later = self._about_z.get(qubits[0], self.found.gates)
+            later += [gate.on(qubits[0]) for gate in gates]
+        elif is_standard(operation, "rzz"):
+            self._interaction(instruction, qubits)
+        elif not is_standard(operation, "global_phase"):
             self._between(instruction, qubits)
 
     def _gates(self, operation: Any) -> Sequence[Gate] | None:
         """The gates of an operation on one qubit; None if it is not made of gates."""
-        if operation.name in KNOWN_GATES and is_standard(operation):
+        if is_standard(operation, *KNOWN_GATES):
             return standard(operation.name, [self._angle(value) for value in operation.params])
         definition = _definition(operation)
         if definition is None or definition.num_clbits or definition.num_qubits != 1:
@@ -152,58 +156,53 @@ class _Reader:
             self._angles[value] = found
         return found
 
-    def _interaction(self, position: int, instruction: Any, qubits: tuple[int, ...]) -> None:
-        """An rzz, with its turns in the runs around it."""
-        angle = self._angle(instruction.operation.params[0])
-        turned = max(qubits, key=lambda qubit: self._pulsed[position, qubit])
+    def _fold(self, angle: Angle) -> _Fold:
         if angle.is_constant:
-            rest, about_x, about_z = (float(v) for v in folded(np.array(angle.constant)))
-            turns = Angle(about_x), Angle(about_z)
-            instruction = with_angle(instruction, rest)
-            number = None
-        else:
-            number = len(self.found.interactions)
-            turns = Angle.symbol(f"x{number}"), Angle.symbol(f"z{number}")
-            self.found.interactions.append(angle)
-        across = [] if turns[0].equals(0.0) else [Gate("rx", turns[0], (turned,))]
-        along = [] if turns[1].equals(0.0) else [Gate("rz", turns[1], (q,)) for q in qubits]
-        self.found.gates += [*across, Gate("cz", None, qubits), *across, *along]
-        self.found.between.append(Between(instruction, 1, number))
+            inside, about_x, about_z = (float(v) for v in folded(np.array(angle.constant)))
+            return _Fold(Angle(about_x), Angle(about_z), inside=inside)
+        number = len(self.found.interactions)
+        self.found.interactions.append(angle)
+        return _Fold(Angle.symbol(f"x{number}"), Angle.symbol(f"z{number}"), number=number)
+
+    def _turn(self, qubit: int, turn: Turn) -> None:
+        angle = Angle()
+        for rzz in sorted(turn):
+            angle += self._folds[rzz].about_x
+        if not angle.equals(0.0):
+            self.found.gates.append(Gate("rx", angle, (qubit,)))
+
+    def _interaction(self, instruction: Any, qubits: tuple[int, ...]) -> None:
+        """An rzz, with its turns, and those of the chains that begin or end with it.
+
+        Rotations about z within a chain that is turned wait for its end: they commute with rzz.
+        """
+        rzz, fold = self._read, self._folds[self._read]
+        self._read += 1
+        for qubit, turn in zip(qubits, self._frames.begins(rzz), strict=True):
+            if turn:
+                self._turn(qubit, turn)
+                self._about_z[qubit] = []
+        turned, alone = qubits[self._frames.turned(rzz)], self._frames.alone[rzz]
+        self._turn(turned, alone)
+        self.found.gates.append(Gate("cz", None, qubits))
+        self._turn(turned, alone)
+        if not fold.about_z.equals(0.0):
+            self.found.gates += [Gate("rz", fold.about_z, (qubit,)) for qubit in qubits]
+        for qubit, turn in zip(qubits, self._frames.ends(rzz), strict=True):
+            if turn:
+                self._turn(qubit, turn)
+                self.found.gates += self._about_z.pop(qubit)
+        if fold.number is None:
+            instruction = with_angle(instruction, fold.inside)
+        self.found.between.append(Between(instruction, 1, fold.number))
 
     def _between(self, instruction: Any, qubits: tuple[int, ...]) -> None:
-        name, other = instruction.operation.name, self.found.width
-        if name in COUPLINGS and is_standard(instruction.operation):
-            couplings = [Gate(name, None, qubits)]
+        operation, other = instruction.operation, self.found.width
+        if is_standard(operation, *COUPLINGS):
+            couplings = [Gate(operation.name, None, qubits)]
         else:
-            stops = "cz" if name in _DIAGONAL and is_standard(instruction.operation) else "cx"
+            stops = "cz" if is_standard(operation, *DIAGONAL) else "cx"
             of = qubits or range(other)  # without qubits: about bits or variables, in this order
             couplings = [Gate(stops, None, (other, qubit)) for qubit in of]
         self.found.gates += couplings
         self.found.between.append(Between(instruction, len(couplings)))
-
-
-def is_standard(operation: Any) -> bool:
-    """Whether the operation is Qiskit's own of that name, and not controlled by 0.
-
-    Gates of users may have any name: a cz of theirs need not be diagonal.
-    """
-    module = getattr(operation, "base_class", type(operation)).__module__
-    all_ones = (1 << getattr(operation, "num_ctrl_qubits", 0)) - 1
-    return module.startswith(_MODULES) and getattr(operation, "ctrl_state", all_ones) == all_ones
-
-
-def _pulsed_neighbours(circuit: Any) -> dict[tuple[int, int], int]:
-    """For each rzz and qubit of it, how many of the runs beside it have a pulse anyway."""
-    found: dict[tuple[int, int], int] = {}
-    for order in (list(enumerate(circuit.data)), list(enumerate(circuit.data))[::-1]):
-        pulsed = [False] * circuit.num_qubits
-        for position, instruction in order:
-            qubits = [circuit.find_bit(qubit).index for qubit in instruction.qubits]
-            is_gate = len(qubits) == 1 and not instruction.clbits
-            for qubit in qubits:
-                if instruction.operation.name == "rzz":
-                    key = position, qubit
-                    found[key] = found.get(key, 0) + pulsed[qubit]
-                if instruction.operation.name not in _VIRTUAL:
-                    pulsed[qubit] = is_gate
-    return found

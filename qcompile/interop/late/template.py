@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from qcompile.arrays import IntArray
-from qcompile.interop.late.instructions import Between, Instructions, with_angle
+from qcompile.interop.late.instructions import Between, Instructions
+from qcompile.interop.late.operations import with_angle
 from qcompile.ir import Gate, Program
 
 
