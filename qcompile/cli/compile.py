@@ -36,9 +36,10 @@ def command(
     output: Path | None,
     as_json: bool,
 ) -> None:
-    """Compile an OpenQASM 2 or 3 program without entangling gates to a backend's native gates.
+    """Compile an OpenQASM 2 or 3 program to a backend's native gates.
 
-    On a device, the qubits with the lowest error are used first, and OpenQASM 3 names them.
+    On a device, the qubits with the lowest error are used first, and OpenQASM 3 names them. Qubits
+    that gates connect are placed on coupled ones by Qiskit, which inserts swaps where it must.
     Physical qubits named in the program are kept. Qubits without gates and measurements are left
     out.
     """

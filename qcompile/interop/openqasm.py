@@ -7,7 +7,8 @@ from pathlib import Path
 
 from qcompile.errors import CircuitError
 from qcompile.foreign import describe
-from qcompile.interop.symbols import Inputs, measured_in_order, split
+from qcompile.interop.measured import measured_circuits, measured_in_order
+from qcompile.interop.symbols import Inputs, split
 from qcompile.interop.uploads import Uploads
 from qcompile.ir import Program
 from qcompile.qasm import Source, read, read_file
@@ -28,17 +29,19 @@ def _read(text_or_path: str | Path, inputs: Inputs, products: bool) -> Uploads:
     program = source.program
     registers = {r.name: i for i, r in enumerate(source.layout.bit_registers)}
     bits = {
-        qubit: (registers[slot[0]], slot[1])
-        for qubit, slot in enumerate(source.layout.bits)
+        bit: (registers[slot[0]], slot[1])
+        for bit, slot in enumerate(source.layout.bits)
         if slot is not None
     }
-    order = measured_in_order(bits, len(program))
+    every = sorted(range(program.bits), key=source.qubits.__getitem__)
+    order = measured_in_order(bits, every)
+    measured = measured_circuits(program.circuits, order)
     declared = program.inputs[: len(program.inputs) - len(source.products)]
     input_names, parameter_names = (
         {name: name for name in names} for names in split(declared, inputs)
     )
-    circuits = [program.circuits[i] for i in order]
-    return Uploads.of(circuits, input_names, parameter_names, source.products)
+    observables = [(measured.bits[bit],) for bit in order]
+    return Uploads.of(measured.circuits, input_names, parameter_names, source.products, observables)
 
 
 def _source(text_or_path: str | Path, products: bool) -> Source:

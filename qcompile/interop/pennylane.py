@@ -8,20 +8,25 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Iterator, Sequence
+from itertools import chain
 from typing import Any
 
 import numpy as np
 
 from qcompile.errors import CircuitError, MissingExtraError
-from qcompile.interop.symbols import at, entangles, unknown
+from qcompile.interop.measured import measured_circuits
+from qcompile.interop.symbols import at, unknown
 from qcompile.interop.tracing import TracedAngle, traced
 from qcompile.interop.uploads import Uploads
-from qcompile.ir import Angle, Circuit, Gate, Program
+from qcompile.ir import Angle, Gate, Program
+from qcompile.ir.wires import Wires
 from qcompile.limits import MAX_VALUES
 from qcompile.qasm.gates import standard
-from qcompile.qasm.modifiers import inverse
+from qcompile.qasm.modifiers import Unitary
 
 Shape = int | tuple[int, ...]
+_Step = tuple[Unitary, Sequence[Any]]
+"""What is done, and the wires that it is done to."""
 
 _GATES = {
     "Hadamard": "h",
@@ -38,6 +43,28 @@ _GATES = {
     "U1": "u1",
     "U2": "u2",
     "U3": "u3",
+    "CNOT": "cx",
+    "CY": "cy",
+    "CZ": "cz",
+    "CH": "ch",
+    "SWAP": "swap",
+    "ISWAP": "iswap",
+    "ECR": "ecr",
+    "PSWAP": "pswap",
+    "CRX": "crx",
+    "CRY": "cry",
+    "CRZ": "crz",
+    "ControlledPhaseShift": "cp",
+    "CPhaseShift00": "cphaseshift00",
+    "CPhaseShift01": "cphaseshift01",
+    "CPhaseShift10": "cphaseshift10",
+    "IsingXX": "rxx",
+    "IsingYY": "ryy",
+    "IsingZZ": "rzz",
+    "IsingXY": "xy",
+    "Toffoli": "ccx",
+    "CCZ": "ccz",
+    "CSWAP": "cswap",
 }
 """PennyLane's names for the gates of `qasm.gates`, with their angles in the same order."""
 
@@ -69,19 +96,32 @@ def _read(function: Any, inputs: Shape, parameters: Shape, products: bool) -> Up
             )
     else:
         tape = _traced_tape(function, inputs, parameters, products)
-    gates: dict[Any, list[Gate]] = {wire: [] for wire in tape.wires}
+    wires = Wires()
+    numbers = {wire: number for number, wire in enumerate(tape.wires)}
     for operation in tape.operations:
-        for wire, gate in _expanded(operation):
-            gates[wire].append(gate)
-    circuits = [Circuit(tuple(gates[wire])) for wire in _measured(tape)]
+        for unitary, on in _expanded(operation):
+            wires.apply(unitary.steps, [numbers[wire] for wire in on])
+    circuits, qubits = wires.circuits(len(numbers))
+    bit_of = {tape.wires[qubit]: bit for bit, qubit in enumerate(qubits)}
+    owners = [index for index, circuit in enumerate(circuits) for _ in range(circuit.width)]
+    observed = []
+    for on in _measured(tape):
+        observed.append([bit_of[wire] for wire in on])
+        if len({owners[bit] for bit in observed[-1]}) > 1:
+            raise CircuitError(
+                f"No gates connect the wires {', '.join(map(str, on))}, whose product is measured.",
+                "Measure Z of each: <Z> of the product is the product of theirs.",
+            )
+    measured = measured_circuits(circuits, list(dict.fromkeys(chain.from_iterable(observed))))
     symbols = (("x", inputs), ("theta", parameters))
     input_names, parameter_names = (
         [f"{name}{i}" for i in range(_size(shape))] for name, shape in symbols
     )
     return Uploads.of(
-        circuits,
+        measured.circuits,
         dict(zip(input_names, input_names, strict=True)),
         dict(zip(parameter_names, parameter_names, strict=True)),
+        observables=[tuple(measured.bits[bit] for bit in bits) for bits in observed],
     )
 
 
@@ -140,43 +180,42 @@ def _traced_tape(function: Any, inputs: Shape, parameters: Shape, products: bool
         ) from error
 
 
-def _expanded(operation: Any, within: tuple[str, ...] = ()) -> Iterator[tuple[Any, Gate]]:
-    """The wire and gate of each step of an operation, in order."""
+def _expanded(operation: Any, within: tuple[str, ...] = ()) -> Iterator[_Step]:
+    """The steps of an operation, in order."""
     name, wires = operation.name, list(operation.wires)
     if name in _WITHOUT_EFFECT:
         return
-    where = at(name, "wire", wires, within)
-    if len(wires) == 1 and (gates := _of_one_wire(operation)) is not None:
-        yield from ((wires[0], gate) for gate in gates)
+    if (unitary := _known(operation)) is not None:
+        yield unitary, wires
         return
-    if _is_controlled(operation) and len(wires) > 1:
-        raise entangles(name, where)
-    if not getattr(operation, "has_decomposition", False):
-        if len(wires) > 1:
-            raise entangles(name, where)
-        raise unknown(name, where)
-    for part in operation.decomposition():
-        yield from _expanded(part, (*within, name))
-
-
-def _of_one_wire(operation: Any) -> Sequence[Gate] | None:
-    """The gates of a known operation on one wire; None if it must be decomposed."""
-    name = operation.name
     if name.startswith("Adjoint("):
-        base = [gate for _, gate in _expanded(operation.base)]
-        return inverse(base)
-    if name == "Rot":
-        first, middle, last = (_angle(value, name) for value in operation.data)
-        return standard("u", (middle, last, first))
-    if name in _GATES:
-        return standard(_GATES[name], [_angle(value, name) for value in operation.data])
-    return None
+        for part, on in reversed([*_expanded(operation.base, within)]):
+            yield part.inverse(), on
+        return
+    if not getattr(operation, "has_decomposition", False):
+        raise unknown(name, at(name, "wire", wires, within))
+    for inner in operation.decomposition():
+        yield from _expanded(inner, (*within, name))
 
 
-def _is_controlled(operation: Any) -> bool:
+def _known(operation: Any) -> Unitary | None:
+    """The unitary of an operation of the table, adjoint or controlled; None for any other."""
     from pennylane.ops.op_math import Controlled
 
-    return isinstance(operation, Controlled)
+    name = operation.name
+    if name in _GATES:
+        return standard(_GATES[name], [_angle(value, name) for value in operation.data])
+    if name == "Rot":
+        first, middle, last = (_angle(value, name) for value in operation.data)
+        return Unitary((Gate("rz", first), Gate("ry", middle), Gate("rz", last)))
+    if name.startswith("Adjoint("):
+        base = _known(operation.base)
+        return None if base is None else base.inverse()
+    if isinstance(operation, Controlled) and (base := _known(operation.base)) is not None:
+        unitary = base.controlled(len(operation.control_wires))
+        flips = [Gate("x", None, (k,)) for k, on in enumerate(operation.control_values) if not on]
+        return Unitary((*flips, *unitary.gates, *flips), unitary.width)
+    return None
 
 
 def _angle(value: Any, gate: str) -> Angle:
@@ -192,27 +231,44 @@ def _angle(value: Any, gate: str) -> Angle:
     return item.angle if isinstance(item, TracedAngle) else Angle.of(float(item))
 
 
-def _measured(tape: Any) -> list[Any]:
-    """The wires that become circuits: the measured ones, in that order, or all if none is."""
+def _measured(tape: Any) -> list[tuple[Any, ...]]:
+    """The products of Z that are measured, each as its wires; every wire if none is."""
     import pennylane as qml
 
-    wires: list[Any] = []
+    products: list[tuple[Any, ...]] = []
     for measurement in tape.measurements:
         observable = measurement.obs
         if isinstance(measurement, qml.measurements.ExpectationMP):
-            if not isinstance(observable, qml.Z):
-                raise CircuitError(
-                    f"expval({observable}) is not the Z of one wire.",
-                    "Measure Z of single wires: return [qml.expval(qml.Z(0)), ...].",
-                    "Rotate another axis to Z first, X with qml.Hadamard for instance.",
-                )
-        elif observable is not None:
+            products.append(_product_of_z(observable))
+            continue
+        if observable is not None:
             raise CircuitError(
                 f"The measurement {measurement} is not supported.",
                 "Return expectation values of qml.Z, or counts, samples or probabilities.",
             )
-        wires += list(measurement.wires) or list(tape.wires)
-    repeated = [wire for wire in wires if wires.count(wire) > 1]
-    if repeated:
-        raise CircuitError(f"Wire {repeated[0]} is measured twice.", "Measure each wire once.")
-    return wires or list(tape.wires)
+        products += [(wire,) for wire in list(measurement.wires) or list(tape.wires)]
+    for number, product in enumerate(products):
+        if set(product) in map(set, products[:number]):
+            what = "Wire" if len(product) == 1 else "The product of wires"
+            raise CircuitError(
+                f"{what} {', '.join(map(str, product))} is measured twice.",
+                "Measure each wire, and each product, once.",
+            )
+    return products or [(wire,) for wire in tape.wires]
+
+
+def _product_of_z(observable: Any) -> tuple[Any, ...]:
+    """The wires of an observable that is a product of Z of different wires.
+
+    Raises:
+        CircuitError: it is another observable.
+    """
+    terms = observable.pauli_rep or {}
+    (word, factor), *others = terms.items() or [({}, 0)]
+    if others or factor != 1 or {*word.values()} != {"Z"}:
+        raise CircuitError(
+            f"expval({observable}) is not a product of Z.",
+            "Measure Z of wires, or products: return [qml.expval(qml.Z(0) @ qml.Z(1)), ...].",
+            "Rotate another axis to Z first, X with qml.Hadamard for instance.",
+        )
+    return tuple(wire for wire in observable.wires if wire in word)

@@ -14,11 +14,10 @@ from qcompile.arrays import FloatArray, real_array
 from qcompile.errors import CircuitError, MissingExtraError
 from qcompile.execution.packed import pack_round
 from qcompile.foreign import describe
+from qcompile.interop.measured import measured_circuits, measured_in_order
 from qcompile.interop.symbols import (
     Inputs,
     at,
-    entangles,
-    measured_in_order,
     natural,
     not_affine,
     split,
@@ -26,10 +25,12 @@ from qcompile.interop.symbols import (
     unknown,
 )
 from qcompile.interop.uploads import Uploads
-from qcompile.ir import Angle, Circuit, Gate, Program
+from qcompile.ir import Angle, Program
 from qcompile.ir.products import product
+from qcompile.ir.wires import Wires
 from qcompile.passes import Executable
 from qcompile.qasm.gates import KNOWN_GATES, standard
+from qcompile.qasm.modifiers import Unitary
 
 _WITHOUT_EFFECT = ("barrier", "delay")
 STANDARD_GATES = "qiskit.circuit.library.standard_gates"
@@ -59,21 +60,25 @@ def _read(circuit: Any, inputs: Inputs, products: bool) -> Uploads:
         )
     input_names, parameter_names = split(natural(p.name for p in circuit.parameters), inputs)
     names = symbols([*input_names, *parameter_names])
-    reader = _Reader(circuit.num_qubits, names, products)
+    reader = _Reader(names, products)
     reader.read(circuit, range(circuit.num_qubits), range(circuit.num_clbits))
-    order = measured_in_order(reader.bits, circuit.num_qubits)
+    circuits, qubits = reader.wires.circuits(circuit.num_qubits)
+    keys = {bit: reader.bits[qubit] for bit, qubit in enumerate(qubits) if qubit in reader.bits}
+    order = measured_in_order(keys, sorted(range(len(qubits)), key=qubits.__getitem__))
+    measured = measured_circuits(circuits, order)
     return Uploads.of(
-        [Circuit(tuple(reader.gates[qubit])) for qubit in order],
+        measured.circuits,
         {names[name]: name for name in input_names},
         {names[name]: name for name in parameter_names},
+        observables=[(measured.bits[bit],) for bit in order],
     )
 
 
 class _Reader:
-    """The gates of each qubit, and the bit that each measured qubit is measured into."""
+    """The gates on the qubits, and the bit that each measured qubit is measured into."""
 
-    def __init__(self, qubits: int, names: Mapping[str, str], products: bool):
-        self.gates: list[list[Gate]] = [[] for _ in range(qubits)]
+    def __init__(self, names: Mapping[str, str], products: bool):
+        self.wires = Wires()
         self.bits: dict[int, int] = {}
         self._names, self._products = names, products
 
@@ -102,16 +107,20 @@ class _Reader:
         if name == "measure":
             self._measure(qubits[0], bits[0])
             return
-        definition = _definition(operation)
-        if len(qubits) == 1 and name in KNOWN_GATES and definition is None:
-            angles = [_angle(value, self._names, self._products) for value in operation.params]
-            self.gates[qubits[0]] += standard(name, angles)
-        elif definition is not None:
+        if (unitary := self._standard(operation)) is not None:
+            self.wires.apply(unitary.steps, qubits)
+        elif (definition := definition_of(operation)) is not None:
             self.read(definition, qubits, bits, (*within, name))
-        elif len(qubits) > 1 and _is_gate(operation):
-            raise entangles(name, where)
         else:
             raise unknown(name, where)
+
+    def _standard(self, operation: Any) -> Unitary | None:
+        """The unitary of a standard gate of Qiskit that files have too; None for any other."""
+        home = getattr(operation, "base_class", type(operation)).__module__
+        if not home.startswith(STANDARD_GATES) or operation.name not in KNOWN_GATES:
+            return None
+        angles = [angle_of(value, self._names, self._products) for value in operation.params]
+        return standard(operation.name, angles)
 
     def _measure(self, qubit: int, bit: int) -> None:
         if bit in self.bits.values():
@@ -122,23 +131,16 @@ class _Reader:
         self.bits[qubit] = bit
 
 
-def _is_gate(operation: Any) -> bool:
-    from qiskit.circuit import Gate as QiskitGate
-
-    return isinstance(operation, QiskitGate)
-
-
-def _definition(operation: Any) -> Any:
-    """The circuit that defines an operation; None for standard gates and undefined ones."""
+def definition_of(operation: Any) -> Any:
+    """The circuit that defines an operation; None if there is none."""
     from qiskit.circuit import ControlFlowOp
 
-    home = getattr(operation, "base_class", type(operation)).__module__
-    if home.startswith(STANDARD_GATES) or isinstance(operation, ControlFlowOp):
+    if isinstance(operation, ControlFlowOp):
         return None
     return getattr(operation, "definition", None)
 
 
-def _angle(value: Any, names: Mapping[str, str], products: bool) -> Angle:
+def angle_of(value: Any, names: Mapping[str, str], products: bool) -> Angle:
     """The angle of a number or an affine ParameterExpression, bilinear too with `products`.
 
     Slopes are derivatives at 0; two probe points check that the expression has no other terms.

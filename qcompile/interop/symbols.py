@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from qcompile.errors import CircuitError
@@ -109,27 +109,9 @@ def unknown(gate: str, where: str) -> CircuitError:
     advice = {
         "reset": "Qubits start in |0>; remove the reset.",
         "if_else": "Keep only the branch that runs.",
-    }.get(gate, "Remove it, or replace it with one-qubit gates.")
+    }.get(gate, "Remove it, or replace it with standard gates.")
     return CircuitError(
         f"{where} is not a gate that qcompile can compile.",
-        "Circuits may contain one-qubit gates, and measurements at the end.",
+        "Circuits may contain standard gates, gates defined by them, and measurements at the end.",
         advice,
     )
-
-
-def entangles(gate: str, where: str) -> CircuitError:
-    """The error for a gate that entangles qubits; `where` is the text of `at`."""
-    verb = "exchanges" if gate.lower() in ("swap", "permutation") else "entangles"
-    return CircuitError(
-        f"{where} {verb} them.",
-        "qcompile compiles circuits without entangling gates.",
-        "Remove the gate, or compile the circuit with Qiskit's transpile.",
-    )
-
-
-def measured_in_order(bits: Mapping[int, Any], qubits: int) -> list[int]:
-    """The qubits that become circuits: the measured ones, by bit, or all if none is measured.
-
-    `bits` has the sort key of each measured qubit.
-    """
-    return sorted(bits, key=bits.__getitem__) if bits else list(range(qubits))

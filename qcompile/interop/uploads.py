@@ -30,10 +30,12 @@ class Uploads:
         inputs: Mapping[str, str],
         parameters: Mapping[str, str],
         pairs: Mapping[str, tuple[str, str]] | None = None,
+        observables: Iterable[tuple[int, ...]] = (),
     ) -> Uploads:
         """The uploads of circuits whose angles may contain products; `inputs` has names by symbol.
 
-        If products have names already, `pairs` has the two symbols of each.
+        If products have names already, `pairs` has the two symbols of each. `observables` are those
+        of the program.
 
         Raises:
             CircuitError: a product is not one of an input and a parameter.
@@ -48,5 +50,7 @@ class Uploads:
             if x not in input_of or theta not in parameter_of:
                 raise not_affine(f"{first}*{second}")
             products.append((input_of[x], parameter_of[theta]))
-        program = Program(tuple(circuits), (*inputs, *pairs), (*parameters,))
+        program = Program(
+            tuple(circuits), (*inputs, *pairs), (*parameters,), observables=tuple(observables)
+        )
         return cls(program, (*inputs.values(),), (*parameters.values(),), tuple(products))

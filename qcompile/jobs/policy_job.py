@@ -14,11 +14,12 @@ from qcompile.arrays import FloatArray
 from qcompile.device import Device
 from qcompile.errors import CircuitError, PolicyError
 from qcompile.ir import NEGLIGIBLE_RAD, Program
+from qcompile.jobs.places import bits_of, round_layout
 from qcompile.output import new_folder
 from qcompile.passes import Executable, compile
 from qcompile.policy import Policy
 from qcompile.policy.decision import hold_values
-from qcompile.qasm import write
+from qcompile.qasm import Version, write
 from qcompile.reading import ContentsError, load_json, read_file, read_npy, read_table
 from qcompile.validation import explain
 
@@ -45,8 +46,10 @@ def export_job(
     Without observations there is one parametric program for each round (OpenQASM 3 only); its
     inputs are native angles in the order of `Executable.open_slots`, or at level 0 the encoded
     features. With observations (B, features) the angles are bound, with one program for each
-    observation and round. On a device OpenQASM 3 names its physical qubits ($n); bit i of register
-    c belongs to circuits[i]. `on_row` is called with the number of observations written.
+    observation and round. On a device OpenQASM 3 names its physical qubits ($n). Bit i of register
+    c belongs to circuits[i] or, where circuits have several qubits, to bits[i] of the program; for
+    these q[n] of an OpenQASM 2 program is qubit n of the device. `on_row` is called with the number
+    of observations written.
 
     Raises:
         CircuitError: OpenQASM 2 without observations.
@@ -57,33 +60,30 @@ def export_job(
             "OpenQASM 2 has no inputs, so it cannot hold a parametric job.",
             "Give --observations FILE to bind the angles, or use --format qasm3.",
         )
-    policy.program.require_narrow("An export")
     executable = compile(policy.trained_program, device, level, policy.importance)
     parametric = executable.native if level == 0 else executable.template()
     rows: Iterable[tuple[int | None, Program]] = [(None, parametric)]
     if observations is not None:
         rows = _bound(executable, _encoded(policy, observations))
-    physical = format == "qasm3" and not device.is_ideal
+    version: Version = "3" if format == "qasm3" else "2"
+    bit_qubits = executable.bit_qubits
     programs = []
     with new_folder(folder) as target:
         for row, native in rows:
             prefix = "" if row is None else f"observation{row}-"
             for round_index in range(executable.round_count):
                 circuits = np.flatnonzero(executable.rounds == round_index).tolist()
-                qubits = executable.qubits[circuits].tolist()
+                bits = bits_of(executable.source, circuits)
                 part = _part(native, circuits)
                 name = f"{prefix}round{round_index}.qasm"
-                text = write(
-                    part,
-                    version="3" if format == "qasm3" else "2",
-                    qubits=qubits if physical else None,
-                )
-                (target / name).write_text(text)
+                layout = round_layout(executable, circuits, version)
+                (target / name).write_text(write(part, version=version, layout=layout))
                 programs.append(
                     {
                         "file": name,
                         "circuits": circuits,
-                        "qubits": qubits,
+                        **({"bits": bits} if executable.source.is_wide else {}),
+                        "qubits": bit_qubits[bits].tolist(),
                         "inputs": list(part.inputs),
                         "observation": row,
                     }
@@ -150,11 +150,12 @@ def _encoded(policy: Policy, observations: FloatArray) -> FloatArray:
 def _bound(executable: Executable, x: FloatArray) -> Iterator[tuple[int, Program]]:
     """The native circuits for each row of x (B, inputs), angles bound for the whole batch at once.
 
-    A row with an angle at a quarter turn may need fewer gates and is compiled separately.
+    A row with an angle at a quarter turn may need fewer gates and is compiled separately, unless
+    circuits are routed, which would then be done anew.
     """
     angles = executable.bind(x, np.zeros(0))[:, executable.open_slots]
     quarters = np.abs(angles - np.rint(angles / _QUARTER_TURN) * _QUARTER_TURN)
-    special = np.asarray((quarters <= NEGLIGIBLE_RAD).any(axis=1))
+    special = np.asarray((quarters <= NEGLIGIBLE_RAD).any(axis=1)) & (not executable.source.is_wide)
     angles -= np.rint(angles / (4 * _QUARTER_TURN)) * (4 * _QUARTER_TURN)
     template = executable.template()
     for row, values in enumerate(angles):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -86,6 +86,8 @@ def compile(
     importance: FloatArray | None = None,
     *,
     copies: int = 1,
+    qubits: Sequence[int] | None = None,
+    fences: Sequence[Collection[str]] = (),
 ) -> Executable:
     """Compile `program` for `device`.
 
@@ -98,10 +100,15 @@ def compile(
     `copies` the executable contains that many copies of the program, which share its parameters:
     inputs (B, copies * inputs) and results (B, copies * circuits), both copy by copy.
 
+    `qubits` (bits,) are the physical qubits of the program's bits, in place of those that would be
+    chosen: all circuits are in one round, and nothing is routed. `fences` are sets of symbols, the
+    rz of which stay side by side where a circuit is routed (`passes.fences`).
+
     Raises:
         CircuitError: `program` is not a Program (the message says how to make one), there is no
-            such level, or importance or copies are out of range.
-        DeviceError: `device` is not a Device.
+            such level, or importance, copies or qubits are out of range.
+        DeviceError: `device` is not a Device, or it cannot run a circuit of several qubits.
+        MissingExtraError: a circuit of several qubits is to be placed, and Qiskit is missing.
     """
     if not isinstance(program, Program):
         raise CircuitError(
@@ -110,22 +117,55 @@ def compile(
     if not isinstance(device, Device):
         call = "load_backend(backend).device" if is_qiskit_backend(device) else "load_device(name)"
         raise DeviceError(f"compile takes a Device, found {describe(device)}.", f"Use {call}.")
+    on = None if qubits is None else _checked_qubits(program, device, copies, qubits)
     if program.is_wide:
-        return _compile_wide(program, device, level, importance, copies)
-    weights = circuit_importance(program, importance, copies)
-    qubits, rounds = place(len(program), device, weights, copies)
+        return _compile_wide(program, device, level, importance, copies, on, fences)
+    if on is None:
+        weights = circuit_importance(program, importance, copies)
+        places, rounds = place(len(program), device, weights, copies)
+    else:
+        places, rounds = np.array(on, dtype=np.intp), np.zeros(len(program), dtype=np.intp)
     program = program.side_by_side(copies)
     native = lower(program, level, device.native)
-    return Executable(program, native, device, level, qubits, rounds)
+    return Executable(program, native, device, level, places, rounds)
+
+
+def _checked_qubits(
+    program: Program, device: Device, copies: int, qubits: Sequence[int]
+) -> list[int]:
+    """`qubits` as integers.
+
+    Raises:
+        CircuitError: they are not one different qubit of the device for each bit, or there are
+            several copies.
+    """
+    on, most = [int(qubit) for qubit in qubits], len(device.qubits)
+    if len(on) != program.bits or len(set(on)) < len(on) or copies != 1:
+        raise CircuitError(
+            f"{len(set(on))} different qubits do not fit {program.bits * copies} bits.",
+            "Give one qubit for each bit of the program, which then has no copies.",
+        )
+    for qubit in on:
+        if qubit < 0 or (qubit >= most and not device.is_ideal):
+            raise CircuitError(
+                f"{device.name} has no qubit {qubit}.", f"Its qubits are 0 to {most - 1}."
+            )
+    return on
 
 
 def _compile_wide(
-    program: Program, device: Device, level: int, importance: FloatArray | None, copies: int
+    program: Program,
+    device: Device,
+    level: int,
+    importance: FloatArray | None,
+    copies: int,
+    on: Sequence[int] | None,
+    fences: Sequence[Collection[str]],
 ) -> Executable:
     """A program with circuits of several qubits: routed first, then lowered as any other."""
     weights = circuit_importance(program, importance, copies)
     program = program.side_by_side(copies)
     skeleton = DropIdleCouplings().apply(program) if level == 2 else program
-    placed = place_wide(skeleton, device, np.tile(weights, copies))
+    placed = place_wide(skeleton, device, np.tile(weights, copies), on, fences)
     native = lower(placed.program, level, device.native, device.coupling_gates)
     return Executable(program, native, device, level, placed.qubits, placed.rounds)

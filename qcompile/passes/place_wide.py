@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -31,17 +32,27 @@ class Placed(NamedTuple):
     rounds: IntArray
 
 
-def place_wide(program: Program, device: Device, importance: FloatArray) -> Placed:
+def place_wide(
+    program: Program,
+    device: Device,
+    importance: FloatArray,
+    on: Sequence[int] | None = None,
+    fences: Sequence[Collection[str]] = (),
+) -> Placed:
     """Place circuits in as few rounds as go without looking back: in a round no qubit is shared.
 
     `importance` (circuits,) decides who goes first: wide circuits, which are routed on the best
-    free qubits, then circuits of one qubit, which get the best that are left.
+    free qubits, then circuits of one qubit, which get the best that are left. With `on`, bit i is
+    on physical qubit on[i] of one round. `fences` are those of `route`.
 
     Raises:
         CircuitError: a circuit cannot be routed on the device.
-        DeviceError: the device has no couplings, or a circuit is wider than the device.
+        DeviceError: the device has no couplings, a circuit is wider than the device, or couplings
+            between qubits `on` are missing.
         MissingExtraError: Qiskit is not installed.
     """
+    if on is not None:
+        return _on_qubits(program, device, on)
     if device.is_ideal:
         return Placed(program, np.arange(program.bits), np.zeros(len(program), dtype=np.intp))
     circuits = list(program.circuits)
@@ -49,7 +60,7 @@ def place_wide(program: Program, device: Device, importance: FloatArray) -> Plac
     taken: list[set[int]] = [set()]
     order = np.argsort(-importance, kind="stable").tolist()
     for index in (i for i in order if circuits[i].width > 1):
-        place, circuits[index], qubits = _routed(circuits[index], device, taken)
+        place, circuits[index], qubits = _routed(circuits[index], device, taken, fences)
         placed[index] = place, qubits
     for index in (i for i in order if circuits[i].width == 1):
         place, qubit = _best_free(device, taken)
@@ -58,6 +69,20 @@ def place_wide(program: Program, device: Device, importance: FloatArray) -> Plac
         _with_circuits(program, circuits),
         np.concatenate([placed[index][1] for index in range(len(circuits))]),
         np.array([placed[index][0] for index in range(len(circuits))]),
+    )
+
+
+def _on_qubits(program: Program, device: Device, on: Sequence[int]) -> Placed:
+    circuits = list(program.circuits)
+    for index, (circuit, first) in enumerate(zip(circuits, program.first_bits, strict=True)):
+        if circuit.width > 1 and not device.is_ideal:
+            routed = route(circuit, device, on=on[first : first + circuit.width])
+            assert routed is not None, "Qiskit routes a circuit whose couplings all exist"
+            circuits[index] = routed.circuit
+    return Placed(
+        replace(program, circuits=tuple(circuits)),
+        np.array(on, dtype=np.intp),
+        np.zeros(len(circuits), dtype=np.intp),
     )
 
 
@@ -95,11 +120,11 @@ def wide_copies_that_fit(program: Program, device: Device) -> int:
 
 
 def _routed(
-    circuit: Circuit, device: Device, taken: list[set[int]]
+    circuit: Circuit, device: Device, taken: list[set[int]], fences: Sequence[Collection[str]]
 ) -> tuple[int, Circuit, IntArray]:
     """The first round with room for a circuit, the circuit routed there, and its qubits."""
     for place, used in enumerate(taken):
-        routed = route(circuit, device, taken=used)
+        routed = route(circuit, device, taken=used, fences=fences)
         if routed is not None:
             used.update(routed.qubits.tolist())
             if place == len(taken) - 1:

@@ -7,7 +7,7 @@ runs around them. Routes are remembered: a process places the same policy many t
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -17,9 +17,11 @@ import numpy as np
 from qcompile.arrays import IntArray
 from qcompile.device import Device
 from qcompile.errors import DeviceError, MissingExtraError
-from qcompile.ir import Circuit, Gate, Program
-from qcompile.ir.runs import Run, split
+from qcompile.ir import Circuit, Gate
+from qcompile.ir.connected import connected
+from qcompile.ir.runs import Run
 from qcompile.noise import unusable
+from qcompile.passes.fences import Fence, Part, fenced
 
 if TYPE_CHECKING:
     from qiskit import QuantumCircuit
@@ -59,16 +61,25 @@ class _Machine:
 
 
 def route(
-    circuit: Circuit, device: Device, *, taken: Collection[int] = (), seed: int = 0
+    circuit: Circuit,
+    device: Device,
+    *,
+    taken: Collection[int] = (),
+    on: Sequence[int] | None = None,
+    fences: Sequence[Collection[str]] = (),
+    seed: int = 0,
 ) -> Routed | None:
     """The circuit on free qubits of the device; None if none are connected well enough.
 
     Of the layouts without swaps the one with the least gate and readout error is taken, if there
-    is one; otherwise the one of several routings whose couplings have the least error. The same
-    seed gives the same result. Gates and couplings of any kind are allowed.
+    is one; otherwise the one of several routings whose couplings have the least error. With `on`
+    qubit k is physical qubit on[k], whatever is `taken`, and there are no swaps. The gates of
+    `fences` (`passes.fences`) stay together. The same seed gives the same result. Gates and
+    couplings of any kind are allowed.
 
     Raises:
-        DeviceError: the device has no couplings, or the circuit is wider than the device.
+        DeviceError: the device has no couplings, the circuit is wider than the device, or its
+            couplings between qubits `on` are missing.
         MissingExtraError: Qiskit is not installed.
     """
     if not device.couplings:
@@ -85,65 +96,110 @@ def route(
         import qiskit  # noqa: F401
     except ImportError as error:
         raise MissingExtraError("Placing circuits on several qubits", "qiskit") from error
-    return _best(circuit, _Machine(device.to_json(), device), frozenset(taken), seed)
+    together = tuple(map(frozenset, fences))
+    if on is not None:
+        _require_coupled(circuit, device, on)
+        return _route(circuit, device, sorted(on), together, seed, on)
+    machine = _Machine(device.to_json(), device)
+    return _best(circuit, machine, frozenset(taken), together, seed)
 
 
 @lru_cache(maxsize=4096)
-def _best(circuit: Circuit, machine: _Machine, taken: frozenset[int], seed: int) -> Routed | None:
-    """The best of _TRIES routings, or the first one if it needs no swaps."""
+def _best(
+    circuit: Circuit,
+    machine: _Machine,
+    taken: frozenset[int],
+    fences: tuple[frozenset[str], ...],
+    seed: int,
+) -> Routed | None:
+    """The best routing on connected free qubits: one without swaps, or the best of _TRIES."""
     device = machine.device
-    first = _route(circuit, device, taken, seed)
-    if first is None or _couplings(first.circuit) == _couplings(circuit):
-        return first
-    others = (_route(circuit, device, taken, seed + k) for k in range(1, _TRIES))
-    return min(filter(None, [first, *others]), key=lambda found: found.coupling_error(device))
+    free = set(range(len(device.qubits))) - {*taken, *unusable(device)}
+    couplings = [each.qubits for each in device.couplings if set(each.qubits) <= free]
+    groups = [g for g in connected(sorted(free), couplings) if len(g) >= circuit.width]
+
+    def tried(seed: int) -> list[Routed]:
+        found = (_route(circuit, device, group, fences, seed) for group in groups)
+        return [routed for routed in found if routed is not None]
+
+    first = tried(seed)
+    found = [routed for routed in first if _couplings(routed.circuit) == _couplings(circuit)]
+    if not found:
+        found = [*first, *(routed for k in range(1, _TRIES) for routed in tried(seed + k))]
+    return min(found, key=lambda routed: routed.coupling_error(device), default=None)
 
 
 def _couplings(circuit: Circuit) -> int:
     return sum(gate.is_coupling for gate in circuit.gates)
 
 
-def _route(circuit: Circuit, device: Device, taken: frozenset[int], seed: int) -> Routed | None:
-    """The circuit as Qiskit routes it with this seed."""
+def _route(
+    circuit: Circuit,
+    device: Device,
+    qubits: Sequence[int],
+    fences: Sequence[Collection[str]],
+    seed: int,
+    on: Sequence[int] | None = None,
+) -> Routed | None:
+    """The circuit as Qiskit routes it with this seed on these qubits, in ascending order.
+
+    Qiskit knows of no others: it may end in a panic where qubits are not connected.
+    """
     from qiskit.transpiler import TranspilerError, generate_preset_pass_manager
 
-    free = sorted(set(range(len(device.qubits))) - {*taken, *unusable(device)})
-    if len(free) < circuit.width:
-        return None
-    target = _target(device, free)
-    manager = generate_preset_pass_manager(1, target=target, seed_transpiler=seed)
+    fixed: dict[str, Any] = {}
+    if on is not None:
+        fixed = {"initial_layout": [qubits.index(q) for q in on], "routing_method": "none"}
+    target = _target(device, qubits)
+    manager = generate_preset_pass_manager(1, target=target, seed_transpiler=seed, **fixed)
     manager.optimization = None  # it would merge the runs
-    runs, skeleton = split(Program((circuit,), circuit.symbols))
-    ((_, parts),) = skeleton.circuits
+    runs, parts = fenced(circuit, fences)
     try:
         routed = manager.run(_skeleton(circuit.width, parts))
     except TranspilerError:
         return None
-    found = _read(routed, circuit.width, runs.circuits)
-    qubits = np.array(free)[found.qubits]
-    qubits.setflags(write=False)  # routes are shared
-    return Routed(found.circuit, qubits)
+    fence_of = {part.number: part for part in parts if isinstance(part, Fence)}
+    return _read(routed, circuit.width, runs, fence_of, qubits)
 
 
-def _skeleton(width: int, parts: tuple[Run | Gate, ...]) -> QuantumCircuit:
+def _require_coupled(circuit: Circuit, device: Device, on: Sequence[int]) -> None:
+    """Check that every coupling of the circuit is one of the device, in either direction."""
+    name = device.coupling_gates[0]
+    pairs = {frozenset(each.qubits) for each in device.couplings if each.gate == name}
+    for gate in circuit.gates:
+        if gate.is_coupling:
+            control, target = (on[qubit] for qubit in gate.qubits)
+            if frozenset((control, target)) not in pairs:
+                listed = " ".join(sorted(f"{min(pair)}-{max(pair)}" for pair in pairs)[:12])
+                raise DeviceError(
+                    f"{device.name} does not couple qubits {control} and {target}, "
+                    f"which {gate.name} connects.",
+                    f"It couples {listed}{' ...' if len(pairs) > 12 else ''}.",
+                    "Name coupled qubits, or declare a register: its qubits are placed for you.",
+                )
+
+
+def _skeleton(width: int, parts: Sequence[Part]) -> QuantumCircuit:
     from qiskit import QuantumCircuit
     from qiskit.circuit import Parameter
+    from qiskit.circuit.library import Barrier
 
     skeleton = QuantumCircuit(width, width)
     for part in parts:
         if isinstance(part, Run):
             skeleton.rz(Parameter(f"run{part.number}"), part.qubit)
+        elif isinstance(part, Fence):
+            skeleton.append(Barrier(len(part.gates), label=str(part.number)), part.qubits)
         else:
             getattr(skeleton, part.name)(*part.qubits)
     skeleton.measure(range(width), range(width))
     return skeleton
 
 
-def _target(device: Device, free: Sequence[int]) -> Target:
-    """The device's gates on its free qubits and the couplings between them, with their errors.
+def _target(device: Device, qubits: Sequence[int]) -> Target:
+    """The device's gates on these qubits and the couplings between them, with their errors.
 
-    The target has only these qubits, numbered in order: Qiskit 2.6 panics where few of a target's
-    qubits have gates.
+    Qubit k of the target is `qubits[k]`.
     """
     from qiskit.circuit import Measure, Parameter
     from qiskit.circuit.library import CXGate, CZGate, ECRGate, RXGate, RZGate, SXGate, XGate
@@ -151,27 +207,39 @@ def _target(device: Device, free: Sequence[int]) -> Target:
 
     classes = {"sx": SXGate(), "x": XGate(), "cx": CXGate(), "cz": CZGate(), "ecr": ECRGate()}
     classes |= {"rz": RZGate(Parameter("angle")), "rx": RXGate(Parameter("angle"))}
-    target = Target(num_qubits=len(free))
-    qubits = [device.qubits[qubit] for qubit in free]
+    place = {qubit: index for index, qubit in enumerate(qubits)}
+    target = Target(num_qubits=len(qubits))
     for name in device.native.gates:
-        errors = [qubit.gates.get(name) for qubit in qubits]
-        properties = [InstructionProperties(error=each.error if each else 0.0) for each in errors]
-        target.add_instruction(classes[name], {(q,): each for q, each in enumerate(properties)})
-    name, place = device.coupling_gates[0], {qubit: number for number, qubit in enumerate(free)}
-    couplings = {
-        (place[each.qubits[0]], place[each.qubits[1]]): InstructionProperties(error=each.error)
-        for each in device.couplings
-        if each.gate == name and place.keys() >= set(each.qubits)
-    }
-    if couplings:  # Qiskit takes an empty dictionary as any two qubits
-        target.add_instruction(classes[name], couplings)
-    readout = [InstructionProperties(error=(qubit.p10 + qubit.p01) / 2) for qubit in qubits]
-    target.add_instruction(Measure(), {(q,): each for q, each in enumerate(readout)})
+        gates = [device.qubits[qubit].gates.get(name) for qubit in qubits]
+        errors = [gate.error if gate else 0.0 for gate in gates]
+        target.add_instruction(
+            classes[name],
+            {(k,): InstructionProperties(error=e) for k, e in enumerate(errors)},
+        )
+    name = device.coupling_gates[0]
+    target.add_instruction(
+        classes[name],
+        {
+            (place[each.qubits[0]], place[each.qubits[1]]): InstructionProperties(error=each.error)
+            for each in device.couplings
+            if each.gate == name and set(each.qubits) <= place.keys()
+        },
+    )
+    readout = [(device.qubits[q].p10 + device.qubits[q].p01) / 2 for q in qubits]
+    target.add_instruction(
+        Measure(), {(k,): InstructionProperties(error=e) for k, e in enumerate(readout)}
+    )
     return target
 
 
-def _read(routed: Any, width: int, runs: tuple[Circuit, ...]) -> Routed:
-    """What Qiskit returned, with the runs in their places."""
+def _read(
+    routed: Any,
+    width: int,
+    runs: Sequence[Circuit],
+    fences: Mapping[int, Fence],
+    physical: Sequence[int],
+) -> Routed:
+    """What Qiskit returned for qubits that are `physical`, with the runs and fences in place."""
     index = {bit: number for number, bit in enumerate(routed.qubits)}
     measured = [-1] * width
     gates: list[Gate] = []
@@ -183,10 +251,15 @@ def _read(routed: Any, width: int, runs: tuple[Circuit, ...]) -> Routed:
         elif angles and getattr(angles[0], "parameters", None):
             number = int(str(angles[0]).removeprefix("run"))
             gates += [gate.on(*qubits) for gate in runs[number].gates]
-        elif name != "barrier":
+        elif name == "barrier":
+            fence = fences[int(label)].gates if (label := instruction.operation.label) else ()
+            gates += [gate.on(qubit) for gate, qubit in zip(fence, qubits, strict=False)]
+        else:
             gates.append(Gate.of(name, float(angles[0]) if angles else None, qubits=qubits))
     passed = sorted({qubit for gate in gates for qubit in gate.qubits} - set(measured))
-    physical = [*measured, *passed]
-    local = {qubit: number for number, qubit in enumerate(physical)}
+    used = [*measured, *passed]
+    local = {qubit: number for number, qubit in enumerate(used)}
     moved = (gate.on(*(local[qubit] for qubit in gate.qubits)) for gate in gates)
-    return Routed(Circuit(tuple(moved), len(physical)), np.array(physical))
+    placed = np.array([physical[q] for q in used])
+    placed.setflags(write=False)  # routes are shared
+    return Routed(Circuit(tuple(moved), len(used)), placed)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Mapping, Sequence
 from itertools import chain
 from typing import Any
 
@@ -10,9 +10,9 @@ import openqasm3
 from openqasm3 import ast
 
 from qcompile.errors import CircuitError
-from qcompile.ir import Angle, Gate
+from qcompile.ir import COUPLINGS, Angle, Gate
 from qcompile.qasm.expressions import Scope, source_of
-from qcompile.qasm.gates import ENTANGLING_GATES, lacking_phase, require_count, standard
+from qcompile.qasm.gates import require_count, standard
 from qcompile.qasm.modifiers import Unitary
 from qcompile.qasm.work import Work
 from qcompile.qasm.write import DEFINITIONS
@@ -35,8 +35,6 @@ class GateCalls:
     """
 
     def __init__(self, scope: Scope, work: Work):
-        self.entangling = set(ENTANGLING_GATES)
-        """The names of all gates, standard or defined in the file, that entangle qubits."""
         self.left_out_barriers = False
         """Whether a barrier in a definition was left out."""
         self._scope, self._work = scope, work
@@ -52,7 +50,6 @@ class GateCalls:
             CircuitError: a name occurs twice in its header.
         """
         name = statement.name.name
-        self.note_entangling(statement)
         arguments = [a.name for a in statement.arguments]
         qubits = [q.name for q in statement.qubits]
         for names in (arguments, qubits):
@@ -64,15 +61,12 @@ class GateCalls:
             self._definitions[name] = statement
 
     def define_opaque(self, name: str) -> None:
-        """Add an opaque gate, which the file declares without defining it."""
-        self._opaque.add(name)
+        """Add an opaque gate, which the file declares without defining it.
 
-    def note_entangling(self, definition: Any) -> None:
-        """Record whether the gate that is defined entangles qubits."""
-        if any(is_entangling(inner, self.entangling) for inner in definition.body):
-            self.entangling.add(definition.name.name)
-        else:
-            self.entangling.discard(definition.name.name)
+        Files declare ecr so, which no include has: it is known all the same.
+        """
+        if name not in COUPLINGS:
+            self._opaque.add(name)
 
     def call(self, name: str, angles: Sequence[Angle], width: int) -> Unitary:
         """The gates of a call of gate `name` on `width` qubits.
@@ -87,9 +81,9 @@ class GateCalls:
             )
         if name in self._definitions:
             return self._inline(name, angles, width)
-        gates = standard(name, angles, list(self._definitions))
-        require_count(name, 1, width, "qubit")
-        return Unitary([gates], lacking_phase(name, angles), is_standard=True)
+        unitary = standard(name, angles, list(self._definitions))
+        require_count(name, unitary.width, width, "qubit")
+        return unitary
 
     def expand(self, statement: Any, scope: Scope) -> Unitary:
         """The gates of a gate statement; its expressions are evaluated in `scope`.
@@ -97,19 +91,43 @@ class GateCalls:
         Raises:
             CircuitError: it is not a gate that can be compiled.
         """
+        controls = self._controls(statement, scope)
+        width = len(statement.qubits) - sum(controls)
+        least = int(isinstance(statement, ast.QuantumGate))
+        if width < least:
+            raise CircuitError(
+                f"{source_of(statement)} takes at least {sum(controls) + least} qubits, "
+                f"found {len(statement.qubits)}.",
+                "The controls come first, then the qubits of the gate.",
+            )
         if isinstance(statement, ast.QuantumPhase):
-            phase = scope.evaluate(statement.argument)
-            unitary = Unitary([[] for _ in statement.qubits], phase)
+            unitary = Unitary((), width, scope.evaluate(statement.argument))
         else:
             if statement.duration is not None:
                 raise CircuitError(
                     f"{source_of(statement)} has a duration.", "Remove it: gates have none here."
                 )
             angles = [scope.evaluate(argument) for argument in statement.arguments]
-            unitary = self.call(statement.name.name, angles, len(statement.qubits))
-        for modifier in reversed(statement.modifiers):
-            unitary = self._modify(unitary, modifier, statement, scope)
+            unitary = self.call(statement.name.name, angles, width)
+        for modifier, count in zip(reversed(statement.modifiers), reversed(controls), strict=True):
+            unitary = self._modify(unitary, modifier, count, scope)
         return unitary
+
+    def _controls(self, statement: Any, scope: Scope) -> list[int]:
+        """How many controls each modifier of a statement adds."""
+        counts = []
+        for modifier in statement.modifiers:
+            controls = 0
+            if modifier.modifier.name in ("ctrl", "negctrl"):
+                argument = modifier.argument
+                controls = 1 if argument is None else scope.whole_number(argument)
+                if controls < 1:
+                    raise CircuitError(
+                        f"{source_of(statement)} has {controls} controls.",
+                        "A controlled gate has at least one.",
+                    )
+            counts.append(controls)
+        return counts
 
     def _inline(self, name: str, angles: Sequence[Angle], width: int) -> Unitary:
         definition, line = self._definitions[name], self._work.line
@@ -123,78 +141,60 @@ class GateCalls:
         self._active.append(name)
         arguments = (argument.name for argument in definition.arguments)
         scope = self._scope.inner(dict(zip(arguments, angles, strict=True)))
-        parts: dict[str, list[Gate]] = {qubit.name: [] for qubit in definition.qubits}
+        places = {qubit.name: index for index, qubit in enumerate(definition.qubits)}
+        gates: list[Gate] = []
         phase = Angle()
         try:
             for statement in definition.body:
                 self._work.line = statement.span.start_line
                 self._work.step()
-                operands = self._inner_operands(statement, parts)
+                operands = self._inner_operands(statement, places)
                 if isinstance(statement, ast.QuantumBarrier):
                     self.left_out_barriers = True
                     continue
                 inner = self.expand(statement, scope)
                 phase += inner.phase
-                for operand, gates in zip(operands, inner.parts, strict=True):
-                    parts[operand] += gates
-                    self._work.require_room(len(parts[operand]))
+                qubits = [places[operand] for operand in operands]
+                gates += inner.gates if qubits == [0] else _moved(inner.gates, qubits)
+                self._work.require_room(len(gates))
         finally:
             self._active.pop()
         self._work.line = line
-        unitary = Unitary(list(parts.values()), phase)
-        if len(self._inlined) < _MAX_INLINED and unitary.size <= _MAX_INLINED_GATES:
+        unitary = Unitary(gates, width, phase)
+        if len(self._inlined) < _MAX_INLINED and len(gates) <= _MAX_INLINED_GATES:
             self._inlined[call] = unitary
         return unitary
 
-    def _inner_operands(self, statement: Any, parts: Mapping[str, object]) -> list[str]:
+    def _inner_operands(self, statement: Any, qubits: Mapping[str, int]) -> list[str]:
         """The qubits of the gate that a statement of its body acts on."""
         if not isinstance(statement, ast.QuantumGate | ast.QuantumPhase | ast.QuantumBarrier):
             raise unsupported(statement)
         operands = [q.name if isinstance(q, ast.Identifier) else "" for q in statement.qubits]
         for operand in operands:
-            if operand not in parts:
+            if operand not in qubits:
                 raise CircuitError(
                     f"{source_of(statement)!r} uses something that is not a qubit of the gate.",
-                    f"The qubits of the gate: {', '.join(parts)}.",
+                    f"The qubits of the gate: {', '.join(qubits)}.",
                 )
         if len(set(operands)) != len(operands):
             raise CircuitError(f"{source_of(statement)} uses a qubit twice.")
         return operands
 
-    def _modify(self, unitary: Unitary, modifier: Any, statement: Any, scope: Scope) -> Unitary:
-        name = modifier.modifier.name
+    def _modify(self, unitary: Unitary, modifier: Any, controls: int, scope: Scope) -> Unitary:
+        room, name = self._work.require_room, modifier.modifier.name
         if name == "inv":
             return unitary.inverse()
         if name == "pow":
             power = scope.evaluate(modifier.argument)
             if not power.is_constant:
                 raise CircuitError(f"{source_of(modifier.argument)!r} is not a constant.")
-            multiple = unitary.multiple(power.constant)
-            if multiple is None and power.constant.is_integer():
-                self._work.require_room(unitary.size * int(abs(power.constant)))
-            return multiple or unitary.power(power.constant)
-        controls = 1 if modifier.argument is None else scope.whole_number(modifier.argument)
-        if (
-            controls != 1
-            or len(statement.qubits) != 1
-            or not isinstance(statement, ast.QuantumPhase)
-            or unitary.size
-        ):
-            raise CircuitError(
-                f"{source_of(statement)}: {name} @ makes a gate on more than one qubit.",
-                "Only a controlled gphase acts on a single qubit.",
-            )
-        return unitary.controlled(on_one=name == "ctrl")
+            return unitary.power(power.constant, room)
+        return unitary.controlled(controls, on_one=name == "ctrl", room=room)
 
 
-def is_entangling(statement: Any, entangling: Set[str]) -> bool:
-    """Whether a statement is a gate on several qubits at once."""
-    if not isinstance(statement, ast.QuantumGate | ast.QuantumPhase):
-        return False
-    controlled = any(m.modifier.name in ("ctrl", "negctrl") for m in statement.modifiers)
-    if controlled and len(statement.qubits) > 1:
-        return True
-    return isinstance(statement, ast.QuantumGate) and statement.name.name in entangling
+def _moved(gates: Sequence[Gate], qubits: Sequence[int]) -> list[Gate]:
+    """The gates with qubit `qubits[k]` in the place of qubit k."""
+    return [gate.on(*(qubits[qubit] for qubit in gate.qubits)) for gate in gates]
 
 
 def unsupported(statement: Any) -> CircuitError:

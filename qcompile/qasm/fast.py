@@ -1,4 +1,4 @@
-"""The fast path: gates on one operand, by far the most common statements of a long file.
+"""The fast path: gates on one operand or two, by far the most common ones of a long file.
 
 A text such as `rz(0.5)` or `q[3]` is parsed once, by the grammar and the interpreter, and looked up
 from then on. Every other statement is left to them, so the result is the same.
@@ -15,15 +15,18 @@ from openqasm3 import ast
 
 from qcompile.errors import CircuitError
 from qcompile.ir import Angle, Gate
+from qcompile.ir.wires import Step
 from qcompile.qasm.grammar import parse_2, parse_3
 from qcompile.qasm.interpreter import Interpreter
+from qcompile.qasm.modifiers import Unitary
 from qcompile.qasm.statements import BLANK
 from qcompile.qasm.terms import WORDS_2, WORDS_3
 
 _BLANKS = BLANK.pattern
+_OPERAND = r"(\$?\w++(?:\[[0-9]++\])?+)[ \t]*+"
 _STATEMENT = re.compile(
     rf"{_BLANKS}([A-Za-z]\w*+(?:[ \t]*+\((?:[^;(){{}}/\"]|/(?![/*]))*+\))?+)[ \t]*+"
-    r"(?<=[ \t)])(\$?\w++(?:\[[0-9]++\])?)[ \t]*+;"
+    rf"(?<=[ \t)]){_OPERAND}(?:,[ \t]*+{_OPERAND})?+;"
 )
 _NUMBER = r"[ \t\r\n]*+-?(?:[0-9]++\.?[0-9]*+|\.[0-9]++)(?:[eE][+-]?[0-9]++)?[ \t\r\n]*+"
 _NUMBERS = re.compile(rf"{_NUMBER}(?:,{_NUMBER})*+\)\Z")
@@ -39,6 +42,7 @@ class FastPath:
         self.stopped = 0
         self._parse, self._words = (parse_2, WORDS_2) if version == "2" else (parse_3, WORDS_3)
         self._gates: dict[str, Sequence[Gate]] = {}
+        self._steps: dict[str, Sequence[Step]] = {}
         self._qubits: dict[str, Sequence[int]] = {}
 
     def run(self, position: int) -> int:
@@ -49,7 +53,12 @@ class FastPath:
         """
         match, text, append = _STATEMENT.match, self._text, self._interpreter.append
         while statement := match(text, position):
-            head, operand = statement.groups()
+            head, operand, second = statement.groups()
+            if second is not None:
+                if not self._run_two(statement, head, operand, second):
+                    break
+                position = statement.end()
+                continue
             gates = self._gates.get(head)
             if gates is None and (gates := self._parse_gate(head)) is None:
                 break
@@ -68,8 +77,43 @@ class FastPath:
     def forget(self) -> None:
         """Clear the cache, because a declaration may change the meaning of a text."""
         self._gates.clear()
+        self._steps.clear()
+
+    def _run_two(self, statement: re.Match[str], head: str, *operands: str) -> bool:
+        """Run a gate on two qubits; False if it is left to the others."""
+        steps = self._steps.get(head)
+        if steps is None:
+            unitary = self._unitary(head, 2)
+            if unitary is None:
+                return False
+            steps = unitary.steps
+            if len(self._steps) < _MAX_TEXTS:
+                self._steps[head] = steps
+        qubits: list[int] = []
+        for operand in operands:
+            found = self._qubits.get(operand) or self._resolve(operand)
+            if found is None or len(found) != 1:
+                return False
+            qubits += found
+        if qubits[0] == qubits[1]:
+            return False
+        try:
+            return self._interpreter.apply(steps, qubits) is None
+        except CircuitError:
+            self.stopped = statement.start(1)
+            raise
 
     def _parse_gate(self, head: str) -> Sequence[Gate] | None:
+        unitary = self._unitary(head, 1)
+        if unitary is None:
+            return None
+        gates = tuple(unitary.gates)
+        if len(self._gates) < _MAX_TEXTS:
+            self._gates[head] = gates
+        return gates
+
+    def _unitary(self, head: str, width: int) -> Unitary | None:
+        """What a text such as `rz(0.5)` does to `width` qubits; None if it is left to others."""
         name, _, arguments = head.partition("(")
         name = name.strip()
         try:
@@ -83,13 +127,9 @@ class FastPath:
             else:
                 gate = self._parse(f"{head} q;", 1)
                 angles = list(map(self._interpreter.evaluate, gate.arguments))
-            unitary = self._interpreter.gates.call(name, angles, 1)
+            return self._interpreter.gates.call(name, angles, width)
         except (CircuitError, RecursionError):
             return None
-        gates = tuple(unitary.parts[0])
-        if len(self._gates) < _MAX_TEXTS:
-            self._gates[head] = gates
-        return gates
 
     def _resolve(self, text: str) -> Sequence[int] | None:
         name, _, index = text.rstrip("]").partition("[")

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from openqasm3 import ast
 
 from qcompile.errors import CircuitError
-from qcompile.ir import Angle, Circuit, Gate, Program
+from qcompile.ir import Angle, Gate, Program
 from qcompile.ir.products import separated
+from qcompile.ir.wires import Step, Wires
 from qcompile.qasm.blocks import Blocks
-from qcompile.qasm.calls import GateCalls, is_entangling, unsupported
+from qcompile.qasm.calls import GateCalls, unsupported
 from qcompile.qasm.expressions import source_of
 from qcompile.qasm.grammar import OpaqueGate, UnreadSubroutine
 from qcompile.qasm.layout import Layout
@@ -26,20 +27,17 @@ MAX_MARKED = 4_000_000
 """The most qubits in all resets, barriers, delays and aliases together."""
 
 _INCLUDES = ("stdgates.inc", "qelib1.inc", "hqslib1.inc")
-_COUNTS = {2: "two", 3: "three", 4: "four", 5: "five"}
 
 
 class Interpreter:
     """Runs the statements of a file, one by one; `gates` are the gates that it can call.
 
-    `version` is that of the file, "2" or "3". `entangling_later` counts the entangling statements
-    still to come, for a message. With `products` an angle may contain products of two inputs,
-    which become inputs of the program; `products` then holds both factors of each. What cannot be
-    compiled raises a CircuitError without the line.
+    `version` is that of the file, "2" or "3". With `products` an angle may contain products of two
+    inputs, which become inputs of the program; `products` then holds both factors of each. What
+    cannot be compiled raises a CircuitError without the line.
     """
 
-    def __init__(self, version: str | None, entangling_later: Callable[[], int], products: bool):
-        self._entangling_later = entangling_later
+    def __init__(self, version: str | None, products: bool):
         self._is_2 = version == "2"
         self._variables = Variables(real=self._is_2, products=products)
         self.products: dict[str, tuple[str, str]] = {}
@@ -48,7 +46,7 @@ class Interpreter:
         self.gates = GateCalls(self._scope, self._work)
         self._registers = Registers()
         self._declared: dict[str, None] = {}
-        self._circuits: defaultdict[int, list[Gate]] = defaultdict(list)
+        self._wires = Wires()
         self._bit_of: dict[int, int | None] = {}
         self._written_by: dict[int, int] = {}
         self._again: dict[tuple[int, int], None] = {}
@@ -59,16 +57,21 @@ class Interpreter:
             self._variables, self._registers, self._declared, self.run, self._work.step
         )
 
-    def finish(self) -> tuple[Program, Layout, tuple[Mark, ...]]:
-        """The program, its layout and its marks, after the last statement."""
-        layout = self._registers.layout(self._bit_of, list(self._again))
-        if not layout.qubits:
+    def finish(self) -> tuple[Program, Layout, tuple[Mark, ...], tuple[int, ...]]:
+        """The program, its layout, its marks and the qubit of each bit, at the end of the file."""
+        count = len(self._registers.every_qubit)
+        if not count:
             raise CircuitError("The program has no qubits.", "Declare qubits: qubit[2] q;")
-        circuits = tuple(Circuit(tuple(self._circuits.pop(i, ()))) for i in range(len(layout)))
+        circuits, qubits = self._wires.circuits(count)
+        layout = self._registers.layout(qubits, self._bit_of, list(self._again))
+        marks = tuple(self._marks)
+        if len(circuits) < count:
+            bits = {qubit: bit for bit, qubit in enumerate(qubits)}
+            marks = tuple(replace(m, bits=tuple(bits[q] for q in m.bits)) for m in marks)
         inputs = self._variables.inputs
         if self._scope.products:
             circuits, self.products = separated(circuits, inputs)
-        return Program(circuits, (*inputs, *self.products)), layout, tuple(self._marks)
+        return Program(circuits, (*inputs, *self.products)), layout, marks, qubits
 
     def notes(self) -> tuple[str, ...]:
         """Notes on parts of the file that were left out."""
@@ -96,8 +99,17 @@ class Interpreter:
                 return False
         self._work.take_room(len(gates) * len(qubits))
         for qubit in qubits:
-            self._circuits[qubit] += gates
+            self._wires.gates[qubit] += gates
         return True
+
+    def apply(self, steps: Sequence[Step], qubits: Sequence[int]) -> int | None:
+        """Append the steps of a gate on `qubits`; the qubit that is measured already, if one is."""
+        for qubit in qubits:
+            if qubit in self._bit_of:
+                return qubit
+        self._work.take_room(len(steps))
+        self._wires.apply(steps, qubits)
+        return None
 
     def run(self, statement: Any) -> None:
         """Run one statement."""
@@ -155,10 +167,6 @@ class Interpreter:
                 self._blocks.call(call)
             case OpaqueGate():
                 self.gates.define_opaque(self._declare(statement.name.name))
-            case ast.QuantumGate() | ast.QuantumPhase() if is_entangling(
-                statement, self.gates.entangling
-            ):
-                raise self._entangles(statement)
             case ast.QuantumGate() | ast.QuantumPhase():
                 self._apply(statement)
             case ast.QuantumBarrier():
@@ -199,19 +207,8 @@ class Interpreter:
     def _resolve(self, operand: Any, kind: RegisterKind | None = None) -> Reference:
         return self._registers.resolve(operand, self._scope, kind)
 
-    def _entangles(self, statement: Any) -> CircuitError:
-        swaps = isinstance(statement, ast.QuantumGate) and statement.name.name == "swap"
-        verb = "exchanges" if swaps and not statement.modifiers else "entangles"
-        width = max(2, len(statement.qubits))
-        count = 1 + self._entangling_later()
-        return CircuitError(
-            f"{source_of(statement)} {verb} {_COUNTS.get(width, width)} qubits.",
-            f"qcompile compiles circuits without entangling gates; this program has {count}.",
-            "Remove the gate, or compile the program with Qiskit's transpile.",
-        )
-
     def _apply(self, statement: Any) -> None:
-        parts = self.gates.expand(statement, self._scope).parts
+        steps = self.gates.expand(statement, self._scope).steps
         operands = [self._resolve(qubit, "qubit") for qubit in statement.qubits]
         sizes = {len(operand.positions) for operand in operands if not operand.single}
         if len(sizes) > 1:
@@ -224,21 +221,20 @@ class Interpreter:
             targets = [o.positions[0 if o.single else repetition] for o in operands]
             if len(set(targets)) != len(targets):
                 raise CircuitError(f"{source_of(statement)} uses a qubit twice.")
-            for target, gates in zip(targets, parts, strict=True):
-                if not self.append(gates, (target,)):
-                    raise self._measured_before(target, statement)
+            if (measured := self.apply(steps, targets)) is not None:
+                raise self._measured_before(measured, statement)
 
     def _mark(self, text: str, operands: Sequence[Any]) -> None:
         """Add a mark for a statement on these operands, or on every qubit."""
         named = [q for operand in operands for q in self._resolve(operand, "qubit").positions]
         qubits = tuple(dict.fromkeys(named if operands else self._registers.every_qubit))
-        measured, gates_of = self._bit_of, self._circuits.get
+        measured, gates_of = self._bit_of, self._wires.gates.get
         gates = [None if qubit in measured else len(gates_of(qubit, ())) for qubit in qubits]
         self._keep(Mark(text, qubits, tuple(gates)))
 
     def _keep(self, mark: Mark) -> None:
         self._marks.append(mark)
-        self._count(len(mark.circuits))
+        self._count(len(mark.bits))
 
     def _count(self, qubits: int) -> None:
         self._marked += qubits
@@ -259,7 +255,7 @@ class Interpreter:
 
     def _reset(self, statement: Any) -> None:
         for qubit in self._resolve(statement.qubits, "qubit").positions:
-            if self._circuits[qubit] or qubit in self._bit_of:
+            if self._wires.gates[qubit] or qubit in self._bit_of:
                 raise CircuitError(
                     f"{source_of(statement)} comes after a gate or a measurement of its qubit.",
                     "qcompile compiles circuits that start in |0>; a reset can only come first.",

@@ -1,4 +1,4 @@
-"""Layouts: the qubit and the bit of a program file that belong to each circuit."""
+"""Layouts: the qubit and the bit of a program file that belong to each bit of a program."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ Slot = tuple[str, int]
 
 @dataclass(frozen=True)
 class Layout:
-    """The registers of a program file, and the qubit and bit of each circuit in them.
+    """The registers of a program file, and the qubit and bit in them of each bit of a program.
 
-    `qubits[i]` is the slot of circuit i, or the number n of its physical qubit $n. `bits[i]` is
-    the slot that its measurement writes, or None if it is not measured. `again` holds circuits that
-    are measured again at once, which gives the same value, and the slots that this writes.
+    `qubits[i]` is the slot of bit i, or the number n of its physical qubit $n. `bits[i]` is the
+    slot that its measurement writes, or None if it is not measured. `again` holds bits that are
+    measured again at once, which gives the same value, and the slots that this writes.
 
     Raises:
         CircuitError: a register is declared twice, or a slot does not exist or is used twice.

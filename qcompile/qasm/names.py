@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterable
 from dataclasses import replace
 from typing import Literal
 
-from qcompile.ir import FIXED_GATES, ROTATION_GATES, Program
+from qcompile.ir import COUPLINGS, FIXED_GATES, ROTATION_GATES, Program
 from qcompile.qasm.layout import Layout, Register, Slot
 
 Version = Literal["3", "2"]
@@ -31,9 +31,13 @@ _RESERVED = frozenset((*_KEYWORDS, *_INCLUDED, *FIXED_GATES, *ROTATION_GATES))
 _NAME = {"3": re.compile(r"[^\W\d]\w*\Z"), "2": re.compile(r"[a-z][A-Za-z0-9_]*\Z")}
 
 
-def is_free(name: str, version: Version) -> bool:
-    """Whether `name` may be that of a register or an input in a file of this version."""
-    return name not in _RESERVED and _NAME[version].match(name) is not None
+def is_free(name: str, version: Version, *, is_wide: bool = False) -> bool:
+    """Whether `name` may be that of a register or an input in a file of this version.
+
+    Files of wide programs also define couplings that the includes lack.
+    """
+    reserved = name in _RESERVED or (is_wide and name in COUPLINGS)
+    return not reserved and _NAME[version].match(name) is not None
 
 
 def legal_names(program: Program, layout: Layout, version: Version) -> dict[str, str]:
@@ -42,7 +46,7 @@ def legal_names(program: Program, layout: Layout, version: Version) -> dict[str,
     names = (*program.symbols, *(register.name for register in registers))
     other: dict[str, str] = {}
     for name in names:
-        if not is_free(name, version):
+        if not is_free(name, version, is_wide=program.is_wide):
             other[name] = _other(name, version, {*names, *other.values()})
     return other
 

@@ -21,18 +21,21 @@ from qcompile.qasm.marks import Mark
 class Source:
     """The contents of a program file.
 
-    `program` has one circuit for each qubit, in the order of declaration (physical qubits in the
-    order of first use). Its inputs are those that the file declares, followed by the `products` of
-    two of them, if these were asked for. `layout` has the file's registers, and the qubit and bit
-    of every circuit. `notes` list what was left out; `marks` are the resets, barriers and delays,
-    which are not part of any circuit, in the order of the file. `name` and `lines` are those of the
-    file, for messages.
+    `program` has a circuit for the qubits that couplings connect, and for each of the others; they
+    come in the order of declaration (physical qubits in the order of first use), a circuit where
+    its first qubit comes. `qubits` has the number of each bit's qubit in that order. The inputs are
+    those that the file declares, followed by the `products` of two of them, if these were asked
+    for. `layout` has the file's registers, and the qubit and bit of every bit of the program.
+    `notes` list what was left out; `marks` are the resets, barriers and delays, which are not part
+    of any circuit, in the order of the file. `name` and `lines` are those of the file, for
+    messages.
     """
 
     program: Program
     layout: Layout
     notes: tuple[str, ...] = ()
     marks: tuple[Mark, ...] = ()
+    qubits: tuple[int, ...] = field(default=(), compare=False)
     name: str = field(default="<string>", compare=False)
     lines: int = field(default=1, compare=False)
     products: Mapping[str, tuple[str, str]] = field(default_factory=dict)

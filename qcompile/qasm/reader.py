@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import re
 from typing import Any
 
@@ -10,7 +9,6 @@ from openqasm3 import ast
 
 from qcompile.errors import CircuitError
 from qcompile.ir import Program
-from qcompile.qasm.calls import is_entangling
 from qcompile.qasm.fast import FastPath
 from qcompile.qasm.interpreter import Interpreter
 from qcompile.qasm.layout import Layout
@@ -20,7 +18,6 @@ from qcompile.qasm.statements import BLANK, Span, spans
 from qcompile.qasm.terms import ParseError
 
 _DECLARES_NOTHING = (ast.QuantumGate, ast.QuantumMeasurementStatement, ast.QuantumBarrier)
-_MODIFIERS = ("ctrl", "negctrl", "inv", "pow")
 _GATE_PRAGMA = re.compile(r"#?pragma braket unitary\b")
 
 
@@ -39,8 +36,10 @@ class Reader:
         self._position = self._counted = 0
         self._pragmas: list[str] = []
 
-    def run(self) -> tuple[Program, Layout, tuple[str, ...], tuple[Mark, ...]]:
-        """The program, its layout, notes on what was skipped, and its marks.
+    def run(
+        self,
+    ) -> tuple[Program, Layout, tuple[str, ...], tuple[Mark, ...], tuple[int, ...]]:
+        """The program, its layout, notes on what was skipped, its marks, the qubit of each bit.
 
         Raises:
             CircuitError: the text cannot be compiled; `line` says where.
@@ -52,7 +51,7 @@ class Reader:
                 "The file is empty.", "A program declares qubits and applies gates to them."
             )
         self._grammar = Grammar(text)
-        interpreter = Interpreter(self._grammar.version, self._entangling_later, self._multiply)
+        interpreter = Interpreter(self._grammar.version, self._multiply)
         self._interpreter = interpreter
         fast = FastPath(text, self._grammar.version, interpreter)
         self._position = self._grammar.start
@@ -62,9 +61,9 @@ class Reader:
             span = next(spans(text, self._position), None)
             if span is None:
                 self._advance_to(self._position)
-                program, layout, marks = interpreter.finish()
+                program, layout, marks, qubits = interpreter.finish()
                 self.products = interpreter.products
-                return program, layout, (*self._notes(), *interpreter.notes()), marks
+                return program, layout, (*self._notes(), *interpreter.notes()), marks, qubits
             self._position = span.end
             self._advance_to(span.start)
             if span.word.lstrip("#") == "pragma":
@@ -112,18 +111,3 @@ class Reader:
         more = len(self._pragmas) - 1
         others = f" and {more} more" if more else ""
         return (f"pragmas are skipped: {self._pragmas[0]}{others}.",)
-
-    def _entangling_later(self) -> int:
-        """How many of the statements after this one entangle qubits."""
-        count, names = 0, self._interpreter.gates.entangling
-        for span in spans(self._text, self._position):
-            if span.word in names:
-                count += 1
-            elif span.word == "gate" or span.word in _MODIFIERS:
-                with contextlib.suppress(CircuitError, RecursionError):
-                    node = self._grammar.parse(span, self.line)
-                    if isinstance(node, ast.QuantumGateDefinition):
-                        self._interpreter.gates.note_entangling(node)
-                    else:
-                        count += is_entangling(node, names)
-        return count

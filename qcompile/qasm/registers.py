@@ -72,25 +72,29 @@ class Registers:
         self._references.update(before)
 
     def layout(
-        self, bit_of: Mapping[int, int | None], again: Sequence[tuple[int, int]] = ()
+        self,
+        qubits: Sequence[int],
+        bit_of: Mapping[int, int | None],
+        again: Sequence[tuple[int, int]] = (),
     ) -> Layout:
-        """The layout in which qubit i is measured into bit `bit_of[i]`, if it has one.
+        """The layout of `qubits`, of which qubit i is measured into bit `bit_of[i]`, if it has one.
 
         `again` holds the qubits and bits of further measurements.
         """
         places = self._places["bit"]
         bits: list[Slot | None] = []
-        for qubit in range(len(self._places["qubit"])):
+        for qubit in qubits:
             bit = bit_of.get(qubit)
             place = None if bit is None else places[bit]
             bits.append(place if isinstance(place, tuple) else None)
-        more = [(qubit, places[bit]) for qubit, bit in again]
+        index_of = {qubit: index for index, qubit in enumerate(qubits)} if again else {}
+        more = [(index_of[qubit], places[bit]) for qubit, bit in again]
         return Layout(
             tuple(self._registers["qubit"]),
             tuple(self._registers["bit"]),
-            tuple(self._places["qubit"]),
+            tuple(self._places["qubit"][qubit] for qubit in qubits),
             tuple(bits),
-            tuple((qubit, place) for qubit, place in more if isinstance(place, tuple)),
+            tuple((index, place) for index, place in more if isinstance(place, tuple)),
         )
 
     @property

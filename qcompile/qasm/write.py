@@ -10,20 +10,25 @@ from qcompile.ir import Gate, Program
 from qcompile.qasm.layout import Layout, Register, Slot
 from qcompile.qasm.marks import Mark
 from qcompile.qasm.names import Version, is_free
+from qcompile.qasm.order import in_order
 
 DEFINITIONS: dict[Version, dict[str, str]] = {
-    "3": {"sxdg": "gate sxdg a { s a; h a; s a; }"},
+    "3": {
+        "sxdg": "gate sxdg a { s a; h a; s a; }",
+        "ecr": "gate ecr a, b { s a; sx b; cx a, b; x a; }",
+    },
     "2": {
         "sx": "gate sx a { sdg a; h a; sdg a; }",
         "sxdg": "gate sxdg a { s a; h a; s a; }",
         "p": "gate p(a) b { u1(a) b; }",
+        "ecr": "gate ecr a, b { s a; sdg b; h b; sdg b; cx a, b; x a; }",
     },
 }
 """Definitions of the gates that the standard include lacks, for files that use them.
 
-stdgates.inc has no sxdg, and the qelib1.inc of the OpenQASM 2 paper has neither sx nor p. Qiskit's
-strict parser refuses them without a definition; Cirq, pytket and Qiskit's legacy parser know them
-and accept a definition too. (OpenQASM 3 has `inv @ sx`, but Cirq cannot read it.)
+stdgates.inc has no sxdg and no ecr, and the qelib1.inc of the OpenQASM 2 paper has neither sx nor
+p. Qiskit's strict parser refuses them without a definition; Cirq, pytket and Qiskit's legacy parser
+know them and accept a definition too. (OpenQASM 3 has `inv @ sx`, but Cirq cannot read it.)
 """
 
 
@@ -37,17 +42,16 @@ def write(
 ) -> str:
     """`program` as OpenQASM text; every symbol is an `input float[64]`.
 
-    Without a `layout` circuit i is on q[i] and measured into c[i]. With `qubits` circuit i is on
-    the physical qubit $n, n = qubits[i], whatever the layout says. Angles read back as the same
-    floats. OpenQASM 2 has neither inputs nor physical qubits. The `marks` are written in order, at
-    their places among the gates of their circuits.
+    Without a `layout` bit i of the program is q[i], measured into c[i]. With `qubits` bit i is the
+    physical qubit $n, n = qubits[i], whatever the layout says. Angles read back as the same floats.
+    OpenQASM 2 has neither inputs nor physical qubits. The `marks` are written in order, at their
+    places among the gates of their bits.
 
     Raises:
         CircuitError: the program has late angles, or uses a feature that the version lacks; the
-            layout does not fit the program; or a name is reserved.
+            layout does not fit the program; a name is reserved; or marks have no order.
     """
-    program.require_narrow("OpenQASM")
-    layout = Layout.default(len(program)) if layout is None else layout
+    layout = Layout.default(program.bits) if layout is None else layout
     layout = layout if qubits is None else layout.on(qubits)
     _check(program, version, layout)
     included = {"3": "stdgates.inc", "2": "qelib1.inc"}[version]
@@ -66,11 +70,11 @@ def write(
 def _measurements(
     layout: Layout, places: Sequence[str | None], targets: Sequence[str | None], version: Version
 ) -> list[list[str]]:
-    """The measurements of each circuit."""
+    """The measurements of each bit of the program."""
     written: list[list[str]] = [[] if target is None else [target] for target in targets]
     again = _places(layout.bit_registers, (slot for _, slot in layout.again), version)
-    for (circuit, _), target in zip(layout.again, again, strict=True):
-        written[circuit].append(str(target))
+    for (bit, _), target in zip(layout.again, again, strict=True):
+        written[bit].append(str(target))
     form = "{0} = measure {1};" if version == "3" else "measure {1} -> {0};"
     return [
         [form.format(target, place) for target in targets]
@@ -85,20 +89,25 @@ def _body(
     marks: Sequence[Mark],
     version: Version,
 ) -> Iterator[str]:
-    written, measured = [0] * len(program), [False] * len(program)
-    for mark in marks:
-        for index, gates in zip(mark.circuits, mark.gates, strict=True):
-            waiting = program.circuits[index].gates[written[index] : gates]
-            yield from (f"{_gate(gate, version)} {places[index]};" for gate in waiting)
-            written[index] += len(waiting)
-            if gates is None and not measured[index]:
-                yield from measurements[index]
-                measured[index] = True
-        yield f"{mark.text} {', '.join(str(places[circuit]) for circuit in mark.circuits)};"
-    for circuit, place, first in zip(program.circuits, places, written, strict=True):
-        yield from (f"{_gate(gate, version)} {place};" for gate in circuit.gates[first:])
-    for statements, done in zip(measurements, measured, strict=True):
-        yield from () if done else statements
+    measured: set[int] = set()
+    if not marks:
+        for circuit, first in zip(program.circuits, program.first_bits, strict=True):
+            if circuit.width == 1:
+                place = places[first]
+                yield from (f"{_gate(gate, version)} {place};" for gate in circuit.gates)
+                continue
+            for gate in circuit.gates:
+                operands = ", ".join(str(places[first + qubit]) for qubit in gate.qubits)
+                yield f"{_gate(gate, version)} {operands};"
+    for event, bits in in_order(program, marks) if marks else ():
+        if event is None:
+            yield from measurements[bits[0]]
+            measured.update(bits)
+        else:
+            text = event.text if isinstance(event, Mark) else _gate(event, version)
+            yield f"{text} {', '.join(str(places[bit]) for bit in bits)};"
+    for bit, statements in enumerate(measurements):
+        yield from () if bit in measured else statements
 
 
 def _check(program: Program, version: Version, layout: Layout) -> None:
@@ -109,10 +118,11 @@ def _check(program: Program, version: Version, layout: Layout) -> None:
             "A program with late angles cannot be written as OpenQASM.",
             "Write executable.template(), or bind the angles first.",
         )
-    if len(layout) != len(program):
+    if len(layout) != program.bits:
+        circuits = "qubits" if program.is_wide else "circuits"
         raise CircuitError(
-            f"The layout has {len(layout)} qubits, the program {len(program)} circuits.",
-            "A layout needs one qubit per circuit.",
+            f"The layout has {len(layout)} qubits, the program {program.bits} {circuits}.",
+            f"A layout needs one qubit per {circuits[:-1]}.",
         )
     if version == "2" and program.symbols:
         raise CircuitError(
@@ -126,7 +136,7 @@ def _check(program: Program, version: Version, layout: Layout) -> None:
         )
     registers = [r.name for r in (*layout.qubit_registers, *layout.bit_registers)]
     for name in (*program.symbols, *registers):
-        if not is_free(name, version):
+        if not is_free(name, version, is_wide=program.is_wide):
             raise CircuitError(
                 f"{name!r} is not a valid name in OpenQASM {version}.",
                 "It is reserved, is the name of a gate, or contains invalid characters.",
@@ -168,7 +178,8 @@ def _places(
 
 
 def _gate(gate: Gate, version: Version) -> str:
+    text = gate.to_text()
     if version == "2":
         # A real number of OpenQASM 2 has a point before its exponent: 1.0e-07, never 1e-07.
-        return re.sub(r"\((-?\d+)e", r"(\1.0e", str(gate))
-    return str(gate)
+        return re.sub(r"\((-?\d+)e", r"(\1.0e", text)
+    return text

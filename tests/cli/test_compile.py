@@ -72,12 +72,11 @@ def test_notes_stay_off_standard_output(qcompile: Call) -> None:
 
 
 BAD_PROGRAMS = {
-    "entangles": (
+    "needs couplings": (
         PROGRAM.replace("x q[1];", "x q[1];\ncx q[0], q[1];"),
         """\
-Error: in.qasm:7: cx q[0], q[1] entangles two qubits.
-  qcompile compiles circuits without entangling gates; this program has 1.
-  Remove the gate, or compile the program with Qiskit's transpile.
+Error: in.qasm:8: ibm_lima has no couplings: it cannot run a circuit on 2 qubits.
+  Use a device that has, such as fake_lima; `qcompile backends` lists them.
 """,
     ),
     "measures nothing": (

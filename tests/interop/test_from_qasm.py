@@ -40,8 +40,8 @@ def test_text_and_files_are_distinguished(tmp_path: Path, monkeypatch: pytest.Mo
     assert circuits(Program.from_qasm('OPENQASM 2.0; include "qelib1.inc"; qreg q[1]; h q[0];'))
     with pytest.raises(ProgramFileError, match=r"^nosuch\.qasm: The file cannot be read"):
         Program.from_qasm("nosuch.qasm")
-    with pytest.raises(ProgramFileError, match=r"^<string>:10: cx .* entangles two qubits"):
-        Program.from_qasm(TEXT + "cx q[0], q[1];\n")
+    with pytest.raises(ProgramFileError, match=r"^<string>:10: ccx takes 3 qubits, found 2"):
+        Program.from_qasm(TEXT + "ccx q[0], q[1];\n")
 
 
 def test_measured_qubits_are_ordered_by_their_bits() -> None:

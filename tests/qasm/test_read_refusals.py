@@ -15,24 +15,57 @@ HEAD_3 = 'OPENQASM 3.0;\ninclude "stdgates.inc";\n'
 HEAD_2 = 'OPENQASM 2.0;\ninclude "qelib1.inc";\n'
 
 REFUSED = {
-    "entangling": (
-        HEAD_3 + "qubit[2] q;\nbit[2] c;\nh q;\n// comment\ncx q[0],q[1];\n",
-        "program.qasm:7: cx q[0], q[1] entangles two qubits.\n"
-        "  qcompile compiles circuits without entangling gates; this program has 1.\n"
-        "  Remove the gate, or compile the program with Qiskit's transpile.",
+    "coupling after a measurement": (
+        HEAD_3 + "qubit[2] q;\nbit[2] c;\nc[1] = measure q[1];\n// comment\ncx q[0],q[1];\n",
+        "program.qasm:7: cx q[0], q[1] follows the measurement of q[1].\n"
+        "  qcompile measures every qubit once, at the end.",
     ),
-    "all entangling gates are counted": (
-        "gate bell a, b { h a; CX a, b; }\nqubit[3] q;\nbell q[0], q[1];\nctrl @ x q[0], q[1];\n"
-        "ccx q[0], q[1], q[2];\n",
-        "program.qasm:3: bell q[0], q[1] entangles two qubits.\n"
-        "  qcompile compiles circuits without entangling gates; this program has 3.\n"
-        "  Remove the gate, or compile the program with Qiskit's transpile.",
+    "reset after a coupling": (
+        "gate bell a, b { h a; CX a, b; }\nqubit[2] q;\nbell q[0], q[1];\nreset q[1];\n",
+        "program.qasm:4: reset q[1] comes after a gate or a measurement of its qubit.\n"
+        "  qcompile compiles circuits that start in |0>; a reset can only come first.",
     ),
-    "swap": (
-        "qubit[2] q;\nswap q[0], q[1];\n",
-        "program.qasm:2: swap q[0], q[1] exchanges two qubits.\n"
-        "  qcompile compiles circuits without entangling gates; this program has 1.\n"
-        "  Remove the gate, or compile the program with Qiskit's transpile.",
+    "one qubit twice": (
+        "qubit[2] q;\nswap q[0], q[0];\n",
+        "program.qasm:2: swap q[0], q[0] uses a qubit twice.",
+    ),
+    "one qubit twice in a gate": (
+        "gate g a, b { cx a, a; }\nqubit[2] q;\ng q[0], q[1];\n",
+        "program.qasm:1: cx a, a uses a qubit twice.",
+    ),
+    "too few qubits": (
+        "qubit[3] q;\nccx q[0], q[1];\n",
+        "program.qasm:2: ccx takes 3 qubits, found 2.",
+    ),
+    "too few qubits beside controls": (
+        "qubit[3] q;\nctrl @ swap q[0], q[1];\n",
+        "program.qasm:2: swap takes 2 qubits, found 1.",
+    ),
+    "only controls": (
+        "qubit[2] q;\nctrl(2) @ x q[0], q[1];\n",
+        "program.qasm:2: ctrl(2) @ x q[0], q[1] takes at least 3 qubits, found 2.\n"
+        "  The controls come first, then the qubits of the gate.",
+    ),
+    "no controls": (
+        "qubit q;\nctrl(0) @ x q;\n",
+        "program.qasm:2: ctrl(0) @ x q has 0 controls.\n  A controlled gate has at least one.",
+    ),
+    "a range is one operand": (
+        "qubit[40] q;\nqubit t1;\nctrl(39) @ x q[0:38], t1;\n",
+        "program.qasm:3: ctrl(39) @ x q[0:38], t1 takes at least 40 qubits, found 2.\n"
+        "  The controls come first, then the qubits of the gate.",
+    ),
+    "too many gates for the controls": (
+        "qubit[26] q;\ndef f(qubit[26] r) { ctrl(25) @ x "
+        + ", ".join(f"r[{i}]" for i in range(26))
+        + "; }\nf(q);\n",
+        "program.qasm:2: The program has more than 1000000 gates after expansion.\n"
+        "  Check its nested gate definitions and powers.",
+    ),
+    "a root that is not known": (
+        "gate both a, b { x a; h b; }\nqubit[2] q;\npow(0.5) @ both q[0], q[1];\n",
+        "program.qasm:3: pow(0.5) of this gate on several qubits is not supported.\n"
+        "  Use a whole power, or a power of what it controls.",
     ),
     "unknown gate": (
         "qubit q;\nsxgd q;\n",
@@ -224,6 +257,9 @@ VALID = [
     "uint[8] u = 3;\nangle[8] v = pi;\nv = 3*v/2;\nu += 2;\nqubit[2] q;\nbit c;\nreset q;\n"
     "rz(v/2 + u*0.1) q;\npow(0.5) @ U(0.3, v, -v) q[0];\ndelay[10ns] q;\nc = measure q[0];\n"
     "c = measure q[0];\n",
+    HEAD_3 + "input float x;\ngate g(a) b, c { cx b, c; ctrl @ ry(a) c, b; gphase(a); }\n"
+    "qubit[3] q;\nbit[3] c;\ng(x) q[0], q[1];\nnegctrl @ inv @ g(1) q[2], q[0], q[1];\n"
+    "cswap q[0],q[1],q[2];\nbarrier q[0], q[2];\ncz q[0],q[1];\nc = measure q;\n",
 ]
 
 PIECES = re.split(
@@ -242,7 +278,7 @@ def refusal(text: str) -> str | None:
         source = read(text, "p")
     except ProgramFileError as error:
         return str(error)
-    assert len(source.layout) == len(source.program)
+    assert len(source.layout) == source.program.bits == len(source.qubits)
     return None
 
 

@@ -22,7 +22,7 @@ from qcompile.arrays import FloatArray
 from qcompile.errors import CircuitError
 from qcompile.interop.late.frames import Turn, frames
 from qcompile.interop.late.operations import DIAGONAL, is_standard, with_angle
-from qcompile.interop.qiskit import _angle, _definition
+from qcompile.interop.qiskit import angle_of, definition_of
 from qcompile.ir import COUPLINGS, Angle, Circuit, Gate, Program
 from qcompile.ir.turns import reduced
 from qcompile.qasm.gates import KNOWN_GATES, standard
@@ -132,8 +132,9 @@ class _Reader:
     def _gates(self, operation: Any) -> Sequence[Gate] | None:
         """The gates of an operation on one qubit; None if it is not made of gates."""
         if is_standard(operation, *KNOWN_GATES):
-            return standard(operation.name, [self._angle(value) for value in operation.params])
-        definition = _definition(operation)
+            angles = [self._angle(value) for value in operation.params]
+            return [gate for gate, _ in standard(operation.name, angles).steps]
+        definition = definition_of(operation)
         if definition is None or definition.num_clbits or definition.num_qubits != 1:
             return None
         parts = [self._gates(part.operation) for part in definition.data if part.qubits]
@@ -146,10 +147,10 @@ class _Reader:
         try:
             found = self._angles.get(value)
         except OverflowError:  # Qiskit cannot hash an expression that is a negative number
-            return _angle(value, self._names, products=False)
+            return angle_of(value, self._names, products=False)
         if found is None:
             try:
-                found = _angle(value, self._names, products=False)
+                found = angle_of(value, self._names, products=False)
             except CircuitError:
                 found = Angle.symbol(f"e{len(self.found.expressions)}")
                 self.found.expressions.append(value)
