@@ -1,7 +1,7 @@
 """One circuit of several qubits in torch: `<O>` for a batch, and its gradient.
 
-The state is (2**width, B), or (2**width, 1) before the first layer that inputs enter: all rows
-share the operators of layers, and only phases differ. The gradient walks back from the last state
+A state is (2**width, B), or (2**width, 1) before the first layer that inputs enter: all rows share
+the operators of layers, and only phases differ. The gradient walks back from the last state
 and undoes layer after layer, so that memory does not grow with their number. Source: arXiv
 2009.02823 (the adjoint method).
 """
@@ -17,9 +17,9 @@ import torch
 from qcompile.arrays import FloatArray, IntArray
 from qcompile.errors import CircuitError
 from qcompile.ir import Angle
+from qcompile.states.forms import Forms
 from qcompile.states.layers import Layer
 from qcompile.states.operators import Bound, Operators, groups
-from qcompile.states.rotations import Forms
 
 
 class Block:
@@ -40,8 +40,8 @@ class Block:
         self.operators = Operators(width, layers, parameters, dtype)
         self.phases = Phases(width, self.operators.layers, inputs, dtype)
         self._signs = torch.tensor(signs, dtype=dtype)
-        self._start = torch.zeros((2**width, 1), dtype=dtype.to_complex())
-        self._start[0] = 1.0
+        self._start = torch.zeros((1, 2**width, 1), dtype=dtype.to_complex())
+        self._start[0, 0] = 1.0
 
     def __call__(self, x: torch.Tensor, theta: torch.Tensor) -> torch.Tensor:
         """`<O>` (B, observables) for x (B, inputs) and theta (parameters,)."""
@@ -59,7 +59,7 @@ class Block:
             phase = self.phases.of_layer[layer]
             state = state if phase is None else state * factors[phase]
             state = self.operators.apply(layer, matrices, state)
-        probabilities = torch.view_as_real(state).square().sum(dim=2)
+        probabilities = torch.view_as_real(state[0]).square().sum(dim=2)
         found = (probabilities.T @ self._signs).expand(len(x), -1)
         return found, Trace(bound, phases, shared, state)
 
@@ -69,30 +69,29 @@ class Block:
         """The gradients by x and theta, where wanted, for that by `<O>` (B, observables)."""
         if self.phases.first is None:
             by_found, by_x = by_found.sum(dim=0, keepdim=True), False
-        state = trace.last
-        bra = (self._signs @ by_found.T) * state.conj()  # <O> changes by 2 Re <bra|d state>
-        # A bra is undone by transposed matrices.
-        inverses, transposes = trace.bound.inverses(), trace.bound.transposes()
-        factors, conjugates = trace.phases.unbind(), trace.phases.conj().resolve_conj().unbind()
+        # <O> changes by 2 Re <bra|d state>, and a bra is undone by transposed matrices.
+        bra = (self._signs @ by_found.T) * trace.last.conj()
+        both = torch.cat([trace.last, bra])
+        inverses, factors = trace.bound.inverses(), trace.phases
+        undoing = torch.stack([factors.conj(), factors], dim=1).unbind()
         moments, derivatives = [], []
         for layer in reversed(range(len(self.phases.of_layer))):
-            state = self.operators.undo(layer, inverses[layer], state)
-            bra = self.operators.undo(layer, transposes[layer], bra)
-            if by_theta:
-                moments.append(self.operators.moments(state, bra))
+            both = self.operators.undo(layer, inverses[layer], both)
+            if by_theta and self.operators.is_trained[layer]:
+                moments.append(self.operators.moments(both))
             phase = self.phases.of_layer[layer]
             if phase is None:
                 continue
             if by_x:
-                derivatives.append(self.phases.derivative(state, bra))
-            bra = bra * factors[phase]
+                derivatives.append(self.phases.derivative(*both.unbind()))
             if layer == self.phases.first:
-                state, bra = trace.shared, bra.sum(dim=1, keepdim=True)
+                bra = (both[1:] * factors[phase]).sum(dim=2, keepdim=True)
+                both = torch.cat([trace.shared, bra])
             else:
-                state = state * conjugates[phase]
+                both = both * undoing[phase]
         return (
             self.phases.gradient(derivatives[::-1]) if by_x else None,
-            self.operators.gradient(trace.bound, moments[::-1]) if by_theta else None,
+            self.operators.gradient(trace.bound, moments[::-1]) if moments else None,
         )
 
 
@@ -124,21 +123,23 @@ class Phases:
         number = {of_layer: i for i, of_layer in enumerate(dict.fromkeys(turned))}
         self.of_layer = [number.get(of_layer) for of_layer in angles]
         self.first = next((i for i, layer in enumerate(layers) if layer.phases), None)
-        self._shape = len(number), width
-        self._forms = Forms([angle for row in number for angle in row], inputs, dtype, 1)
-        self._of_all = Forms([angle for row in turned for angle in row], inputs, dtype, 1)
+        self._of_all = Forms([angle for row in turned for angle in row], inputs, dtype)
         self._signs = torch.tensor(1.0 - 2.0 * _bits(width), dtype=dtype)
+        # Rz(a) is (1, exp(i a)), up to global phase.
+        of_groups = [[row[part.start : part.stop] for row in number] for part in groups(width)]
         self._groups = [
-            (qubits, torch.tensor(_bits(len(qubits)).T, dtype=dtype)) for qubits in groups(width)
+            Forms([angle for row in rows for angle in _sums(row)], inputs, dtype)
+            for rows in of_groups
         ]
+        self._count = len(number)
 
     def __call__(self, x: torch.Tensor) -> torch.Tensor:
         """The factors of amplitudes, up to global phase, (numbers, 2**width, B)."""
-        angles = self._forms(x.T).reshape(self._shape[0], self._shape[1], len(x))
         product: torch.Tensor | None = None
-        for qubits, bits in self._groups:
-            phases = bits @ angles[:, qubits.start : qubits.stop]
+        for forms in self._groups:
+            phases = forms(x.T)
             factors = torch.complex(phases.cos(), phases.sin())
+            factors = factors.view(self._count, len(forms) // max(1, self._count), len(x))
             if product is None:
                 product = factors
             else:
@@ -153,6 +154,14 @@ class Phases:
     def gradient(self, derivatives: list[torch.Tensor]) -> torch.Tensor:
         """The gradient by x, (B, inputs), for the derivatives of layers with phases in order."""
         return self._of_all.gradient(torch.cat(derivatives)).T
+
+
+def _sums(angles: Sequence[Angle]) -> list[Angle]:
+    """The sum of a subset of angles for each number, whose bits choose them, the highest first."""
+    sums = [Angle()]
+    for angle in angles:
+        sums = [part for before in sums for part in (before, before + angle)]
+    return sums
 
 
 def _bits(width: int) -> IntArray:

@@ -34,8 +34,13 @@ class Layer:
     @property
     def is_fixed(self) -> bool:
         """Whether it is the same whatever the symbols are."""
+        return not self.phases and not self.is_trained
+
+    @property
+    def is_trained(self) -> bool:
+        """Whether its runs have symbols."""
         rotations = (rotation for run in self.runs.values() for rotation in run)
-        return not self.phases and all(angle.is_constant for _, angle in rotations)
+        return not all(angle.is_constant for _, angle in rotations)
 
 
 def layers(gates: Iterable[Gate], width: int, inputs: Collection[str]) -> list[Layer]:

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import torch
 
+from qcompile.arrays import IntArray
 from qcompile.ir import Gate
 from qcompile.ir.gate import Rotation
 from qcompile.states.couplings import on_amplitudes
@@ -28,7 +29,7 @@ _GROUP = 4
 _PAULIS = np.array([[[0, 1], [1, 0]], [[0, -1j], [1j, 0]], [[1, 0], [0, -1]]])
 
 Matrices = Sequence[torch.Tensor]
-"""The matrix (d, d) of each group of qubits."""
+"""The matrices (states, d, d) of each group of qubits."""
 
 
 class Bound(NamedTuple):
@@ -39,14 +40,12 @@ class Bound(NamedTuple):
     matrices: tuple[torch.Tensor, ...]
 
     def of_layers(self) -> list[Matrices]:
-        """The matrices of each layer."""
-        return _by_layer(self.matrices)
-
-    def transposes(self) -> list[Matrices]:
-        return _by_layer(matrix.mT for matrix in self.matrices)
+        """The matrices (1, d, d) of each layer."""
+        return _by_layer(matrix[:, None] for matrix in self.matrices)
 
     def inverses(self) -> list[Matrices]:
-        return _by_layer(matrix.mH.resolve_conj() for matrix in self.matrices)
+        """The matrices (2, d, d) of each layer that undo it, on a state and on a bra."""
+        return _by_layer(torch.stack([m.mH, m.mT], dim=1) for m in self.matrices)
 
 
 def _by_layer(matrices: Iterable[torch.Tensor]) -> list[Matrices]:
@@ -62,7 +61,7 @@ def groups(width: int) -> list[range]:
 class Operators:
     """The operators of `layers`; a layer without symbols may have become part of the one before.
 
-    A state is (2**width, B), with the first qubit's bit highest.
+    States are (number, 2**width, B), with the first qubit's bit highest.
     """
 
     def __init__(
@@ -82,45 +81,49 @@ class Operators:
         # Where a qubit has no run stands the empty one behind the others.
         self._rotations = Rotations([*runs, ()], parameters, dtype)
         run_of_place = np.where(has_run.ravel(), has_run.cumsum() - 1, len(runs))
-        self._run_of_place = torch.tensor(run_of_place)
-        self._place_of_run = torch.tensor([*np.flatnonzero(has_run), 0])
-        self._groups = [_Group(qubits, width, dtype) for qubits in groups(width)]
+        self._groups = [
+            _Group(qubits, width, run_of_place.reshape(-1, width), dtype)
+            for qubits in groups(width)
+        ]
+        self.is_trained = [layer.is_trained for layer in self.layers]
+        # Runs of other layers have no gradient: any place will do.
+        row = np.cumsum(self.is_trained) - 1
+        layer_of_run, qubit_of_run = np.nonzero(has_run)
+        place_of_run = row[layer_of_run].clip(min=0) * width + qubit_of_run
+        self._place_of_run = torch.tensor([*place_of_run, 0])
 
     def __call__(self, theta: torch.Tensor) -> Bound:
         """The operators at theta (parameters,)."""
         products, turns = self._rotations(theta)
-        runs = self._rotations.matrices(products).index_select(0, self._run_of_place)
-        of_qubits = runs.reshape(len(self.layers), -1, 2, 2).unbind(1)
-        matrices = tuple(
-            kronecker([of_qubits[qubit] for qubit in group.qubits]) for group in self._groups
-        )
+        runs = self._rotations.matrices(products)
+        matrices = tuple(group.matrices(runs) for group in self._groups)
         if self._fixed is not None:
             matrices = (self._fixed @ matrices[0],)
         return Bound(products, turns, matrices)
 
     def apply(self, layer: int, matrices: Matrices, state: torch.Tensor) -> torch.Tensor:
-        """The state after a layer, given its matrices."""
+        """The states after a layer, given its matrices."""
         for group, matrix in zip(self._groups, matrices, strict=True):
             state = group.apply(matrix, state)
         coupling = self._couplings[layer]
         return state if coupling is None else coupling.apply(state)
 
     def undo(self, layer: int, inverses: Matrices, state: torch.Tensor) -> torch.Tensor:
-        """The state before a layer, given the inverses of its matrices."""
+        """The states before a layer, given the inverses of its matrices."""
         coupling = self._couplings[layer]
         state = state if coupling is None else coupling.undo(state)
         for group, inverse in zip(self._groups, inverses, strict=True):
             state = group.apply(inverse, state)
         return state
 
-    def moments(self, state: torch.Tensor, bra: torch.Tensor) -> list[torch.Tensor]:
+    def moments(self, state_and_bra: torch.Tensor) -> list[torch.Tensor]:
         """The sum of state x bra over rows, on each group of qubits: (d, d)."""
-        return [group.moment(state, bra) for group in self._groups]
+        return [group.moment(*state_and_bra.unbind()) for group in self._groups]
 
     def gradient(self, bound: Bound, moments: Sequence[Sequence[torch.Tensor]]) -> torch.Tensor:
         """The gradient by theta of what changes by 2 Re <bra|d state>.
 
-        `moments` are those of state and bra before every layer.
+        `moments` are those of state and bra before every trained layer; there is at least one.
         """
         of_groups = [
             group.spins(torch.stack(of_group))
@@ -131,39 +134,58 @@ class Operators:
 
 
 class _Group:
-    """Neighbouring qubits, of which a layer has one matrix."""
+    """Neighbouring qubits, of which a layer has one matrix.
 
-    def __init__(self, qubits: range, width: int, dtype: torch.dtype):
-        self.qubits, self.size = qubits, len(qubits)
+    `run_of_place` (layers, width) is the run of each layer and qubit.
+    """
+
+    def __init__(self, qubits: range, width: int, run_of_place: IntArray, dtype: torch.dtype):
+        self._size, self._layers = len(qubits), len(run_of_place)
         self._before, self._after = 2**qubits.start, 2 ** (width - qubits.stop)
-        rows = []
-        for qubit in range(self.size):
-            for pauli in _PAULIS:
-                sides = np.eye(2**qubit), np.eye(2 ** (self.size - qubit - 1))
-                matrix = np.kron(np.kron(sides[0], pauli), sides[1]).T
-                # Im(p c) = Im p Re c + Re p Im c
-                rows.append(np.stack([matrix.imag, matrix.real], axis=-1).ravel())
-        self._spins = torch.tensor(np.array(rows).T, dtype=dtype)
+        # Entry (i, j) of a Kronecker product is that of (bit of i, bit of j) of each factor.
+        bits = np.arange(2**self._size) >> np.arange(self._size)[::-1, None] & 1
+        entries = 2 * bits[:, :, None] + bits[:, None]  # (qubits, d, d)
+        runs = run_of_place[:, qubits.start : qubits.stop, None, None]
+        self._entries = torch.tensor((4 * runs + entries).ravel())
+        self._spins = _spins(self._size, dtype)
+
+    def matrices(self, runs: torch.Tensor) -> torch.Tensor:
+        """The Kronecker products of matrices (runs, 2, 2), (layers, d, d)."""
+        chosen = runs.reshape(-1).index_select(0, self._entries)
+        size = 2**self._size
+        return chosen.view(self._layers, self._size, size, size).prod(dim=1)
 
     def apply(self, matrix: torch.Tensor, state: torch.Tensor) -> torch.Tensor:
         if self._before == self._after == 1:
-            return torch.mm(matrix, state)
-        after = torch.bmm(matrix.expand(self._before, -1, -1), self._view(state))
-        return after.view(state.shape)
+            return torch.bmm(matrix, state)
+        number, _, rows = state.shape
+        size, count = 2**self._size, number * self._before
+        each = matrix[:, None].expand(-1, self._before, -1, -1).reshape(count, size, size)
+        parts = state.view(count, size, self._after * rows)
+        return torch.bmm(each, parts).view(state.shape)
 
     def moment(self, state: torch.Tensor, bra: torch.Tensor) -> torch.Tensor:
         if self._before == self._after == 1:
             return torch.mm(state, bra.T)
-        return torch.bmm(self._view(state), self._view(bra).mT).sum(dim=0)
-
-    def _view(self, state: torch.Tensor) -> torch.Tensor:
-        """A state with the group's qubits on the axis in the middle."""
-        return state.view(self._before, 2**self.size, self._after * state.shape[1])
+        shape = self._before, 2**self._size, self._after * state.shape[1]
+        return torch.bmm(state.view(shape), bra.view(shape).mT).sum(dim=0)
 
     def spins(self, moments: torch.Tensor) -> torch.Tensor:
         """Im <bra|P|state> for P = X, Y, Z of each qubit: (layers, d, d) to (layers, size, 3)."""
         parts = torch.view_as_real(moments).reshape(len(moments), -1)
-        return (parts @ self._spins).reshape(-1, self.size, 3)
+        return (parts @ self._spins).reshape(-1, self._size, 3)
+
+
+def _spins(size: int, dtype: torch.dtype) -> torch.Tensor:
+    """The linear map from the parts of a moment (d, d, 2) to Im tr(P moment), (2 d d, 3 size)."""
+    columns = []
+    for qubit in range(size):
+        for pauli in _PAULIS:
+            left = np.kron(np.eye(2**qubit), pauli)
+            matrix = np.kron(left, np.eye(2 ** (size - qubit - 1))).T
+            # Im(p m) = Im p Re m + Re p Im m
+            columns.append(np.stack([matrix.imag, matrix.real], axis=-1).ravel())
+    return torch.tensor(np.array(columns).T, dtype=dtype)
 
 
 class _Permutation:
@@ -174,15 +196,19 @@ class _Permutation:
         moves = not np.array_equal(source, np.arange(len(source)))
         self._source = torch.tensor(source) if moves else None
         self._back = torch.tensor(source.argsort()) if moves else None
-        self._sign = torch.tensor(sign, dtype=dtype)[:, None] if (sign < 0).any() else None
+        self._sign = torch.tensor(sign, dtype=dtype)[:, None, None] if (sign < 0).any() else None
 
     def apply(self, state: torch.Tensor) -> torch.Tensor:
-        state = state if self._source is None else state.index_select(0, self._source)
-        return state if self._sign is None else state * self._sign
+        return self._signed(state if self._source is None else state.index_select(1, self._source))
 
     def undo(self, state: torch.Tensor) -> torch.Tensor:
-        state = state if self._sign is None else state * self._sign
-        return state if self._back is None else state.index_select(0, self._back)
+        state = self._signed(state)
+        return state if self._back is None else state.index_select(1, self._back)
+
+    def _signed(self, state: torch.Tensor) -> torch.Tensor:
+        if self._sign is None:
+            return state
+        return torch.view_as_complex(torch.view_as_real(state) * self._sign)
 
 
 def kronecker(factors: Sequence[torch.Tensor]) -> torch.Tensor:
