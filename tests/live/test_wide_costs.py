@@ -126,8 +126,8 @@ def test_the_command_of_a_live_plan_works_as_typed(
     runs: Runs, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Of the copies that fit, as many share an execution as there are episodes."""
-    monkeypatch.setattr(search, "_LEAST", 8)
-    monkeypatch.setattr(search, "_MOST", 8)
+    monkeypatch.setattr(search, "_LEAST", 3)
+    monkeypatch.setattr(search, "_MOST", 3)
     monkeypatch.setattr(search, "LADDER", (16,))
     Path("pair.json").write_text(json.dumps(PAIR))
     words = ("plan", "pair.json", "--backend", "fake_toronto", "--episodes", 2, "--live")
