@@ -1,8 +1,8 @@
 """Pages that are typed along, in one folder each: their commands answer what the page prints.
 
 Blocks `console` are typed, `cat` among them, and blocks `py` run; a block `text` right after one of
-Python is what that prints. A block whose first line is a comment with a file's name is that file, and
-a policy in JSON the file of its name.
+Python is what that prints. A block whose first line is a comment with a file's name is that file,
+and a policy in JSON the file of its name.
 """
 
 from __future__ import annotations
