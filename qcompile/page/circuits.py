@@ -88,7 +88,7 @@ def _drawing(compiled: Compiled, executable: Executable) -> Iterator[Block]:
     yield Prose(f"{count}, compiled to {gates}. Level {level}: {LEVELS[level]}.")
     shown = None
     drawing = executable.draw("svg")
-    if len(drawing) > _MOST_LETTERS:
+    if len(drawing) > _MOST_LETTERS and len(source) > 1:
         shown, drawing = 0, executable.draw("svg", 0)
     yield Picture(
         f"Circuits for {compiled.device.name}, level {level}: before and after compilation",

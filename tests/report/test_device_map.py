@@ -146,3 +146,11 @@ def test_a_map_is_the_same_file_again() -> None:
     first, second = (draw_map(TWO.device, Usage.of(TWO)).svg() for _ in range(2))
     assert first == second
     assert not re.search(r'id="(figure|axes|patch|text|line2d)_\d', first)
+
+
+def test_qubits_without_errors_have_a_map() -> None:
+    lima = load_device("fake_lima")
+    perfect = tuple(qubit.model_copy(update={"p10": 0.0, "p01": 0.0}) for qubit in lima.qubits)
+    couplings = tuple(each.model_copy(update={"error": 0.01}) for each in lima.couplings)
+    drawn = draw_map(lima.model_copy(update={"qubits": perfect, "couplings": couplings}))
+    assert drawn.png
