@@ -1,9 +1,9 @@
 """One circuit of several qubits in torch: `<O>` for a batch, and its gradient.
 
 A state is (2**width, B), or (2**width, 1) before the first layer that inputs enter: all rows share
-the operators of layers, and only phases differ. The gradient walks back from the last state
-and undoes layer after layer, so that memory does not grow with their number. Source: arXiv
-2009.02823 (the adjoint method).
+the operators of layers, and only phases differ. The gradient walks back from the last state and
+undoes layer after layer, so that no other state is kept. Source: arXiv 2009.02823 (the adjoint
+method).
 """
 
 from __future__ import annotations
