@@ -32,6 +32,8 @@ bench: $(VENV)/bench.stamp  ## Measure speed and errors beside the peers, in one
 	$(BIN)/python benchmarks/mitigation.py
 	$(BIN)/python benchmarks/training.py
 	$(BIN)/python benchmarks/entangled.py
+	$(BIN)/python benchmarks/products.py
+	$(BIN)/python -W ignore benchmarks/late.py
 
 calibrations: $(VENV)/dev.stamp  ## Measure fits, false alarms, p-values and power of calibrations (minutes)
 	$(BIN)/python benchmarks/calibration.py

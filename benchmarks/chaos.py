@@ -5,12 +5,12 @@
 Small complete runs from the command line, with the unmodified client of qiskit-ibm-runtime, use the
 stand-in for IBM's service in tests/standin. They are killed at random moments, restored from an
 older copy, resumed by two processes at once, killed before and after each write to the journal, and
-exposed to each trouble of tests/standin/troubles.py. Some measure ahead, hold or split, and one is
-a user's program on a GuardedSampler. After each process the run's report is compared with the
-ledger: it may not report less than was charged, and the limit must hold or a doubt be reported. In
-the end its result must equal that of an undisturbed run, nothing may be lost, and once the service
-has recovered the books must agree exactly. No process may show a traceback, a control character or
-a token, and no file may contain one.
+exposed to each trouble of tests/standin/troubles.py. Some measure ahead, hold or split, one has
+circuits of several qubits, and one is a user's program on a GuardedSampler. After each process the
+run's report is compared with the ledger: it may not report less than was charged, and the limit
+must hold or a doubt be reported. In the end its result must equal that of an undisturbed run,
+nothing may be lost, and once the service has recovered the books must agree exactly. No process may
+show a traceback, a control character or a token, and no file may contain one.
 """
 
 from __future__ import annotations
@@ -38,9 +38,10 @@ from rich.table import Table
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 
 from chaos_copies import COPIES, TWO_AT_ONCE
-from chaos_trial import HELD, KILLED, LIMIT_S, PROGRAM, SCENARIOS, Trial
+from chaos_trial import HELD, KILLED, LIMIT_S, PROGRAM, SCENARIOS, WIDE, Trial
 from live_ledger import charged_s
 from standin import TROUBLES, StandIn, Trouble
+from wide_policies import PAIR
 
 KILLS, WRITES = "killed", "killed at a write"
 TRAINED = Path(__file__).parent.parent / "trained"
@@ -88,11 +89,12 @@ class Chaos:
         return Trial(scenario, stand_in, folder, **settings)
 
     def prepare(self) -> None:
-        """Calibrate a twin, make policies that hold, and run each scenario undisturbed."""
+        """Calibrate a twin, write policies, and run each scenario undisturbed."""
         for name, shipped in HELD.items():
             policy = json.loads((TRAINED / f"{shipped}.json").read_text())
             policy |= {"format": "qcompile-policy-2", "hold": 2}
             (self.folder / name).write_text(json.dumps(policy))
+        (self.folder / WIDE).write_text(json.dumps(PAIR))
         twin = ("calibrate", "--backend", "fake_lima", "--seed", "1", "--out", "twin.json")
         words = (sys.executable, "-m", "qcompile", *twin)
         subprocess.run(words, cwd=self.folder, check=True, stdout=subprocess.DEVNULL)
@@ -221,11 +223,11 @@ def plan(chaos: Chaos, only: str, seed: int, writes: int) -> dict[str, Iterator[
 
 def _scenarios(kind: str, number: int) -> list[str]:
     """The scenarios of a kind, in turn; the next kind starts with the next scenario."""
-    if kind.startswith(_OF_BATCH):
+    if kind.startswith(_OF_BATCH) and "batch" in SCENARIOS:
         return ["batch"]
     first = number % len(SCENARIOS)
     names = [*SCENARIOS][first:] + [*SCENARIOS][:first]
-    if kind == TWO_AT_ONCE:  # a copied program must first be resumed by name
+    if kind == TWO_AT_ONCE and PROGRAM in names:  # a copied program must first be resumed by name
         names.remove(PROGRAM)
     return names
 
@@ -236,12 +238,15 @@ def _scenarios(kind: str, number: int) -> list[str]:
 @click.option("--faults", default=600, show_default=True, help="Each kind is tried at least once.")
 @click.option("--seed", default=0, show_default=True)
 @click.option("--only", default="", help="Only kinds whose name contains this.")
+@click.option("--run", default="", help="Only runs whose name contains this, such as wide.")
 @click.option("--workers", default=4, show_default=True, help="Trials at a time; they mostly wait.")
 @click.option("--keep", is_flag=True, help="Keep the folders of the runs.")
 def main(
-    kills: int, writes: int, faults: int, seed: int, only: str, workers: int, keep: bool
+    kills: int, writes: int, faults: int, seed: int, only: str, run: str, workers: int, keep: bool
 ) -> None:
     """Break live runs in every known way, and check their reports against the ledger."""
+    for name in [name for name in SCENARIOS if run not in name]:
+        del SCENARIOS[name]
     console = Console(width=118)
     folder = Path(tempfile.mkdtemp(prefix="chaos-"))
     paths = (sys.path[0], str(Path(__file__).parent), os.environ.get("PYTHONPATH", ""))

@@ -34,6 +34,8 @@ PROGRAM, KILL_AT = "program", "CHAOS_KILL_AT"
 """The module chaos_command, loaded only in the processes of runs."""
 HELD = {"one.json": "cartpole_1q", "four.json": "cartpole"}
 """Policies that hold each decision for two steps, and the shipped policies they come from."""
+WIDE = "pair.json"
+"""A policy with a circuit of two qubits."""
 SCENARIOS = {
     "run": (*PLAY, "--shots", "256", "--mitigation", "none", *LIVE),
     "batch": (*PLAY, "--shots", "256", "--mitigation", "response", "--batch", *LIVE),
@@ -50,6 +52,11 @@ SCENARIOS = {
     "split": (
         *("run", "one.json", "--backend", "fake_lima", "--episodes", "3", "--max-steps", "12"),
         *("--shots", "50", "--split", "--copies", "4", "--speculate", "2", *LIVE),
+    ),
+    "wide": (
+        *("run", WIDE, "--backend", "fake_toronto", "--episodes", "3", "--max-steps", "6"),
+        *("--shots", "64", "--copies", "2", "--speculate", "2", "--calibration-shots", "300"),
+        *LIVE,
     ),
     PROGRAM: (PROGRAM,),
 }

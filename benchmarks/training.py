@@ -8,7 +8,7 @@ from collections.abc import Callable
 import torch
 from measure import Row, compared, in_turn, seconds, show
 
-from qcompile.rl.models import SVQC
+from qcompile.rl.models import CircuitModel
 from qcompile.rl.ppo import Trainer
 from qcompile.rl.settings import Settings
 
@@ -97,7 +97,7 @@ def gradients() -> list[Row]:
     generator = torch.Generator().manual_seed(0)
     observations = torch.randn(BATCH, FEATURES, generator=generator)
     settings = Settings(scales=SCALES, trainable_scale=True)
-    ours = gradient(SVQC(FEATURES, ACTIONS, settings, generator), observations)
+    ours = gradient(CircuitModel(FEATURES, ACTIONS, settings, generator), observations)
     by_hand = gradient(ClosedForm(), observations)
     layers = gradient(pennylane_layers(), observations)
     layers()

@@ -118,8 +118,8 @@ __all__ = [  # noqa: RUF022
 
 
 def __getattr__(name: str) -> Any:
-    if name == "nn":  # a module: it loads torch
-        return import_module("qcompile.nn")
+    if name in ("nn", "qiskit"):  # modules: they load torch and Qiskit
+        return import_module(f"qcompile.{name}")
     if name not in _HOMES:
         raise AttributeError(f"module 'qcompile' has no attribute {name!r}")
     globals()[name] = value = getattr(import_module(_HOMES[name]), name)

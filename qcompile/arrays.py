@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 BoolArray = NDArray[np.bool_]
 CountArray = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 IntArray = NDArray[np.intp]
 CircuitShots = int | CountArray
 """Shots: one number for every circuit, or (circuits,) with one for each."""

@@ -6,7 +6,7 @@ from collections import Counter
 from functools import cached_property
 from os import PathLike, fspath
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
@@ -30,6 +30,7 @@ Kind = Literal["ideal", "noise-model", "measured-response", "hardware"]
 
 GateName = Annotated[str, Field(pattern=r"^\w+$", max_length=40)]
 Natural = Annotated[int, Field(ge=0)]
+Coordinate = Annotated[float, Field(allow_inf_nan=False, ge=-1e6, le=1e6)]
 CoherenceTime = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
@@ -72,7 +73,9 @@ class Device(Record):
     """A machine that runs circuits: its gates, its qubits and their couplings.
 
     `qubits` is empty for `ideal`, which has as many perfect qubits as a program needs, all of them
-    coupled. No circuit is placed on a qubit in `left_out`. Files of format 1 have no couplings.
+    coupled. No circuit is placed on a qubit in `left_out`. `positions` are where a map draws the
+    qubits, to the right and downwards; without them it finds places. Files of format 1 have no
+    couplings and no positions.
     """
 
     format: Literal["qcompile-device-1", "qcompile-device-2"] = "qcompile-device-1"
@@ -85,6 +88,9 @@ class Device(Record):
     qubits: Many[Qubit] = ()
     left_out: Many[int] = ()
     couplings: Annotated[Many[Coupling], Field(exclude_if=lambda couplings: not couplings)] = ()
+    positions: Annotated[
+        Many[tuple[Coordinate, Coordinate]], Field(exclude_if=lambda positions: not positions)
+    ] = ()
 
     @model_validator(mode="after")
     def _check(self) -> Device:
@@ -109,8 +115,13 @@ class Device(Record):
                 )
             if first == second:
                 raise ValueError(f"a coupling connects qubit {first} with itself")
-        if self.couplings and self.format == "qcompile-device-1":
-            raise ValueError("couplings need the format qcompile-device-2")
+        for name in ("couplings", "positions"):
+            if getattr(self, name) and self.format == "qcompile-device-1":
+                raise ValueError(f"{name} need the format qcompile-device-2")
+        if self.positions and len(self.positions) != len(self.qubits):
+            raise ValueError(
+                f"there are {len(self.positions)} positions for {len(self.qubits)} qubits"
+            )
         if len(self.coupling_calibrations) < len(self.couplings):
             raise ValueError("a coupling is listed twice")
 
@@ -139,7 +150,8 @@ class Device(Record):
     def without_couplings(self) -> Device:
         """The device for circuits of one qubit, as files of format 1 describe it."""
         values = {name: getattr(self, name) for name in type(self).model_fields}
-        return Device(**values | {"format": "qcompile-device-1", "couplings": ()})
+        none: dict[str, Any] = {"couplings": (), "positions": ()}
+        return Device(**values | none | {"format": "qcompile-device-1"})
 
     def to_json(self) -> str:
         return self.model_dump_json(indent=1) + "\n"

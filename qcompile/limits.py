@@ -55,8 +55,11 @@ MAX_ANGLE_LETTERS = 10_000
 MAX_QUBITS = 10_000
 """The most qubits in a device file, and entries in any other list there or in a calibration."""
 
-MAX_NOISY_QUBITS = 8
-"""The most qubits of a circuit whose noise is computed: a Pauli vector of 65,536 numbers a row."""
+MAX_PAULI_QUBITS = 8
+"""The most qubits of a circuit whose noise is computed in arrays, 65,536 numbers a row; Aer takes
+more."""
+MAX_DENSITY_QUBITS = 12
+"""The most qubits of a circuit whose noise Aer computes: a density matrix of 256 MB."""
 
 MAX_STATE_QUBITS = 16
-"""The most qubits of a circuit whose statevector is computed."""
+"""The most qubits of a circuit whose statevector is computed: without noise, and to train it."""

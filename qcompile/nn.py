@@ -20,7 +20,8 @@ class CircuitLayer(torch.nn.Module):
 
     `theta` (parameters,) is trained, and is in the state_dict. It starts as given, by default
     uniform in [-pi, pi). The layer computes in its dtype, float32 unless `.double()` or `.to` says
-    otherwise, on the CPU, without noise and without shots.
+    otherwise, on the CPU, without noise and without shots. Gradients of circuits of several qubits
+    cannot be differentiated again.
 
     Raises:
         CircuitError: `program` is not a Program, it is fused, a circuit is too wide, or theta has

@@ -6,12 +6,13 @@ advance together, one axis a step; a step is a few operations on (observations, 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 
+from qcompile.arrays import ComplexArray, IntArray
 from qcompile.errors import CircuitError
 from qcompile.ir import NEGLIGIBLE_RAD, Angle, Circuit, LateAngle, Program
 from qcompile.ir.table import AngleTable, Array, are_large
@@ -47,6 +48,7 @@ class Simulator:
         columns = [alternating(circuit) for circuit in program.circuits]
         self._steps: list[_Step] = []
         forms: dict[tuple[object, ...], int] = {}
+        self._phases = _Phases(columns, inputs, program.parameters) if xp is np else None
         for position in range(max(map(len, columns), default=0)):
             angles = [c[position] if position < len(c) else Angle() for c in columns]
             table = AngleTable(angles, inputs, program.parameters, xp, dtype)
@@ -106,12 +108,14 @@ class Simulator:
         # The first column (alpha, beta) of an SU(2) matrix determines the rest.
         alpha = np.ones((len(x), self._size), dtype=complex)
         beta = np.zeros_like(alpha)
+        assert self._phases is not None
+        phases = self._phases(x, theta, large)
         for step in self._steps:
-            half = step.table(x, theta, large=large) / 2
             if step.axis == "z":
-                phase = np.exp(1j * half)
+                phase = next(phases)
                 alpha, beta = alpha * phase.conj(), beta * phase
             else:
+                half = step.table(x, theta, large=large) / 2
                 cos, sin = np.cos(half), np.sin(half)
                 alpha, beta = cos * alpha - sin * beta, sin * alpha + cos * beta
         return euler_angles(alpha, beta)
@@ -166,6 +170,33 @@ class LateAngles:
             return euler[self._parts, :, self._index].T
         polar = np.arccos(self.polar_cosines(x, theta))
         return polar if self._one_each else polar[:, self._index]
+
+
+class _Phases:
+    """exp(i angle / 2) of the z rotations, step by step; equal open angles are computed once."""
+
+    def __init__(
+        self, columns: Sequence[Sequence[Angle]], inputs: Sequence[str], parameters: Sequence[str]
+    ):
+        distinct: dict[Angle, int] = {}
+        self._steps: list[ComplexArray | slice | IntArray] = []
+        for position in range(0, max(map(len, columns), default=0), 2):
+            angles = [c[position] if position < len(c) else Angle() for c in columns]
+            if all(angle.is_constant for angle in angles):
+                half = np.array([angle.moderate().constant for angle in angles]) / 2
+                self._steps.append(np.exp(1j * half))
+                continue
+            first = len(distinct)
+            of_step = np.array([distinct.setdefault(a, len(distinct)) for a in angles])
+            are_new = np.array_equal(of_step, np.arange(first, len(distinct)))
+            self._steps.append(slice(first, len(distinct)) if are_new else of_step)
+        self._table = AngleTable([*distinct], inputs, parameters)
+
+    def __call__(self, x: Array, theta: Array, large: bool) -> Iterator[Array]:
+        phases = np.exp(1j * (self._table(x, theta, large=large) / 2))
+        for step in self._steps:
+            is_constant = isinstance(step, np.ndarray) and step.dtype == complex
+            yield step if is_constant else phases[..., step]
 
 
 class _Step:

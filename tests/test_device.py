@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -249,6 +250,22 @@ def test_a_message_about_a_key_does_not_steer_a_terminal(tmp_path, key: str) -> 
     assert head == f"{path} is not a device file."
     assert len(lines) == 1
     assert lines[0].isprintable()
+
+
+@pytest.mark.parametrize(
+    ("positions", "found", "words"),
+    [
+        ([[0, 0]], "2", "there are 1 positions for 5 qubits"),
+        ([[0, 0]] * 5, "1", "positions need the format qcompile-device-2"),
+        ([[0, "a"]] * 5, "2", "positions.0.1"),
+    ],
+)
+def test_positions_are_one_for_each_qubit(tmp_path, positions, found: str, words: str) -> None:
+    values = {"format": f"qcompile-device-{found}", "couplings": [], "positions": positions}
+    path = tmp_path / "mine.json"
+    path.write_text(json.dumps(_valid() | values))
+    with pytest.raises(DeviceError, match=re.escape(words)):
+        load_device(path)
 
 
 @pytest.mark.parametrize("qubits", [True, False])

@@ -28,6 +28,7 @@ ORDER = (
     {"nn"},
     {"execution"},
     {"interop"},
+    {"qiskit"},
     {"mitigation"},
     {"policy"},
     {"deploy"},
@@ -56,6 +57,9 @@ DOORS = {
         "qcompile.interop.qiskit.circuits_of",
         "qcompile.report.drawing.Form",
         "qcompile.report.drawing.draw_executable",
+        "qcompile.report.device_map.draw_executable_map",
+        "qcompile.report.figure.Figure",
+        "qcompile.report.style.AnyStyle",
     },
     "calibration/calibration.py": {
         "qcompile.report.calibration.draw_calibration",
@@ -75,7 +79,15 @@ NAMES = [name for name in qcompile.__all__ if name not in (*VERBS, "Live")]
 
 HEAVY = (
     *("torch", "cvxpy", "gymnasium", "matplotlib", "qiskit", "openqasm3", "imageio_ffmpeg", "PIL"),
-    *("pennylane", "jinja2", "qiskit_ibm_runtime", "ibm_cloud_sdk_core", "tenacity", "requests"),
+    *(
+        "networkx",
+        "pennylane",
+        "jinja2",
+        "qiskit_ibm_runtime",
+        "ibm_cloud_sdk_core",
+        "tenacity",
+        "requests",
+    ),
 )
 
 

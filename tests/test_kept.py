@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
 from qcompile.calibration import load_calibration
 from qcompile.live.perform import task_of
@@ -155,15 +156,31 @@ def test_a_cell_of_the_study_is_not_trained_again(tmp_path: Path, qcompile: Call
     check_same(found["rows"][0], printed("study")["rows"][0], *own)
 
 
+def test_a_checkpoint_of_an_entangling_circuit_becomes_a_policy(
+    tmp_path: Path, qcompile: Call
+) -> None:
+    """The outputs and rewards are those that 0.1.0 computed with its own code for this circuit."""
+    state = shutil.copy(KEPT / "mvqc-checkpoint.pt", tmp_path)
+    trainer, _ = load_checkpoint(Path(state))
+    observations = torch.tensor([[0.1, -0.5, 0.02, 0.7], [1.0, 2.0, -0.1, -1.5]])
+    expected = [[-0.0379544906, 0.2647983432], [-0.1154583991, 0.3198476732]]
+    found = trainer.actor(observations).detach().numpy()
+    np.testing.assert_allclose(found, expected, atol=2e-6)
+    rewards = [28.0, 16.0, 37.0, 13.0, 24.0, 35.0, 24.0, 25.0, 35.0, 29.0, 18.0, 50.0]
+    assert [episode.reward for episode in trainer.history] == rewards
+    out = tmp_path / "policy.json"
+    assert qcompile("train", "CartPole-v1", "--resume", state, "--out", out).code == 0
+    assert qcompile("run", out, "--episodes", 2, "--max-steps", 5).code == 0
+
+
 def test_a_checkpoint_is_where_its_training_was() -> None:
     trainer, _ = load_checkpoint(KEPT / "checkpoint.pt")
     expected, policy = printed("train"), load_policy(KEPT / "policy.pt")
     assert [trainer.environment, trainer.seed] == [expected["environment"], expected["seed"]]
     assert [len(trainer.history), trainer.steps] == [expected["episodes"], expected["steps"]]
-    assert trainer.parameter_count == expected["parameters"]
     rewards = [episode.reward for episode in trainer.history]
     assert np.mean(rewards) == expected["last_20_mean_reward"]
     found = trainer.policy()
-    assert found is not None
+    assert found.parameter_count == expected["parameters"]
     for name in ("theta", "weights", "bias"):
         np.testing.assert_array_equal(getattr(found, name), getattr(policy, name))

@@ -1,11 +1,13 @@
 """Pages that are typed along, in one folder each: their commands answer what the page prints.
 
 Blocks `console` are typed, `cat` among them, and blocks `py` run; a block `text` right after one of
-Python is what that prints. A block whose first line is a comment with a file's name is that file.
+Python is what that prints. A block whose first line is a comment with a file's name is that file,
+and a policy in JSON the file of its name.
 """
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -15,9 +17,15 @@ import pytest
 from golden_files import REWRITES
 from sessions import DOCS, WIDTH, Transcript, blocks, matches, typed, words_of
 
-PAGES = ("start/getting-started.md", "howto/paper-figure.md", "howto/entangling.md")
+PAGES = (
+    "start/getting-started.md",
+    "howto/paper-figure.md",
+    "howto/entangling.md",
+    "howto/late-binding.md",
+)
 PICTURES = {
-    "howto/paper-figure.md": {"paper-figure.svg": "devices.svg", "paper-shots.svg": "shots.svg"}
+    "howto/paper-figure.md": {"paper-figure.svg": "devices.svg", "paper-shots.svg": "shots.svg"},
+    "howto/entangling.md": {"device-map.svg": "map.svg"},
 }
 """The pictures of a page, and the files of its commands that they are."""
 FILE = re.compile(r"# ([\w-]+\.\w+)\n")
@@ -42,6 +50,8 @@ def test_a_page_prints_what_its_commands_answer(
     for language, block in blocks(page):
         if named := FILE.match(block):
             Path(named[1]).write_text(block)
+        elif language == "json":
+            Path(f"{json.loads(block)['name']}.json").write_text(block)
         elif language == "console":
             for line, expected in typed(block):
                 name, *words = words_of(line)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime
+from types import SimpleNamespace
 
 import pytest
 
@@ -50,6 +51,25 @@ def test_a_snapshot_holds_the_backend_s_own_numbers(lima) -> None:
             length = properties.gate_length(name, index)
             assert gate.length_ns == pytest.approx(1e9 * length, rel=1e-15)
     assert load_device("fake_lima").calibrated == properties.last_update_date.isoformat()
+
+
+def test_positions_are_where_ibm_draws_the_qubits() -> None:
+    """Coupled qubits of a lattice are one step apart; older backends do not say."""
+    for name in ("fake_lagos", "fake_fez", "fake_kingston"):
+        device = load_device(name)
+        coords = find_backend(name).configuration().coords
+        assert [list(pair) for pair in device.positions] == coords
+        for coupling in device.couplings:
+            (a, b), (c, d) = (device.positions[qubit] for qubit in coupling.qubits)
+            assert abs(a - c) + abs(b - d) == 1
+    assert load_device("fake_lima").positions == ()
+
+
+@pytest.mark.parametrize("coords", [None, [[1, 2]], [[1]] * 5, [None] * 5, "abcde", 5])
+def test_positions_of_another_form_are_left_out(lima, coords: object) -> None:
+    backend = _With(lima, lima.properties())
+    backend.configuration = lambda: SimpleNamespace(coords=coords)
+    assert device_from_backend(backend, "other").positions == ()
 
 
 def test_doubtful_data_is_flagged() -> None:

@@ -48,7 +48,10 @@ _REFIT_OPTIONS = {
     help="Measure the qubits that this policy's circuits are placed on.",
 )
 @click.option(
-    "--parts", type=Parts(), help="What to measure.  [default: both; with --live response]"
+    "--parts",
+    type=Parts(),
+    help="What to measure.  [default: both; with --live response, or readout for a policy with "
+    "couplings]",
 )
 @click.option(
     "--out",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -37,6 +38,19 @@ if TYPE_CHECKING:
     metavar="N",
     help="With --draw: draw only circuit N.",
 )
+@click.option(
+    "--map",
+    "map_file",
+    type=OutputPath(".png", ".svg", ".pdf"),
+    help="Draw the qubits and couplings of the backend by their errors, those in use marked; "
+    ".png, .svg or .pdf, overwritten.",
+)
+@click.option(
+    "--style",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE.mplstyle",
+    help="Fonts, sizes and colours of --map: a matplotlib style file.",
+)
 @json_option
 @click.pass_context
 def command(
@@ -47,16 +61,20 @@ def command(
     surrogate: bool,
     draw: Path | None,
     circuit: int | None,
+    map_file: Path | None,
+    style: Path | None,
     as_json: bool,
 ) -> None:
     """Show the circuits of a policy or an OpenQASM file, before and after compilation.
 
     The default policy is lunarlander. Trained angles are shown as symbols; `run` and `export` fill
-    in the numbers. On a device, the qubit chosen for each circuit is shown, and why. For a policy
+    in the numbers. On a device, the qubits chosen for each circuit are shown, and why. For a policy
     that is a neural network, its layers are shown.
     """
     if circuit is not None and draw is None:
         raise click.UsageError("--circuit needs --draw.")
+    if style is not None and map_file is None:
+        raise click.UsageError("--style needs --map.")
     if surrogate:
         _check_surrogate(ctx, subject)
         _show_surrogate(subject, as_json)
@@ -64,12 +82,12 @@ def command(
     from qcompile.execution import load_backend
     from qcompile.passes import compile
     from qcompile.policy import Network, load_policy
+    from qcompile.report.device_map import draw_executable_map
     from qcompile.report.drawing import draw_executable, form_of
     from qcompile.report.wires import executable_values, print_executable
 
     form = None if draw is None else form_of(draw)
-    if draw is not None:
-        _check_file(draw, subject, backend)
+    _check_files({"--draw": draw, "--map": map_file}, subject, backend, style)
     policy = None if Path(subject).suffix == ".qasm" else load_policy(subject)
     if isinstance(policy, Network):
         _show_network(ctx, policy, as_json)
@@ -85,38 +103,48 @@ def command(
         compiled = compile_source(read_file(subject), device, level, "3")
         executable, numbers = compiled.executable, compiled.circuits
     else:
-        policy.program.require_narrow("show")
         numbers, importance = None, policy.importance
         executable = compile(policy.program, device, level, importance)
     values = executable_values(
         executable, importance, numbers, policy=policy, calibration=opened.calibration
     )
-    drawn = ""
-    if form is not None:
+    written: dict[Path, tuple[str, bytes]] = {}
+    if draw is not None and form is not None:
         drawn = draw_executable(executable, form, circuit, numbers=numbers)
+        written[draw] = ("drawing", drawn.encode())
+    if map_file is not None:
+        name = Path(subject).name if policy is None else policy.name
+        figure = draw_executable_map(executable, style, f"{name} on {opened.name}")
+        written[map_file] = ("map", figure.contents(map_file.suffix))
     if as_json:
         echo_json(values)
     else:
         print_executable(executable, values)
-    if draw is not None:
-        write_file(draw, drawn.encode())
-        echo_note(f"drawing written to {draw}")
+    for path, (what, contents) in written.items():
+        write_file(path, contents)
+        echo_note(f"{what} written to {path}")
 
 
-def _check_file(draw: Path, subject: str, backend: str) -> None:
-    """Check that the drawing can be written and overwrites nothing that is shown.
+def _check_files(
+    writes: Mapping[str, Path | None], subject: str, backend: str, style: Path | None
+) -> None:
+    """Check that files can be written and overwrite nothing that is read, nor each other.
 
     Raises:
-        OptionError: it is the file of the subject or of the backend.
-        OutputError: it cannot be written.
+        OptionError: two are one file.
+        OutputError: one cannot be written.
     """
+    if not any(writes.values()):
+        return
     from qcompile.clashes import check_clashes
     from qcompile.device import backend_path
     from qcompile.policy.files import policy_path
 
-    reads = {subject: policy_path(subject), "--backend": backend_path(backend)}
-    check_clashes(reads, {"--draw": draw})
-    check_writable(draw)
+    reads = {subject: policy_path(subject), "--backend": backend_path(backend), "--style": style}
+    check_clashes(reads, writes)
+    for path in writes.values():
+        if path is not None:
+            check_writable(path)
 
 
 def _check_surrogate(ctx: click.Context, subject: str) -> None:
@@ -134,10 +162,11 @@ def _check_surrogate(ctx: click.Context, subject: str) -> None:
 def _circuit_options(ctx: click.Context) -> list[str]:
     """The options given that apply only to circuits."""
     default = ParameterSource.DEFAULT
+    names = {"backend": "backend", "level": "level", "draw": "draw", "map": "map_file"}
     return [
         f"--{name}"
-        for name in ("backend", "level", "draw")
-        if ctx.get_parameter_source(name) is not default
+        for name, parameter in names.items()
+        if ctx.get_parameter_source(parameter) is not default
     ]
 
 

@@ -21,9 +21,9 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
 @click.option(
     "--model",
     type=click.Choice(["svqc", "mvqc", "fcn", "cnn", "surrogate"]),
-    help="svqc: one-qubit circuits; mvqc: one entangling circuit; fcn, cnn: fully connected or "
-    "convolutional neural network; surrogate: the classical functions that one-qubit circuits "
-    "compute.  [default: svqc]",
+    help="svqc: one-qubit circuits; mvqc: one circuit with entangling gates, a qubit per feature; "
+    "fcn, cnn: fully connected or convolutional neural network; surrogate: the classical functions "
+    "that one-qubit circuits compute.  [default: svqc]",
 )
 @click.option(
     "--preset",
@@ -70,19 +70,19 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
 @click.option(
     "--backend",
     metavar="NAME",
-    help="Device whose noise model the policy is trained on; svqc.  [default: ideal]",
+    help="Device whose noise model the policy is trained on; svqc, mvqc.  [default: ideal]",
 )
 @click.option(
     "--shots",
     type=Shots(meaning="exact"),
-    help="Shots of each circuit in training; svqc.  [default: 1024 on a noisy backend, exact on "
-    "ideal]",
+    help="Shots of each circuit in training; svqc, mvqc.  [default: 1024 on a noisy backend, exact "
+    "on ideal]",
 )
 @click.option(
     "--mitigation",
     type=click.Choice(["none", "readout"]),
-    help="Errors to correct in training; svqc.  [default: readout on a noisy backend, none on "
-    "ideal]",
+    help="Errors to correct in training; svqc, mvqc.  [default: readout on a noisy backend, none "
+    "on ideal]",
 )
 @click.option(
     "--hold",
@@ -96,13 +96,13 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
 @click.option(
     "--circuits",
     metavar="FILE",
-    help="Train these circuits instead of a layout, with new output weights; svqc. FILE is a "
-    "policy (name or file), an OpenQASM file or a file of circuits.",
+    help="Train these circuits instead of a layout, with new output weights; svqc, or mvqc if one "
+    "has several qubits. FILE is a policy (name or file), an OpenQASM file or a file of circuits.",
 )
 @click.option(
     "--init",
     metavar="POLICY",
-    help="Start from all parameters of this policy (name or file); svqc, fcn, cnn.",
+    help="Start from all parameters of this policy (name or file); svqc, mvqc, fcn, cnn.",
 )
 @click.option(
     "--evaluate-every",
@@ -156,8 +156,7 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
     "--out",
     type=_FILE,
     required=True,
-    help="Policy file to write, .pt or .json. An mvqc policy cannot be played yet and is written "
-    "as a checkpoint, .pt.",
+    help="Policy file to write, .pt or .json.",
 )
 @click.option(
     "--force",

@@ -83,10 +83,10 @@ class Deployment:
         return 1 if self.settings.split else self.settings.copies or 1
 
     def expectation(self, observations: FloatArray, rows: Rows | None = None) -> FloatArray:
-        """Measured and mitigated `<Z>` of every circuit, (B, circuits).
+        """Measured and mitigated `<O>` of every observable, (B, observables).
 
-        Without `rows`, shots are
-        drawn from the executor's own generator.
+        By default these are the `<Z>` of the circuits. Without `rows`, shots are drawn from the
+        executor's own generator.
         """
         return self._measure(self.policy.encode(observations), NO_THETA, rows, self._draws)
 
@@ -116,8 +116,8 @@ class Deployment:
         """The actions (B,) that `act` would most likely return for these rows, without measuring.
 
         They use the same uniform numbers, and `<Z>` without shot noise: from the executor if it has
-        expectations; else from the twin of the settings' calibration, if that has response curves
-        and the level is 2; else from the device's noise model.
+        expectations; else from the twin of the settings' calibration, if that has response curves,
+        the level is 2 and circuits have one qubit; else from the device's noise model.
         """
         return self._predictor.act(observations, rows)
 
@@ -127,7 +127,8 @@ class Deployment:
         settings, known = RunSettings.of(self.settings, shots=None), self.settings.calibration
         if self._measure.has_expectations:
             return Deployment(self.policy, self.executor, settings)
-        if known is not None and known.response is not None and settings.level == 2:
+        has_twin = settings.level == 2 and not self.policy.program.has_products
+        if has_twin and known is not None and known.response is not None:
             return Deployment(self.policy, TwinExecutor(known), settings)
         # A calibration of the machine does not fit the noise model, which gets its own.
         model = OfflineExecutor(self.device)
@@ -145,11 +146,14 @@ class Deployment:
     def sizes(self) -> dict[str, Any]:
         """Largest gate counts of a circuit, circuits and rounds, as in `qcompile run --json`."""
         counts = self.executable.gate_counts()
+        couplings = (circuit.couplings for circuit in self.executable.native.circuits)
         return {
             "gates_per_circuit": {
                 gate: max((count[gate] for count in counts), default=0)
                 for gate in (*GATES, *self.device.coupling_gates * self.policy.program.is_wide)
             },
+            "couplings_per_circuit": max(couplings, default=0),
             "circuits_per_step": len(self.policy.program),
+            "observables_per_step": len(self.policy.program.measured),
             "rounds_per_step": self.executable.round_count,
         }

@@ -9,15 +9,15 @@ from qcompile.calibration import Calibration
 from qcompile.caller import option
 from qcompile.deploy.rows import Rows, packed
 from qcompile.deploy.settings import RunSettings
-from qcompile.errors import CalibrationError, DeviceError, OptionError
+from qcompile.errors import CalibrationError
 from qcompile.execution import ExactPrepared, Executor, Workload, require_exact
 from qcompile.ir import Program
 from qcompile.mitigation import (
-    CALIBRATION_SHOTS,
     Misfit,
     Mitigation,
     calibrate,
     calibration_workload,
+    enough_product_shots,
     enough_shots,
     misfits,
     predistorted,
@@ -42,7 +42,8 @@ class Measurement:
     Raises:
         CalibrationError: the calibration belongs to another device, or a qubit cannot be
             calibrated.
-        CircuitError: importance or copies are out of range.
+        CircuitError: importance or copies are out of range, or the settings need circuits of one
+            qubit.
         OptionError: two copies to split a row over do not fit on the device.
     """
 
@@ -53,21 +54,22 @@ class Measurement:
         settings: RunSettings,
         importance: FloatArray | None = None,
     ):
-        settings = settings.fitted(copies_that_fit(program, executor.device))
+        _check_wide(program, settings)
+        if settings.split:
+            settings = settings.fitted(copies_that_fit(program, executor.device))
         self.settings, self.executor = settings, executor
         has_products = program.has_products
-        if has_products:
-            _check_wide(executor, settings)
         count = len(program.measured)
-        importance = np.ones(count) if importance is None else importance
+        self._importance = importance = np.ones(count) if importance is None else importance
         if has_products and settings.mitigation == "readout":
             program = with_sub_products(program)
             importance = np.pad(importance, (0, len(program.measured) - count))
         self.executable: Executable = compile(
             program, executor.device, settings.level, importance, copies=settings.copies or 1
         )
-        self._importance = importance
-        self._shots = settings.circuit_shots(len(program))
+        self._shots = self._observed_shots = settings.circuit_shots(len(program))
+        if has_products and isinstance(self._shots, np.ndarray):
+            self._observed_shots = self._shots[[*self.executable.source.owners]]
         self.calibration_load = Workload()
         self.calibration_shots: int | None = None
         self.misfits: list[Misfit] = []
@@ -76,7 +78,8 @@ class Measurement:
         if settings.mitigation == "readout":
             calibration = self._calibration_of("readout")
             if has_products:
-                self._products = product_mitigation(calibration, self.executable, count)
+                copies = settings.copies or 1
+                self._products = product_mitigation(calibration, self.executable, count, copies)
             else:
                 self._mitigation = readout_mitigation(calibration, self.executable)
         elif settings.mitigation == "response":
@@ -133,12 +136,14 @@ class Measurement:
     def _shots_of_calibration(self, part: Part) -> int:
         if self.settings.calibration_shots != "auto":
             return self.settings.calibration_shots
-        if self.executable.source.has_products:
-            return CALIBRATION_SHOTS
         copies = self.settings.copies or 1
         # The variance of a mean over places has the squares of their weights.
         weights = self.settings.place_weights**2 if self.settings.split else np.ones(copies)
         importance = np.outer(weights, self._importance).ravel()
+        if self.executable.source.has_products:
+            places = self.settings.place_shots if self.settings.split else [self.settings.shots]
+            of_copy = np.broadcast_to(np.array(places), copies)
+            return enough_product_shots(self.executable, len(self._importance), of_copy, importance)
         return enough_shots(self.executable, part, self._shots, importance)
 
     def __call__(
@@ -148,7 +153,7 @@ class Measurement:
         rows: Rows | None = None,
         draws: Draws | None = None,
     ) -> FloatArray:
-        """Inputs (B, inputs) and theta (parameters,) to `<Z>` as measured, (B, circuits).
+        """Inputs (B, inputs) and theta (parameters,) to `<O>` as measured, (B, observables).
 
         `rows` gives the episode and decision of each row, which determine its copy; random numbers
         come from `draws`, if given. For split rows these cover all circuits of all copies.
@@ -173,12 +178,12 @@ class Measurement:
     def _measure(
         self, x: FloatArray, theta: FloatArray, rows: Rows | None, draws: Draws | None
     ) -> FloatArray:
-        """The unmitigated `<Z>`, (executions, copies * circuits), for inputs of all copies."""
+        """The unmitigated `<O>`, (executions, copies * observables), for inputs of all copies."""
         if self.settings.shots is None:
             return require_exact(self._prepared).expectation(x, theta)
         rng = None if draws is None or rows is None else draws.rows(rows.episode, rows.decision)
         ones = self._prepared.ones(x, theta, self._shots, rng)
-        return np.asarray(np.subtract(1.0, ones * (2.0 / self._shots)))
+        return np.asarray(np.subtract(1.0, ones * (2.0 / self._observed_shots)))
 
     def _mitigated(self, z: FloatArray) -> FloatArray:
         if self._products is not None:
@@ -188,29 +193,27 @@ class Measurement:
     def _measure_split(
         self, x: FloatArray, theta: FloatArray, rows: Rows | None, draws: Draws | None
     ) -> FloatArray:
-        """Mean `<Z>` (B, circuits) over copies, weighted by shots, for inputs repeated per copy."""
+        """Mean `<O>` (B, observables) over copies, weighted by shots, for inputs of all copies."""
         z = self._measure(x, theta, rows, draws)
-        if self._mitigation is not None:
+        if self._products is not None:
+            z = self._products.unclipped(z)
+        elif self._mitigation is not None:
             z = self._mitigation.tilted_cosine(z)
         weighted = z.reshape(len(z), len(self._weights), -1) * self._weights[:, None]
         mean = np.asarray(weighted.sum(axis=1))
+        if self._products is not None:
+            return np.asarray(np.clip(mean, -1.0, 1.0))
         return mean if self._of_mean is None else self._of_mean.apply(mean)
 
 
-def _check_wide(executor: Executor, settings: RunSettings) -> None:
-    """Check that circuits of several qubits can be measured so, before anything is spent.
+def _check_wide(program: Program, settings: RunSettings) -> None:
+    """Check the settings of circuits of several qubits before anything is measured.
 
     Raises:
-        DeviceError, OptionError: they cannot.
+        CircuitError: they describe the response of circuits of one qubit.
     """
-    if not executor.runs_wide:
-        raise DeviceError(
-            f"{executor!r} runs circuits of one qubit, the program has wider ones or products.",
-            "Use a noise model or ideal: those run circuits of several qubits.",
-        )
-    if (settings.copies or 1) > 1:
-        raise OptionError(
-            f"{option('copies')} places circuits of one qubit side by side, the program has wider "
-            "ones or products.",
-            f"Remove {option('copies')}.",
-        )
+    if settings.predistort:
+        hint = f"Remove {option('predistort')}; {option('mitigation')} readout undoes the readout."
+        program.require_narrow("Predistortion", hint)
+    elif settings.mitigation == "response":
+        program.require_narrow("Response mitigation", f"Use {option('mitigation')} readout.")

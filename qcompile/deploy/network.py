@@ -14,6 +14,7 @@ from qcompile.device import IDEAL, IDEAL_NAME
 from qcompile.errors import OptionError
 from qcompile.execution import Kind, Workload
 from qcompile.mitigation import CALIBRATION_SHOTS, Misfit
+from qcompile.passes import Executable
 from qcompile.policy import Network
 from qcompile.streams import Draws
 
@@ -44,6 +45,7 @@ class NetworkPlayer:
 
     backend: str = IDEAL_NAME
     kind: Kind = "ideal"
+    executable: Executable | None = None
     misfits: Sequence[Misfit] = ()
     calibration_load = Workload()
     calibration_shots: int | None = None
@@ -96,8 +98,9 @@ class NetworkPlayer:
 
     def sizes(self) -> dict[str, Any]:
         """All 0: it has no circuits."""
-        gates = dict.fromkeys(GATES, 0)
-        return {"gates_per_circuit": gates, "circuits_per_step": 0, "rounds_per_step": 0}
+        counted = ("circuits_per_step", "observables_per_step", "rounds_per_step")
+        none = dict.fromkeys(("couplings_per_circuit", *counted), 0)
+        return {"gates_per_circuit": dict.fromkeys(GATES, 0), **none}
 
 
 def refuse_options(network: Network, names: Sequence[str]) -> None:

@@ -10,6 +10,7 @@ from qcompile.deploy.rows import Rows
 from qcompile.deploy.settings import RunSettings
 from qcompile.execution import Kind, Workload
 from qcompile.mitigation import Misfit
+from qcompile.passes import Executable
 from qcompile.policy import AnyPolicy
 
 GATES = ("sx", "rz", "x", "rx")
@@ -34,6 +35,11 @@ class Player(Protocol):
     @property
     def kind(self) -> Kind:
         """The kind of its results."""
+        ...
+
+    @property
+    def executable(self) -> Executable | None:
+        """Its circuits as compiled; a network has none."""
         ...
 
     @property

@@ -24,8 +24,6 @@ class Executor(ABC):
     device: Device
     kind: Kind
     calibration: Calibration | None = None
-    runs_wide = False
-    """Whether it runs circuits of several qubits."""
     _last: Prepared | None = None
 
     @abstractmethod
@@ -39,7 +37,9 @@ class Executor(ABC):
     def run(
         self, executable: Executable, x: FloatArray, theta: FloatArray, shots: int
     ) -> CountArray:
-        """The number of ones of each circuit in `shots` shots, (B, circuits), for x (B, inputs).
+        """The shots with odd parity of each observable, (B, observables), for x (B, inputs).
+
+        By default each circuit is observed: its shots with odd parity are its ones.
 
         Raises:
             CircuitError: x or theta has the wrong shape.
@@ -49,7 +49,7 @@ class Executor(ABC):
         return self._prepared(executable).ones(x, theta, check_shots(shots))
 
     def expectation(self, executable: Executable, x: FloatArray, theta: FloatArray) -> FloatArray:
-        """The measured `<Z>` of each circuit without shot noise, (B, circuits).
+        """The measured `<O>` of each observable without shot noise, (B, observables).
 
         Raises:
             CircuitError: x or theta has the wrong shape.

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from qcompile.arrays import FloatArray
 from qcompile.device import Device, Kind
-from qcompile.errors import DeviceError
+from qcompile.errors import DeviceError, OptionError
 from qcompile.execution.executor import Executor, check_device
 from qcompile.execution.prepared import ExactPrepared
 from qcompile.execution.wide import PreparedWide
@@ -20,21 +22,28 @@ class OfflineExecutor(Executor):
 
     Circuits are not entangled with each other: the ones of a circuit of one qubit in N shots are
     one binomial draw, the outcomes of a wider one a multinomial draw.
-    The same seed and the same calls give the same counts.
+    The same seed and the same calls give the same counts. `dtype`, float32 or float64, is that of
+    the states of wider circuits up to 8 qubits.
 
     Raises:
         DeviceError: `device` is not a Device.
+        OptionError: there is no such `dtype`.
     """
 
-    runs_wide = True
-
-    def __init__(self, device: Device, seed: int | np.random.SeedSequence | None = None):
+    def __init__(
+        self,
+        device: Device,
+        seed: int | np.random.SeedSequence | None = None,
+        dtype: type[np.floating[Any]] = np.float64,
+    ):
         if not isinstance(device, Device):
             raise DeviceError(
                 f"OfflineExecutor takes a Device, found {describe(device)}.",
                 "Use load_backend(name_or_object).device.",
             )
-        self.device = device
+        if dtype not in (np.float32, np.float64):
+            raise OptionError(f"dtype cannot be {dtype!r}.", "Use numpy.float64 or numpy.float32.")
+        self.device, self._dtype = device, np.dtype(dtype)
         self.kind: Kind = "ideal" if device.is_ideal else "noise-model"
         self.rng = np.random.default_rng(seed)
 
@@ -46,7 +55,7 @@ class OfflineExecutor(Executor):
         """
         check_device(executable, self.device)
         if executable.source.has_products:
-            return PreparedWide(executable, self.rng)
+            return PreparedWide(executable, self.rng, self._dtype)
         return _PreparedNoise(executable, self.rng)
 
 

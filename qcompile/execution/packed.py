@@ -15,25 +15,33 @@ from numpy.typing import NDArray
 
 from qcompile.arrays import CircuitShots, CountArray, FloatArray, IntArray
 from qcompile.execution.prepared import Prepared
-from qcompile.ir import Circuit
+from qcompile.ir import Circuit, Program
 from qcompile.passes import Executable
 
 REGISTER = "c"
+Couplings = frozenset[tuple[str, int, int]]
+"""Couplings by gate, control and target."""
 
 
 @dataclass(frozen=True)
 class PackedRound:
-    """A parametrised circuit; bit i of its register is circuit `circuits[i]` of the executable.
+    """A parametrised circuit with the `circuits` of a round of the executable, side by side.
 
-    The metadata of the circuit also have this list, as "circuits". Parameter k is slot `slots[k]`.
-    If no angle is open, the global phase is the only parameter, because some samplers derive the
-    number of observations from parameters.
+    Bit i of its register is bit `bits[i]` of the source program: where circuits have one qubit, it
+    is circuit `circuits[i]`. Qubits gained by routing are not measured. The metadata of the circuit
+    have the list "circuits", and for programs with circuits of several qubits the list "bits".
+    Parameter k is slot `slots[k]`. If no angle is open, the global phase is the only parameter,
+    because some samplers derive the number of observations from parameters. `qubits` is the number
+    of qubits in use, `couplings` are those between them.
     """
 
     circuit: Any
     parameters: tuple[Any, ...]
     circuits: IntArray
     slots: IntArray
+    bits: IntArray
+    qubits: int
+    couplings: Couplings
 
     def pub(self, angles: FloatArray) -> tuple[Any, dict[tuple[Any, ...], FloatArray]]:
         """The circuit and its values (B, parameters), for angles (B, slots)."""
@@ -57,52 +65,96 @@ def pack_round(executable: Executable, index: int) -> PackedRound:
     """
     from qiskit.circuit import ClassicalRegister, Parameter, QuantumCircuit, QuantumRegister
 
-    template = executable.template()
+    template, source, native = executable.template(), executable.source, executable.native
     circuits = np.flatnonzero(executable.rounds == index)
+    bits = np.flatnonzero(np.isin(np.repeat(np.arange(len(source)), source.widths), circuits))
     chosen = np.isin(executable.slot_circuits[executable.open_slots], circuits)
     names = [template.inputs[k] for k in np.flatnonzero(chosen)]
     parameters = {name: Parameter(name) for name in names}
     packed = QuantumCircuit(
-        QuantumRegister(len(executable.device.qubits) or len(executable.native), "q"),
-        ClassicalRegister(len(circuits), REGISTER),
+        QuantumRegister(len(executable.device.qubits) or native.bits, "q"),
+        ClassicalRegister(len(bits), REGISTER),
         metadata={"circuits": circuits.tolist()},
     )
-    qubits = executable.qubits[circuits].tolist()
-    for circuit, qubit in zip(circuits, qubits, strict=True):
-        _append(packed, template.circuits[circuit], qubit, parameters)
-    packed.measure(qubits, range(len(qubits)))
+    if source.is_wide:
+        packed.metadata["bits"] = bits.tolist()
+    first_bits, widths = native.first_bits, native.widths
+    couplings: set[tuple[str, int, int]] = set()
+    for circuit in circuits.tolist():
+        first, width = first_bits[circuit], widths[circuit]
+        qubits = executable.qubits[first : first + width].tolist()
+        _append(packed, template.circuits[circuit], qubits, parameters)
+        couplings |= _couplings(native.circuits[circuit], qubits)
+    packed.measure(executable.bit_qubits[bits].tolist(), range(len(bits)))
     if not parameters:
         packed.global_phase = parameters["phase"] = Parameter("phase")
-    slots = executable.open_slots[chosen]
-    return PackedRound(packed, tuple(parameters.values()), circuits, slots)
+    return PackedRound(
+        packed,
+        tuple(parameters.values()),
+        circuits,
+        executable.open_slots[chosen],
+        bits,
+        sum(widths[circuit] for circuit in circuits),
+        frozenset(couplings),
+    )
 
 
-def _append(packed: Any, circuit: Circuit, qubit: int, parameters: dict[str, Any]) -> None:
+def _couplings(circuit: Circuit, qubits: Sequence[int]) -> set[tuple[str, int, int]]:
+    if circuit.width == 1:
+        return set()
+    found = (gate for gate in circuit.gates if gate.is_coupling)
+    return {(gate.name, qubits[gate.qubits[0]], qubits[gate.qubits[1]]) for gate in found}
+
+
+def _append(packed: Any, circuit: Circuit, qubits: list[int], parameters: dict[str, Any]) -> None:
     for gate in circuit.gates:
         angles = []
         if gate.angle is not None:
             open_slot = not gate.angle.is_constant
             angles = [parameters[gate.angle.symbols[0]] if open_slot else gate.angle.constant]
-        getattr(packed, gate.name)(*angles, qubit)
+        getattr(packed, gate.name)(*angles, *(qubits[qubit] for qubit in gate.qubits))
 
 
-def count_ones(
+def count_odd(
+    program: Program,
     rounds: Sequence[PackedRound],
     bits: Sequence[NDArray[np.uint8]],
-    circuits: IntArray,
     shots: CircuitShots,
 ) -> CountArray:
-    """The ones of `circuits`, (B, circuits), from the packed bits of rounds with just these.
+    """The shots with odd parity of each observable of the program, (B, observables).
 
-    Bits are (B, shots, bytes) for each round; `circuits` is sorted. For each circuit of the
-    executable the first `shots` are counted.
+    `bits` are the packed bits of each of its rounds, (B, shots, bytes). Of each circuit the first
+    `shots` are counted. The parity of one bit alone is odd where it is 1.
     """
-    ones = np.zeros((len(bits[0]), len(circuits)), dtype=np.int64)
+    odd = np.zeros((len(bits[0]), len(program.measured)), dtype=np.int64)
     for packed, of_round in zip(rounds, bits, strict=True):
-        width = len(packed.circuits)
-        counted = shots[packed.circuits] if isinstance(shots, np.ndarray) else None
-        ones[:, np.searchsorted(circuits, packed.circuits)] = ones_of_bits(of_round, width, counted)
-    return ones
+        if program.has_products:
+            _count_products(program, packed, of_round, shots, odd)
+        else:
+            counted = shots[packed.circuits] if isinstance(shots, np.ndarray) else None
+            odd[:, packed.circuits] = ones_of_bits(of_round, len(packed.circuits), counted)
+    return odd
+
+
+def _count_products(
+    program: Program,
+    packed: PackedRound,
+    bits: NDArray[np.uint8],
+    shots: CircuitShots,
+    odd: CountArray,
+) -> None:
+    """Write the counts of the observables of a round into their columns of `odd`."""
+    place_of = {bit: place for place, bit in enumerate(packed.bits.tolist())}
+    for number, (circuit, observable) in enumerate(
+        zip(program.owners, program.measured, strict=True)
+    ):
+        if observable[0] not in place_of:
+            continue
+        mask = np.zeros(8 * bits.shape[-1], dtype=np.uint8)
+        mask[[-1 - place_of[bit] for bit in observable]] = 1  # bit 0 comes last
+        counted = shots[circuit] if isinstance(shots, np.ndarray) else shots
+        found = np.bitwise_xor.reduce(bits[:, :counted] & np.packbits(mask), axis=-1)
+        odd[:, number] = (np.bitwise_count(found) & 1).sum(axis=-1, dtype=np.int64)
 
 
 def ones_of_bits(

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import warnings
 from copy import copy
+from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,7 +18,14 @@ from qcompile.arrays import CircuitShots, CountArray, FloatArray
 from qcompile.device import Device, Kind
 from qcompile.errors import DeviceError, MissingExtraError, QcompileError
 from qcompile.execution.executor import Executor, check_device
-from qcompile.execution.packed import REGISTER, PackedExecutable, PackedRound, count_ones
+from qcompile.execution.packed import (
+    REGISTER,
+    Couplings,
+    PackedExecutable,
+    PackedRound,
+    count_odd,
+    pack_round,
+)
 from qcompile.execution.prepared import Binomial, Prepared, largest_shots
 from qcompile.passes import Executable
 from qcompile.snapshot import device_from_backend, properties_of
@@ -31,7 +40,7 @@ _SIMULATORS = (
 )
 """The modules that define samplers and backends which simulate."""
 _WIDEST_DENSITY_MATRIX = 9
-"""Up to this many circuits side by side, a density matrix is faster than a state per shot."""
+"""Up to this many qubits, a density matrix is faster than a state per shot."""
 
 
 class PrimitiveExecutor(Executor):
@@ -66,8 +75,9 @@ class PrimitiveExecutor(Executor):
         self.device = backend if isinstance(backend, Device) else device_from_backend(backend)
         self.kind: Kind = sampler_kind(sampler, backend) if kind is None else kind
         self.rng = np.random.default_rng(seed)
-        self._sampler = sampler
+        self._backend, self._sampler = backend, sampler
         self._simulator: Any = _simulator(backend, self.device) if sampler is None else None
+        self._coupled_simulators: dict[Couplings, Any] = {}
 
     def prepare(self, executable: Executable) -> Prepared:
         """The executable with its rounds as circuits.
@@ -77,6 +87,11 @@ class PrimitiveExecutor(Executor):
         """
         check_device(executable, self.device)
         return _PreparedSampler(executable, self)
+
+    @property
+    def simulates(self) -> bool:
+        """Whether it simulates by itself, without a sampler of the user's."""
+        return self._sampler is None
 
     def bits(
         self, rounds: list[PackedRound], angles: FloatArray, shots: int
@@ -92,7 +107,7 @@ class PrimitiveExecutor(Executor):
         try:
             sampler = self._sampler
             if sampler is None:
-                sampler = self._simulation(max(len(packed.circuits) for packed in rounds))
+                sampler = self._simulation(rounds)
             pubs = [packed.pub(angles) for packed in rounds]
             result = sampler.run(pubs, shots=shots).result()
             bits = [np.asarray(getattr(pub.data, REGISTER).array) for pub in result]
@@ -113,18 +128,31 @@ class PrimitiveExecutor(Executor):
                 )
         return bits
 
-    def _simulation(self, width: int) -> Any:
-        """A sampler with a new seed, for jobs of up to `width` circuits side by side."""
+    def _simulation(self, rounds: list[PackedRound]) -> Any:
+        """A sampler with a new seed, for a job with these rounds."""
         from qiskit_ibm_runtime import SamplerV2
 
-        dense = width <= _WIDEST_DENSITY_MATRIX
-        method = "density_matrix" if dense else "matrix_product_state"
-        self._simulator.set_options(method=method)
+        simulator = self._simulator_of(frozenset().union(*(each.couplings for each in rounds)))
+        dense = max(packed.qubits for packed in rounds) <= _WIDEST_DENSITY_MATRIX
+        simulator.set_options(method="density_matrix" if dense else "matrix_product_state")
         seed = int(self.rng.integers(1, 2**31))  # the runtime treats 0 as no seed
         with warnings.catch_warnings():
             # Its successor in 0.51 gives every pub the same seed, so rounds would be dependent.
             warnings.simplefilter("ignore", DeprecationWarning)
-            return SamplerV2(mode=self._simulator, options={"simulator": {"seed_simulator": seed}})
+            return SamplerV2(mode=simulator, options={"simulator": {"seed_simulator": seed}})
+
+    def _simulator_of(self, couplings: Couplings) -> Any:
+        """The simulator for circuits with these couplings, of which only those have noise.
+
+        The noise of all couplings of a large machine would take seconds a job, because the sampler
+        copies it. Circuits without couplings keep their own simulator.
+        """
+        if not couplings:
+            return self._simulator
+        if couplings not in self._coupled_simulators:
+            made = _simulator(self._backend, self.device, couplings)
+            self._coupled_simulators[couplings] = made
+        return self._coupled_simulators[couplings]
 
 
 class _PreparedSampler(PackedExecutable):
@@ -137,16 +165,41 @@ class _PreparedSampler(PackedExecutable):
             "For expectations without shot noise use a device of `qcompile backends`.",
         )
 
+    @cached_property
+    def rounds(self) -> list[PackedRound]:
+        """The rounds as circuits; for our own simulator wide ones in parts that it plays fast."""
+        executable = self.executable
+        if self._executor.simulates and executable.source.is_wide:
+            executable = _in_small_rounds(executable)
+        return [pack_round(executable, k) for k in range(executable.round_count)]
+
     def ones(
         self, x: FloatArray, theta: FloatArray, shots: CircuitShots, rng: Binomial | None = None
     ) -> CountArray:
         most = largest_shots(shots)
         angles = self.executable.bind(x, theta)
-        circuits = np.arange(len(self.executable.native))
-        if not len(angles) or not len(circuits):
-            return np.zeros((len(angles), len(circuits)), dtype=np.int64)
+        program = self.executable.source
+        if not len(angles) or not len(program):
+            return np.zeros((len(angles), len(program.measured)), dtype=np.int64)
         bits = self._executor.bits(self.rounds, angles, most)
-        return count_ones(self.rounds, bits, circuits, shots)
+        return count_odd(program, self.rounds, bits, shots)
+
+
+def _in_small_rounds(executable: Executable) -> Executable:
+    """The executable in more rounds, of few enough qubits for a density matrix where that can be.
+
+    Circuits of a round share no qubits, so that their counts have the same law.
+    """
+    rounds, widths = np.empty_like(executable.rounds), executable.native.widths
+    number = -1
+    for index in range(executable.round_count):
+        room = 0
+        for circuit in np.flatnonzero(executable.rounds == index).tolist():
+            if widths[circuit] > room:
+                number, room = number + 1, _WIDEST_DENSITY_MATRIX
+            rounds[circuit] = number
+            room -= widths[circuit]
+    return replace(executable, rounds=rounds)
 
 
 def sampler_kind(sampler: Any, backend: Any) -> Kind:
@@ -173,8 +226,8 @@ def _is_simulator(thing: Any) -> bool:
     return any(home.startswith(_SIMULATORS) for home in homes)
 
 
-def _simulator(backend: Any, device: Device) -> Any:
-    """Aer with the noise of the backend's calibration.
+def _simulator(backend: Any, device: Device, couplings: Couplings = frozenset()) -> Any:
+    """Aer with the noise of the backend's calibration; of couplings only that of these.
 
     `AerSimulator.from_backend` reads the target, which has one readout error for both states; the
     properties, if the backend has them, have both.
@@ -190,13 +243,18 @@ def _simulator(backend: Any, device: Device) -> Any:
     source = {"target": backend.target}
     if properties is not None:
         properties = copy(properties)
-        properties.gates = [gate for gate in properties.gates if len(gate.qubits) == 1]
+        properties.gates = [
+            gate
+            for gate in properties.gates
+            if len(gate.qubits) == 1 or (gate.gate, *gate.qubits) in couplings
+        ]
         source = {"properties": properties}
-    noise = NoiseModel(basis_gates=[*device.basis_gates, "id"])
+    noise = NoiseModel(basis_gates=[*device.basis_gates, "id", *{gate for gate, *_ in couplings}])
     for qubits, error in basic_device_readout_errors(**source):
         noise.add_readout_error(error, qubits)
     for gate, qubits, error in basic_device_gate_errors(**source):
-        if gate == "id" or gate in device.qubits[qubits[0]].gates:
+        is_known = len(qubits) == 1 and (gate == "id" or gate in device.qubits[qubits[0]].gates)
+        if is_known or (gate, *qubits) in couplings:
             noise.add_quantum_error(error, gate, qubits)
     # Shots in one thread: counts do not depend on the number of cores.
     return AerSimulator(noise_model=noise, max_parallel_shots=1, max_parallel_experiments=0)

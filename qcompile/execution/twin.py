@@ -50,6 +50,7 @@ class TwinExecutor(Executor):
 
         Raises:
             CalibrationError: the level is not 2, or a qubit has no curve.
+            CircuitError: a circuit has several qubits, or other observables than its own.
             DeviceError: the executable was compiled for another device.
         """
         check_device(executable, self.device)
@@ -59,7 +60,9 @@ class TwinExecutor(Executor):
 class _PreparedTwin(ExactPrepared):
     def __init__(self, executable: Executable, calibration: Calibration, rng: np.random.Generator):
         super().__init__(executable, rng)
-        executable.source.require_narrow("A twin")
+        executable.source.require_narrow(
+            "A twin", "Use the noise model of the device, or the machine."
+        )
         assert calibration.response is not None  # the twin has curves
         rows = calibration.rows(executable.qubits)
         native = executable.device.native

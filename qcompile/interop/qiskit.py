@@ -33,7 +33,7 @@ from qcompile.qasm.gates import KNOWN_GATES, standard
 from qcompile.qasm.modifiers import Unitary
 
 _WITHOUT_EFFECT = ("barrier", "delay")
-_STANDARD = "qiskit.circuit.library.standard_gates"
+STANDARD_GATES = "qiskit.circuit.library.standard_gates"
 _PROBES = (0.7390851332151607, -1.3247179572447460)
 """The points at which an angle is checked to be affine."""
 
@@ -109,7 +109,7 @@ class _Reader:
             return
         if (unitary := self._standard(operation)) is not None:
             self.wires.apply(unitary.steps, qubits)
-        elif (definition := _definition(operation)) is not None:
+        elif (definition := definition_of(operation)) is not None:
             self.read(definition, qubits, bits, (*within, name))
         else:
             raise unknown(name, where)
@@ -117,9 +117,9 @@ class _Reader:
     def _standard(self, operation: Any) -> Unitary | None:
         """The unitary of a standard gate of Qiskit that files have too; None for any other."""
         home = getattr(operation, "base_class", type(operation)).__module__
-        if not home.startswith(_STANDARD) or operation.name not in KNOWN_GATES:
+        if not home.startswith(STANDARD_GATES) or operation.name not in KNOWN_GATES:
             return None
-        angles = [_angle(value, self._names, self._products) for value in operation.params]
+        angles = [angle_of(value, self._names, self._products) for value in operation.params]
         return standard(operation.name, angles)
 
     def _measure(self, qubit: int, bit: int) -> None:
@@ -131,7 +131,7 @@ class _Reader:
         self.bits[qubit] = bit
 
 
-def _definition(operation: Any) -> Any:
+def definition_of(operation: Any) -> Any:
     """The circuit that defines an operation; None if there is none."""
     from qiskit.circuit import ControlFlowOp
 
@@ -140,7 +140,7 @@ def _definition(operation: Any) -> Any:
     return getattr(operation, "definition", None)
 
 
-def _angle(value: Any, names: Mapping[str, str], products: bool) -> Angle:
+def angle_of(value: Any, names: Mapping[str, str], products: bool) -> Angle:
     """The angle of a number or an affine ParameterExpression, bilinear too with `products`.
 
     Slopes are derivatives at 0; two probe points check that the expression has no other terms.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -67,6 +68,26 @@ class Circuit:
     def angles(self) -> tuple[Angle, ...]:
         """The angles of the gates, in order."""
         return tuple(gate.angle for gate in self.gates if gate.angle is not None)
+
+    @property
+    def gate_counts(self) -> dict[str, int]:
+        """The number of gates of each name, by name."""
+        return dict(sorted(Counter(gate.name for gate in self.gates).items()))
+
+    @property
+    def depth(self) -> int:
+        """The most gates that follow each other, each on a qubit of the one before."""
+        ends = [0] * self.width
+        for gate in self.gates:
+            last = 1 + max(ends[qubit] for qubit in gate.qubits)
+            for qubit in gate.qubits:
+                ends[qubit] = last
+        return max(ends)
+
+    @property
+    def couplings(self) -> int:
+        """The number of gates on two qubits."""
+        return sum(gate.is_coupling for gate in self.gates)
 
     @property
     def symbols(self) -> tuple[str, ...]:

@@ -86,23 +86,23 @@ class Program:
         """Whether a circuit has several qubits, or observables are not the bits in order."""
         return self.is_wide or bool(self.observables)
 
-    def require_narrow(self, purpose: str) -> None:
+    def require_narrow(self, purpose: str, hint: str = "") -> None:
         """Check that every circuit has one qubit, and every bit is an observable, in order.
 
         Raises:
-            CircuitError: one has more; the message says what for they are not supported yet.
+            CircuitError: one has more, or other observables; the message says what for they are
+                needed, and `hint` what to do instead.
         """
         for index, width in enumerate(self.widths):
             if width > 1:
                 raise CircuitError(
                     f"{purpose} needs circuits of one qubit: circuit {index} has {width}.",
-                    "Wider circuits can be compiled, played on noise models with OfflineExecutor, "
-                    "and trained as qcompile.nn.CircuitLayer.",
+                    hint or "docs/howto/entangling.md says what works with wider ones.",
                 )
         if self.observables:
             raise CircuitError(
                 f"{purpose} measures each circuit: the program has other observables.",
-                "Remove its observables.",
+                hint or "Remove its observables.",
             )
 
     @property
@@ -119,6 +119,12 @@ class Program:
     def measured(self) -> tuple[tuple[int, ...], ...]:
         """The bits of each observable: each bit alone unless `observables` says otherwise."""
         return self.observables or tuple((bit,) for bit in range(self.bits))
+
+    @property
+    def owners(self) -> tuple[int, ...]:
+        """The circuit of each observable."""
+        first_bits = self.first_bits
+        return tuple(bisect_right(first_bits, bits[0]) - 1 for bits in self.measured)
 
     @staticmethod
     def _require(circuits: Iterable[Circuit], known: set[str]) -> None:
@@ -148,8 +154,9 @@ class Program:
         are left out; otherwise it is qubit j. Circuits come in the order of their first observable,
         so that circuit i is observable i where all have one qubit. Parameters whose names start
         with x are inputs and all others are parameters, unless `inputs` says otherwise: another
-        prefix, a ParameterVector, or a list of Parameters and names. Both are sorted by name, numbers as numbers; an `inputs` list keeps
-        its order. The symbol of element x[3] of a vector is x3.
+        prefix, a ParameterVector, or a list of Parameters and names. Both are sorted by name,
+        numbers as numbers; an `inputs` list keeps its order. The symbol of element x[3] of a vector
+        is x3.
 
         Raises:
             CircuitError: a gate has no definition, an angle is not affine, or a qubit is used after

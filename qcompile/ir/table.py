@@ -18,6 +18,8 @@ Array = Any
 
 _MAX_DENSE = 1_000_000
 """The most entries of a dense matrix of linear forms."""
+_SPARSE = 16
+"""Forms with so many times fewer terms than there are symbols are gathered term by term."""
 
 
 class _Linear:
@@ -41,7 +43,8 @@ class _Linear:
         """Every form is at most this times the largest value."""
         self._terms = index, scale
         self._matrix = self._gathers = None
-        if most > 1 and len(symbols) * len(forms) <= _MAX_DENSE:
+        is_sparse = most * _SPARSE < len(symbols)
+        if most > 1 and not is_sparse and len(symbols) * len(forms) <= _MAX_DENSE:
             matrix = np.zeros((len(symbols), len(forms)))
             for symbols_of_term, scale_of_term in zip(index, scale, strict=True):
                 matrix[symbols_of_term, np.arange(len(forms))] += scale_of_term

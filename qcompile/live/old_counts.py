@@ -14,7 +14,8 @@ from qcompile.live.request import Request
 def bits_of_ones(ones: CountArray, request: Request) -> list[Register]:
     """Bits with `ones` (rows, circuits) ones per circuit, the ones first.
 
-    Earlier formats kept only these counts; the circuits of a job were those of packed rounds.
+    Earlier formats kept only these counts; the circuits of a job were those of packed rounds, each
+    of one qubit.
 
     Raises:
         ValueError: the counts do not fit the request.
@@ -24,6 +25,8 @@ def bits_of_ones(ones: CountArray, request: Request) -> list[Register]:
     rows = {pub.size for pub in request.pubs}
     if ones.dtype.kind != "i" or rows != {len(ones)} or ones.shape[1:] != order.shape:
         raise ValueError("counts of the wrong shape")
+    if [register.width for register in request.registers] != [*map(len, columns)]:
+        raise ValueError("counts of circuits of several qubits")
     if ones.min() < 0 or ones.max() > request.shots:
         raise ValueError("counts outside the number of shots")
     shots = np.arange(request.shots)[:, None]

@@ -48,7 +48,9 @@ class RunFigures(_Figures):
     ci95: tuple[Finite, Finite] | None
     solved: bool | None
     gates_per_circuit: dict[Line, Count]
+    couplings_per_circuit: Count = 0
     circuits_per_step: Count
+    observables_per_step: Count | None = None
     rounds_per_step: Count
     max_steps: Count | None
     cut_episodes: Count | None = None

@@ -2,7 +2,7 @@
 closed form."""
 
 from qcompile.mitigation.drift import Drift, measure_drift
-from qcompile.mitigation.enough import enough_shots
+from qcompile.mitigation.enough import enough_product_shots, enough_shots
 from qcompile.mitigation.measure import (
     CALIBRATION_SHOTS,
     calibrate,
@@ -26,6 +26,7 @@ __all__ = [
     "calibrate",
     "calibration_workload",
     "check_response_level",
+    "enough_product_shots",
     "enough_shots",
     "fit_counts",
     "measure_drift",

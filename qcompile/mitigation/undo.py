@@ -120,7 +120,7 @@ def readout_mitigation(calibration: Calibration, executable: Executable) -> Miti
     Raises:
         CalibrationError: a qubit, or the readout, was not calibrated.
     """
-    executable.source.require_narrow("Readout mitigation")
+    executable.source.require_narrow("Readout mitigation", "Use product_mitigation.")
     fit, rows = calibration.readout, calibration.rows(executable.qubits)
     if fit is None:
         raise CalibrationError(
@@ -154,7 +154,7 @@ def response_mitigation(
             by more than MAX_TILT_RAD without `any_side`, or no response was calibrated.
     """
     check_response_level(executable.level, predistort=any_side)
-    executable.source.require_narrow("Response mitigation")
+    executable.source.require_narrow("Response mitigation", "Use product_mitigation.")
     fit, rows = calibration.response, calibration.rows(executable.qubits)
     if fit is None:
         raise CalibrationError(

@@ -6,8 +6,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from qcompile.notebook import reward_text
-from qcompile.page.circuits import Compiled, circuits_section, placement_section
+from qcompile.page.circuits import Compiled, circuits_section
 from qcompile.page.document import Block, Document, Facts, Heading, Picture, Score, Section, Table
+from qcompile.page.placement import placement_section
 from qcompile.policy.decision import hold_text
 from qcompile.report.distribution import Sample, draw_distributions
 from qcompile.report.figure import Figure

@@ -7,8 +7,9 @@ from typing import Any
 
 from qcompile.limits import SECONDS_PER_EXECUTION, SECONDS_PER_JOB
 from qcompile.notebook import reward_text
-from qcompile.page.circuits import Compiled, circuits_section, placement_section
+from qcompile.page.circuits import Compiled, circuits_section
 from qcompile.page.document import Block, Code, Document, Facts, Picture, Score, Section, Table
+from qcompile.page.placement import placement_section
 from qcompile.report.figure import Figure
 from qcompile.report.style import AnyStyle
 from qcompile.report.table import Table as Rows

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from qcompile.notebook import reward_text
-from qcompile.page.circuits import Compiled, circuits_section, placement_section
+from qcompile.page.circuits import Compiled, circuits_section
 from qcompile.page.document import (
     Block,
     Document,
@@ -17,6 +17,7 @@ from qcompile.page.document import (
     Section,
     Table,
 )
+from qcompile.page.placement import placement_section
 from qcompile.page.words import without_folders
 from qcompile.report.clip import Clip
 from qcompile.report.distribution import Sample, draw_distributions
@@ -77,6 +78,7 @@ def _film(clip: Clip, summary: Mapping[str, Any]) -> Film:
     words = f"{summary['policy']} on {summary['backend']}: the environment"
     if summary["circuits_per_step"]:
         words += ", the <Z> of its circuits as measured and without noise"
+        words += ", the qubits of the device" * bool(summary.get("couplings_per_circuit"))
     words += ", the probabilities of the actions, and the reward so far"
     return Film("The first episode", clip.media_type, clip.data, clip.poster, f"{words}.")
 
@@ -104,6 +106,10 @@ def _headline(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     if circuits := summary["circuits_per_step"]:
         rounds = plural(summary["rounds_per_step"], "round")
         yield "circuits per decision", f"{circuits} in {rounds}"
+        if couplings := summary.get("couplings_per_circuit"):
+            yield "couplings per circuit", str(couplings)
+        if (observables := summary.get("observables_per_step", circuits)) != circuits:
+            yield "observables per decision", str(observables)
         shots = summary["shots"]
         yield "shots per circuit", f"{shots:,}" if isinstance(shots, int) else "exact"
         mitigation = "predistorted angles" if summary["predistort"] else summary["mitigation"]

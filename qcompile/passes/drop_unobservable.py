@@ -22,10 +22,7 @@ class DropUnobservable:
     keeps: ClassVar[Promise] = "distribution"
 
     def apply(self, program: Program) -> Program:
-        circuits = tuple(map(_trim, program.circuits))
-        used = {symbol for circuit in circuits for symbol in circuit.symbols}
-        late_angles = tuple(late for late in program.late_angles if late.name in used)
-        return replace(program, circuits=circuits, late_angles=late_angles)
+        return _with_circuits(program, tuple(map(_trim, program.circuits)))
 
 
 @dataclass(frozen=True)
@@ -45,7 +42,23 @@ class DropIdleCouplings:
         return replace(program, circuits=tuple(map(_without_idle, program.circuits)))
 
 
-def _trim(circuit: Circuit) -> Circuit:
+def without_outer_rz(program: Program, ends: Sequence[bool]) -> Program:
+    """A program of one wide circuit without the rz that act on |0>, and without late ones.
+
+    The last rz of a qubit is dropped where `ends` (qubits,) says so: that keeps the distribution of
+    its Z measurement; without, the state from |0> is kept, up to global phase.
+    """
+    (circuit,) = program.circuits
+    return _with_circuits(program, (_trim(circuit, ends),))
+
+
+def _with_circuits(program: Program, circuits: tuple[Circuit, ...]) -> Program:
+    used = {symbol for circuit in circuits for symbol in circuit.symbols}
+    late_angles = tuple(late for late in program.late_angles if late.name in used)
+    return replace(program, circuits=circuits, late_angles=late_angles)
+
+
+def _trim(circuit: Circuit, ends: Sequence[bool] = ()) -> Circuit:
     if circuit.width == 1:
         gates = list(circuit.gates)
         while gates and _about_z(gates[-1]):
@@ -53,23 +66,27 @@ def _trim(circuit: Circuit) -> Circuit:
         while gates and _about_z(gates[0]):
             gates.pop(0)
         return Circuit(tuple(gates))
-    ends = _without_end(circuit.gates, circuit.width, couplings=False)
-    starts = _without_end(ends[::-1], circuit.width, couplings=False)
-    return replace(circuit, gates=tuple(starts[::-1]))
+    everywhere = [True] * circuit.width
+    gates = _without_end(circuit.gates, ends or everywhere, couplings=False)
+    gates = _without_end(gates[::-1], everywhere, couplings=False)
+    return replace(circuit, gates=tuple(gates[::-1]))
 
 
 def _without_idle(circuit: Circuit) -> Circuit:
     gates = _without_start(circuit.gates, circuit.width)
-    return replace(circuit, gates=tuple(_without_end(gates, circuit.width, couplings=True)))
+    return replace(
+        circuit, gates=tuple(_without_end(gates, [True] * circuit.width, couplings=True))
+    )
 
 
-def _without_end(gates: Sequence[Gate], width: int, *, couplings: bool) -> list[Gate]:
+def _without_end(gates: Sequence[Gate], ends: Sequence[bool], *, couplings: bool) -> list[Gate]:
     """The gates without rotations about z after which a qubit meets only diagonal gates.
 
-    A qubit stays open, seen from the end, until a gate does not commute with its Z, up to sign.
+    A qubit that is open at the end stays so, seen from there, until a gate does not commute with
+    its Z, up to sign.
     With `couplings`, drops cz between open qubits instead. Read backwards, the same holds of |0>.
     """
-    is_open = [True] * width
+    is_open = list(ends)
     kept: list[Gate] = []
     for gate in reversed(gates):
         if not gate.is_coupling:

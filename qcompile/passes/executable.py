@@ -21,6 +21,8 @@ from qcompile.simulate import LateAngles
 
 if TYPE_CHECKING:
     from qcompile.report.drawing import Form
+    from qcompile.report.figure import Figure
+    from qcompile.report.style import AnyStyle
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -160,7 +162,7 @@ class Executable:
 
         It is 1 on the ideal device, where running copies side by side saves nothing.
         """
-        return copies_that_fit(self.native, self.device)
+        return copies_that_fit(self.source, self.device)
 
     def to_qiskit(
         self, x: FloatArray | None = None, theta: FloatArray | None = None, *, measure: bool = True
@@ -169,8 +171,9 @@ class Executable:
 
         The circuits have native gates only. Without x (inputs,) and theta (parameters,) the open
         angles are parameters a{i}_{k} for slot k of circuit i, whose values `bind` returns; with
-        both, the circuits contain numbers. Register c has a bit for each circuit of the round, in
-        order; `measure=False` omits the measurements and the register.
+        both, the circuits contain numbers. Register c has a bit for each qubit of the source
+        circuits of the round, in order: for each circuit, where those have one. Qubits gained by
+        routing are not measured. `measure=False` omits the measurements and the register.
 
         Raises:
             CircuitError: x or theta has the wrong shape, or only one of them is given.
@@ -189,6 +192,16 @@ class Executable:
         from qcompile.report.drawing import draw_executable
 
         return draw_executable(self, form, circuit)
+
+    def plot_map(self, style: AnyStyle = None) -> Figure:
+        """The device's qubits and couplings by their errors, those that the circuits use marked.
+
+        Raises:
+            FigureError: the device has no couplings; the style cannot be read.
+        """
+        from qcompile.report.device_map import draw_executable_map
+
+        return draw_executable_map(self, style)
 
     def gate_counts(self) -> list[Counter[str]]:
         """The number of native gates of each circuit, by name."""

@@ -19,7 +19,7 @@ from qcompile.passes.executable import Executable
 from qcompile.passes.fuse_known import FuseKnown
 from qcompile.passes.fuse_rotations import FuseRotations
 from qcompile.passes.merge_rotations import MergeRotations
-from qcompile.passes.place import checked_importance, place
+from qcompile.passes.place import circuit_importance, place
 from qcompile.passes.place_wide import place_wide
 from qcompile.passes.to_couplings import ToCouplings
 from qcompile.passes.to_native import ToNative
@@ -121,7 +121,8 @@ def compile(
     if program.is_wide:
         return _compile_wide(program, device, level, importance, copies, on, fences)
     if on is None:
-        places, rounds = place(len(program), device, importance, copies)
+        weights = circuit_importance(program, importance, copies)
+        places, rounds = place(len(program), device, weights, copies)
     else:
         places, rounds = np.array(on, dtype=np.intp), np.zeros(len(program), dtype=np.intp)
     program = program.side_by_side(copies)
@@ -162,10 +163,7 @@ def _compile_wide(
     fences: Sequence[Collection[str]],
 ) -> Executable:
     """A program with circuits of several qubits: routed first, then lowered as any other."""
-    weights = checked_importance(len(program.measured), importance, copies)
-    first = [observable[0] for observable in program.measured]
-    owners = np.searchsorted(program.first_bits, first, side="right") - 1
-    weights = np.asarray(np.bincount(owners, weights, minlength=len(program)), dtype=float)
+    weights = circuit_importance(program, importance, copies)
     program = program.side_by_side(copies)
     skeleton = DropIdleCouplings().apply(program) if level == 2 else program
     placed = place_wide(skeleton, device, np.tile(weights, copies), on, fences)

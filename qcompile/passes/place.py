@@ -10,14 +10,20 @@ from qcompile.errors import CircuitError
 from qcompile.ir import Program
 from qcompile.limits import MAX_EPISODES
 from qcompile.noise import usable
+from qcompile.passes.place_wide import wide_copies_that_fit
 
 
 def copies_that_fit(program: Program, device: Device) -> int:
     """How many copies of a program fit on the usable qubits at once, at least one.
 
-    Copies of circuits of several qubits are not placed side by side.
+    Circuits of several qubits are routed to find out (`passes.place_wide`).
+
+    Raises:
+        DeviceError, MissingExtraError: circuits of several qubits cannot be routed.
     """
-    return 1 if program.has_products else max(len(usable(device)) // max(len(program), 1), 1)
+    if program.is_wide:
+        return wide_copies_that_fit(program, device)
+    return max(len(usable(device)) // max(len(program), 1), 1)
 
 
 def place(
@@ -54,6 +60,22 @@ def place(
     qubits[order.ravel()] = places[index // round_count]
     rounds[order.ravel()] = index % round_count
     return qubits, rounds
+
+
+def circuit_importance(
+    program: Program, importance: FloatArray | None = None, copies: int = 1
+) -> FloatArray:
+    """The importance of each circuit, (circuits,): the sum over its observables.
+
+    `importance` (observables,) is theirs; by default it is the same for all.
+
+    Raises:
+        CircuitError: as `place`.
+    """
+    of_observables = checked_importance(len(program.measured), importance, copies)
+    if not program.has_products:
+        return of_observables
+    return np.asarray(np.bincount(program.owners, of_observables, len(program)), dtype=float)
 
 
 def checked_importance(circuits: int, importance: FloatArray | None, copies: int) -> FloatArray:

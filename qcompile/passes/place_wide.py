@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -13,7 +14,11 @@ from qcompile.device import Device
 from qcompile.errors import CircuitError
 from qcompile.ir import Circuit, Program
 from qcompile.noise import usable
+from qcompile.passes.drop_unobservable import DropIdleCouplings
 from qcompile.passes.route import route
+
+_WORSE, _SMALL = 2.0, 0.05
+"""The largest ratio of the coupling errors of a copy and the first one, and errors always taken."""
 
 
 class Placed(NamedTuple):
@@ -79,6 +84,39 @@ def _on_qubits(program: Program, device: Device, on: Sequence[int]) -> Placed:
         np.array(on, dtype=np.intp),
         np.zeros(len(circuits), dtype=np.intp),
     )
+
+
+def wide_copies_that_fit(program: Program, device: Device) -> int:
+    """How many copies fit in one round, each with couplings about as good as those of the first.
+
+    The sum of their errors is at most twice that of the first, or at most 0.05. Copies are placed
+    as by `place_wide`, one after the other. There is at least one; the ideal device gains nothing
+    by a second.
+
+    Raises:
+        DeviceError, MissingExtraError: as by `place_wide`.
+    """
+    if device.is_ideal:
+        return 1
+    needed = DropIdleCouplings().apply(program)
+    wide = [circuit for circuit in needed.circuits if circuit.width > 1]
+    alone = len(program) - len(wide)
+    taken: set[int] = set()
+    most, copies = math.inf, 0
+    while True:
+        error = 0.0
+        for circuit in wide:
+            routed = route(circuit, device, taken=taken)
+            if routed is None:
+                return max(copies, 1)
+            taken.update(routed.qubits.tolist())
+            error += routed.coupling_error(device)
+        free = len(set(usable(device)) - taken)
+        if error > most or free < alone * (copies + 1):
+            return max(copies, 1)
+        if not copies:
+            most = max(_WORSE * error, _SMALL)
+        copies += 1
 
 
 def _routed(

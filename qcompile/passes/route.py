@@ -2,12 +2,14 @@
 
 Qiskit sees a circuit once, as a skeleton: each run is one rz with a parameter, which it leaves as
 it is. What it inserts, swaps and translated couplings, are couplings and gates that fuse with the
-runs around them.
+runs around them. Routes are remembered: a process places the same policy many times.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -26,6 +28,10 @@ if TYPE_CHECKING:
     from qiskit.transpiler import Target
 
 
+_TRIES = 8
+"""Routings of a circuit that needs swaps: their couplings differ by up to a half."""
+
+
 class Routed(NamedTuple):
     """A circuit in a device's couplings, and its physical qubits (circuit.width,).
 
@@ -35,6 +41,23 @@ class Routed(NamedTuple):
 
     circuit: Circuit
     qubits: IntArray
+
+    def coupling_error(self, device: Device) -> float:
+        """The sum of the errors of its couplings."""
+        calibrations, qubits = device.coupling_calibrations, self.qubits.tolist()
+        couplings = (gate for gate in self.circuit.gates if gate.is_coupling)
+        return sum(
+            calibrations[gate.name, qubits[gate.qubits[0]], qubits[gate.qubits[1]]].error
+            for gate in couplings
+        )
+
+
+@dataclass(frozen=True)
+class _Machine:
+    """A device, equal to those with the same contents."""
+
+    contents: str
+    device: Device = field(compare=False)
 
 
 def route(
@@ -49,9 +72,10 @@ def route(
     """The circuit on free qubits of the device; None if none are connected well enough.
 
     Of the layouts without swaps the one with the least gate and readout error is taken, if there
-    is one. With `on` qubit k is physical qubit on[k], whatever is `taken`, and there are no swaps.
-    The gates of `fences` (`passes.fences`) stay together. The same seed gives the same result.
-    Gates and couplings of any kind are allowed.
+    is one; otherwise the one of several routings whose couplings have the least error. With `on`
+    qubit k is physical qubit on[k], whatever is `taken`, and there are no swaps. The gates of
+    `fences` (`passes.fences`) stay together. The same seed gives the same result. Gates and
+    couplings of any kind are allowed.
 
     Raises:
         DeviceError: the device has no couplings, the circuit is wider than the device, or its
@@ -68,17 +92,48 @@ def route(
             f"A circuit has {circuit.width} qubits, {device.name} has {len(device.qubits)}.",
             "Use a larger device.",
         )
+    try:
+        import qiskit  # noqa: F401
+    except ImportError as error:
+        raise MissingExtraError("Placing circuits on several qubits", "qiskit") from error
+    together = tuple(map(frozenset, fences))
     if on is not None:
         _require_coupled(circuit, device, on)
-        return _routed(circuit, device, sorted(on), fences, seed, on)
+        return _route(circuit, device, sorted(on), together, seed, on)
+    machine = _Machine(device.to_json(), device)
+    return _best(circuit, machine, frozenset(taken), together, seed)
+
+
+@lru_cache(maxsize=4096)
+def _best(
+    circuit: Circuit,
+    machine: _Machine,
+    taken: frozenset[int],
+    fences: tuple[frozenset[str], ...],
+    seed: int,
+) -> Routed | None:
+    """The best routing on connected free qubits: one without swaps, or the best of _TRIES."""
+    device = machine.device
     free = set(range(len(device.qubits))) - {*taken, *unusable(device)}
     couplings = [each.qubits for each in device.couplings if set(each.qubits) <= free]
     groups = [g for g in connected(sorted(free), couplings) if len(g) >= circuit.width]
-    found = [_routed(circuit, device, group, fences, seed) for group in groups]
-    return min((r for r in found if r), key=lambda r: _cost(r, device, circuit.width), default=None)
+
+    def tried(seed: int) -> list[Routed]:
+        found = (_route(circuit, device, group, fences, seed) for group in groups)
+        return [routed for routed in found if routed is not None]
+
+    first = tried(seed)
+    found = [routed for routed in first if _couplings(routed.circuit) == _couplings(circuit)]
+    if not found:
+        found = [*first, *(routed for k in range(1, _TRIES) for routed in tried(seed + k))]
+    return min(found, key=lambda routed: routed.coupling_error(device), default=None)
 
 
-def _routed(
+def _couplings(circuit: Circuit) -> int:
+    return sum(gate.is_coupling for gate in circuit.gates)
+
+
+def _route(
     circuit: Circuit,
     device: Device,
     qubits: Sequence[int],
@@ -86,14 +141,12 @@ def _routed(
     seed: int,
     on: Sequence[int] | None = None,
 ) -> Routed | None:
-    """The circuit on these qubits, in ascending order; Qiskit knows of no others.
+    """The circuit as Qiskit routes it with this seed on these qubits, in ascending order.
 
-    It may end in a panic where qubits are not connected with each other.
+    Qiskit knows of no others: it may end in a panic where qubits are not connected.
     """
-    try:
-        from qiskit.transpiler import TranspilerError, generate_preset_pass_manager
-    except ImportError as error:
-        raise MissingExtraError("Placing circuits on several qubits", "qiskit") from error
+    from qiskit.transpiler import TranspilerError, generate_preset_pass_manager
+
     fixed: dict[str, Any] = {}
     if on is not None:
         fixed = {"initial_layout": [qubits.index(q) for q in on], "routing_method": "none"}
@@ -107,18 +160,6 @@ def _routed(
         return None
     fence_of = {part.number: part for part in parts if isinstance(part, Fence)}
     return _read(routed, circuit.width, runs, fence_of, qubits)
-
-
-def _cost(routed: Routed, device: Device, width: int) -> tuple[int, float]:
-    """The couplings of a routed circuit, and the sum of their errors and those of its readout."""
-    calibrations, qubits = device.coupling_calibrations, routed.qubits.tolist()
-    errors = [
-        calibrations[gate.name, qubits[gate.qubits[0]], qubits[gate.qubits[1]]].error
-        for gate in routed.circuit.gates
-        if gate.is_coupling
-    ]
-    readout = sum((device.qubits[q].p10 + device.qubits[q].p01) / 2 for q in qubits[:width])
-    return len(errors), sum(errors) + readout
 
 
 def _require_coupled(circuit: Circuit, device: Device, on: Sequence[int]) -> None:
@@ -219,4 +260,6 @@ def _read(
     used = [*measured, *passed]
     local = {qubit: number for number, qubit in enumerate(used)}
     moved = (gate.on(*(local[qubit] for qubit in gate.qubits)) for gate in gates)
-    return Routed(Circuit(tuple(moved), len(used)), np.array([physical[q] for q in used]))
+    placed = np.array([physical[q] for q in used])
+    placed.setflags(write=False)  # routes are shared
+    return Routed(Circuit(tuple(moved), len(used)), placed)

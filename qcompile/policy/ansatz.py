@@ -34,7 +34,8 @@ class Ansatz:
     + shift, with two trained parameters, is affine in the program's symbols.
 
     Parts that are None are left to the training: `encoder` computes the inputs from an observation;
-    `theta` (parameters,), `weights` (actions, circuits) and `bias` (actions,) are initial values.
+    `theta` (parameters,), `weights` (actions, observables) and `bias` (actions,) are initial
+    values.
     `origin` says in a few words where the circuits come from.
 
     Raises:
@@ -53,7 +54,6 @@ class Ansatz:
     bias: FloatArray | None = None
 
     def __post_init__(self) -> None:
-        self.program.require_narrow("An ansatz")
         symbols = len(self.program.inputs), len(self.program.parameters)
         if self.program.late_angles:
             raise PolicyError("A compiled program cannot be trained.", "Use its source program.")
@@ -81,7 +81,7 @@ class Ansatz:
         if self.encoder is not None:
             self.encoder.check(len(self.inputs))
         if self.weights is not None and self.bias is not None:
-            shape = (len(self.bias), len(self.program))
+            shape = (len(self.bias), len(self.program.measured))
             check_arrays({"weights": (self.weights, shape), "bias": (self.bias, (len(self.bias),))})
 
     @classmethod
@@ -181,12 +181,16 @@ class Ansatz:
         named = enumerate(self.program.parameters)
         indices = [j for j, symbol in named if symbol in used or j not in self.factors]
         names = {f"theta{j}": f"theta{index}" for index, j in enumerate(indices)}
-        circuits = [circuit.rename(names) for circuit in self.program.circuits]
+        program = replace(
+            self.program,
+            circuits=tuple(circuit.rename(names) for circuit in self.program.circuits),
+            parameters=tuple(f"theta{index}" for index in range(len(indices))),
+        )
         return Policy(
             name,
             environment,
             self._encoder(encoder, np.append(numbers, 1.0)[self.factors]),
-            Program.of(circuits, len(self.reads), len(indices)),
+            program,
             numbers[indices],
             np.asarray(weights, dtype=float),
             np.asarray(bias, dtype=float),
@@ -264,6 +268,7 @@ class Ansatz:
         names |= {name: f"theta{j}" for j, name in enumerate(program.parameters)}
         circuits = [circuit.rename(names) for circuit in program.circuits]
         renamed = Program.of(circuits, len(used_inputs), len(program.parameters))
+        renamed = replace(renamed, observables=program.observables)
         return cls(renamed, inputs, parameters, reads[used_inputs], factors[used_inputs], origin)
 
     def __repr__(self) -> str:
@@ -272,12 +277,13 @@ class Ansatz:
         return f"Ansatz({', '.join(sizes)}, of {self.origin})"
 
     def __str__(self) -> str:
-        lines = [f"inputs {' '.join(self.inputs)}", f"parameters {' '.join(self.parameters)}"]
         shown = dict(zip(self.program.parameters, self.parameters, strict=True))
         shown |= {f"x{i}": self._input_text(i) for i in range(len(self.reads))}
-        for index, circuit in enumerate(self.program.circuits):
-            text = re.sub(r"[^\W\d]\w*", lambda word: shown.get(word[0], word[0]), str(circuit))
-            lines.append(f"{index}: {text}")
+        lines = [f"inputs {' '.join(self.inputs)}", f"parameters {' '.join(self.parameters)}"]
+        lines += [
+            re.sub(r"[^\W\d]\w*", lambda word: shown.get(word[0], word[0]), line)
+            for line in str(self.program).splitlines()[2:]
+        ]
         return "\n".join(line.rstrip() for line in lines)
 
     def _input_text(self, index: int) -> str:

@@ -13,19 +13,28 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import AfterValidator, Field, ValidationError
+from pydantic import Field, ValidationError
 
 from qcompile.catalogue import nearest
 from qcompile.errors import CircuitError, PolicyError
 from qcompile.foreign import describe, program_hint
-from qcompile.ir import Circuit, Program
+from qcompile.ir import Program
 from qcompile.output import write_file
 from qcompile.policy.ansatz import NO_FACTOR, Ansatz
-from qcompile.policy.blocks import Natural
+from qcompile.policy.blocks import (
+    AnyCircuitFile,
+    FewGates,
+    Natural,
+    ObservablesFile,
+    check_observables,
+    circuit_values,
+    read_circuits,
+    widths_of,
+)
 from qcompile.policy.encoder import Encoder
 from qcompile.policy.files import SUFFIXES, load_circuits, policy_names
 from qcompile.policy.policy import Policy
-from qcompile.policy.schema import CircuitFile, EncoderFile2, Numbers, Part, few_gates
+from qcompile.policy.schema import EncoderFile2, Numbers, Part
 from qcompile.reading import ContentsError, check_json, read_json
 from qcompile.validation import FirstFault, Line, explain
 
@@ -38,9 +47,8 @@ class AnsatzFile(Part):
     """Circuits to train; inputs and parameters default to those the circuits use."""
 
     format: Literal["qcompile-ansatz-1"]
-    circuits: Annotated[
-        list[CircuitFile], Field(min_length=1), FirstFault(), AfterValidator(few_gates)
-    ]
+    circuits: Annotated[list[AnyCircuitFile], Field(min_length=1), FirstFault(), FewGates]
+    observables: ObservablesFile | None = None
     inputs: _Names | None = None
     parameters: _Names | None = None
     reads: Annotated[list[Natural], FirstFault()] | None = None
@@ -57,7 +65,9 @@ class AnsatzFile(Part):
         Raises:
             CircuitError, PolicyError: the parts do not fit each other.
         """
-        circuits = [Circuit.of(gates) for gates in self.circuits]
+        observables = self.observables or []
+        check_observables(observables, widths_of(self.circuits))
+        circuits = read_circuits(self.circuits)
         used = {symbol for circuit in circuits for symbol in circuit.symbols}
         inputs = self.inputs or _counted(used, "x")
         parameters = _counted(used, "theta") if self.parameters is None else self.parameters
@@ -65,8 +75,9 @@ class AnsatzFile(Part):
         factors = [None] * len(reads) if self.factors is None else self.factors
         if self.weights and len({*map(len, self.weights)}) > 1:
             raise PolicyError("weights has rows of different lengths.")
+        program = Program.of(circuits, len(reads), len(parameters))
         return Ansatz(
-            Program.of(circuits, len(reads), len(parameters)),
+            replace(program, observables=tuple(map(tuple, observables))),
             tuple(inputs),
             tuple(parameters),
             np.array(reads, dtype=np.intp),
@@ -92,12 +103,14 @@ def ansatz_text(ansatz: Ansatz) -> str:
     values: dict[str, Any] = {
         "format": FORMAT,
         "origin": ansatz.origin,
-        "circuits": [circuit.to_lists() for circuit in ansatz.program.circuits],
+        "circuits": [circuit_values(circuit) for circuit in ansatz.program.circuits],
         "inputs": ansatz.inputs,
         "parameters": ansatz.parameters,
         "reads": ansatz.reads.tolist(),
         "factors": [None if f == NO_FACTOR else f for f in ansatz.factors.tolist()],
     }
+    if ansatz.program.observables:
+        values["observables"] = ansatz.program.observables
     if ansatz.encoder is not None:
         values["encoder"] = _encoder_values(ansatz.encoder)
     for name in ("theta", "weights", "bias"):

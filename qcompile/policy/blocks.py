@@ -1,21 +1,26 @@
-"""Blocks of a policy file: circuits of several qubits, and the observables measured on them."""
+"""The circuits of a file: lists of gates, blocks of several qubits, and their observables."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence, Set
-from typing import Annotated
+from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, Tag
 
 from qcompile.errors import CircuitError, PolicyError
 from qcompile.ir import COUPLINGS, Circuit, Gate
-from qcompile.limits import MAX_ANGLE_LETTERS, MAX_QUBITS
+from qcompile.limits import MAX_ANGLE_LETTERS, MAX_POLICY_GATES, MAX_QUBITS
 from qcompile.validation import FirstFault
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Natural = Annotated[int, Field(ge=0, le=1_000_000)]
 Word = Annotated[str, Field(max_length=MAX_ANGLE_LETTERS)]
 Observables = Sequence[Sequence[int]]
+
+MOST_OBSERVABLES = 10_000
+
+CircuitFile = Annotated[list[Annotated[list[Word | Number], FirstFault()]], FirstFault()]
+"""A list of gates, each a name and an angle."""
 
 
 class BlockFile(BaseModel):
@@ -29,15 +34,15 @@ class BlockFile(BaseModel):
     def __len__(self) -> int:
         return len(self.gates)
 
-    def check(self, symbols: Set[str]) -> None:
-        """Raise PolicyError for the first invalid gate, or the first unknown symbol."""
+    def check(self, symbols: Set[str] | None) -> None:
+        """Raise PolicyError for the first invalid gate, or the first symbol not in `symbols`."""
         for index, parts in enumerate(self.gates):
             try:
                 self._check_gate(parts, symbols)
             except CircuitError as error:
                 raise PolicyError(f"gates.{index}: {error}") from error
 
-    def _check_gate(self, parts: Sequence[str | float], symbols: Set[str]) -> None:
+    def _check_gate(self, parts: Sequence[str | float], symbols: Set[str] | None) -> None:
         name, *rest = parts or [0]
         if not isinstance(name, str):
             raise CircuitError(
@@ -60,8 +65,8 @@ class BlockFile(BaseModel):
         if count == 2:
             return
         gate = Gate.of(name, angle[0] if angle else None)
-        unknown = set(gate.angle.symbols if gate.angle else ()) - symbols
-        if unknown:
+        used = set(gate.angle.symbols if gate.angle else ())
+        if symbols is not None and (unknown := used - symbols):
             raise CircuitError(f"Unknown symbol {min(unknown)!r}.")
 
     def circuit(self) -> Circuit:
@@ -69,6 +74,72 @@ class BlockFile(BaseModel):
         if self.qubits == 1:
             return Circuit.of([parts[:-1] for parts in self.gates])
         return Circuit.of(self.gates, self.qubits)
+
+
+AnyCircuitFile = Annotated[
+    Annotated[CircuitFile, Tag("gates")] | Annotated[BlockFile, Tag("block")],
+    Discriminator(lambda value: "block" if isinstance(value, dict | BlockFile) else "gates"),
+]
+
+
+def few_gates(circuits: list[Any]) -> list[Any]:
+    """The `circuits`, checked to have at most MAX_POLICY_GATES gates."""
+    if sum(map(len, circuits)) > MAX_POLICY_GATES:
+        raise ValueError(f"more than {MAX_POLICY_GATES:,} gates")
+    return circuits
+
+
+FewGates = AfterValidator(few_gates)
+
+_Observable = Annotated[list[Natural], Field(min_length=1, max_length=100), FirstFault()]
+ObservablesFile = Annotated[
+    list[_Observable], Field(min_length=1, max_length=MOST_OBSERVABLES), FirstFault()
+]
+
+
+def read_circuits(
+    parts: Sequence[Sequence[Sequence[object]] | BlockFile], symbols: Set[str] | None = None
+) -> list[Circuit]:
+    """The circuits of lists of gates and of blocks, whose symbols must be among `symbols`.
+
+    Raises:
+        PolicyError: a gate is not valid; None allows all symbols.
+    """
+    circuits = []
+    for index, part in enumerate(parts):
+        if not isinstance(part, BlockFile):
+            try:
+                circuits.append(Circuit.of(part))
+            except CircuitError as error:
+                raise PolicyError(f"circuits.{index}: {error}") from error
+            continue
+        try:
+            part.check(symbols)
+        except PolicyError as error:
+            raise PolicyError(f"circuits.{index}.{error}") from error
+        circuits.append(part.circuit())
+    return circuits
+
+
+def widths_of(parts: Sequence[object]) -> list[int]:
+    """The number of qubits of each circuit.
+
+    Raises:
+        PolicyError: they are too many.
+    """
+    widths = [part.qubits if isinstance(part, BlockFile) else 1 for part in parts]
+    if sum(widths) > MAX_POLICY_GATES:
+        raise PolicyError(
+            f"circuits have {sum(widths):,} qubits.", f"At most {MAX_POLICY_GATES:,} are allowed."
+        )
+    return widths
+
+
+def circuit_values(circuit: Circuit) -> Any:
+    """The gates of a circuit, of several qubits as a block, from which a file reads it back."""
+    if circuit.width == 1:
+        return circuit.to_lists()
+    return {"qubits": circuit.width, "gates": circuit.to_lists()}
 
 
 def check_observables(observables: Observables, widths: Sequence[int]) -> None:

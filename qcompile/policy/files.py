@@ -13,9 +13,8 @@ from pydantic import BaseModel, ValidationError
 from qcompile.catalogue import find, names, nearest
 from qcompile.errors import CircuitError, PolicyError
 from qcompile.foreign import describe
-from qcompile.ir import Circuit
 from qcompile.output import write_file
-from qcompile.policy.blocks import BlockFile
+from qcompile.policy.blocks import BlockFile, circuit_values
 from qcompile.policy.decision import hold_values
 from qcompile.policy.encoder import Encoder
 from qcompile.policy.network import Network
@@ -205,7 +204,7 @@ def policy_values(policy: AnyPolicy) -> dict[str, Any]:
             "scale": encoder.scale.tolist(),
             **of_encoder,
         },
-        "circuits": [_circuit_values(circuit.rename(symbols)) for circuit in program.circuits],
+        "circuits": [circuit_values(circuit.rename(symbols)) for circuit in program.circuits],
         "theta": policy.theta.tolist(),
         "weights": policy.weights.tolist(),
         "bias": policy.bias.tolist(),
@@ -213,13 +212,6 @@ def policy_values(policy: AnyPolicy) -> dict[str, Any]:
         "metadata": dict(policy.metadata),
         **more,
     }
-
-
-def _circuit_values(circuit: Circuit) -> Any:
-    """The gates of a circuit; of several qubits as a block."""
-    if circuit.width == 1:
-        return circuit.to_lists()
-    return {"qubits": circuit.width, "gates": circuit.to_lists()}
 
 
 def _beyond_format_1(encoder: Encoder) -> dict[str, Any]:

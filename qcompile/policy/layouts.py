@@ -1,7 +1,7 @@
 """Common circuit layouts of policies.
 
-Every circuit starts with h; a feature is encoded by ry(x) rz(x); ry(theta) is trained.
-Source: arXiv 2203.14348, section "The model".
+In those of one-qubit circuits every circuit starts with h; a feature is encoded by ry(x) rz(x);
+ry(theta) is trained. Source: arXiv 2203.14348, section "The model".
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from qcompile.errors import PolicyError
-from qcompile.ir import Circuit, Program
+from qcompile.ir import Circuit, Gate, Program
 
 
 def parallel(features: int, copies: int) -> tuple[Program, list[int]]:
@@ -53,9 +53,42 @@ def single(features: int, copies: int) -> tuple[Program, list[int]]:
     return Program.of(circuits, 3 * copies, copies), [*range(features - 3, features)] * copies
 
 
+def ring(features: int, layers: int) -> tuple[Program, list[int]]:
+    """One circuit with a qubit per feature, which encodes all of them `layers` times.
+
+    A layer is ry(theta) rz(theta) on every qubit, a ring of cz, then ry(x) rz(x); ry(theta)
+    rz(theta) close the circuit. Source: arXiv 2103.05577.
+    """
+    qubits = range(features)
+    pairs = [(qubit, (qubit + 1) % features) for qubit in qubits]
+    pairs = pairs if features > 2 else pairs[: features - 1]
+    gates: list[Gate] = []
+    for layer in range(layers + 1):
+        for qubit in qubits:
+            first = 2 * (layer * features + qubit)
+            gates += [
+                Gate.of(f"r{axis}", f"theta{first + part}", qubits=(qubit,))
+                for part, axis in enumerate("yz")
+            ]
+        if layer == layers:
+            break
+        gates += [Gate("cz", None, pair) for pair in pairs]
+        gates += [
+            Gate.of(f"r{axis}", f"x{layer * features + qubit}", qubits=(qubit,))
+            for qubit in qubits
+            for axis in "yz"
+        ]
+    circuit = Circuit(tuple(gates), features)
+    parameters = 2 * features * (layers + 1)
+    return Program.of([circuit], features * layers, parameters), [*qubits] * layers
+
+
 LAYOUTS: dict[str, Callable[[int, int], tuple[Program, list[int]]]] = {
     "parallel": parallel,
     "serial": serial,
     "single": single,
 }
-"""Layouts by name: they map (features, copies) to a program and the feature of each input."""
+"""Layouts of one-qubit circuits by name.
+
+They map (features, copies) to a program and the feature of each input.
+"""

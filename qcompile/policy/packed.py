@@ -12,7 +12,7 @@ from typing import Any
 
 from qcompile.errors import PolicyError
 from qcompile.limits import MAX_VALUES
-from qcompile.reading import CodeError, ContentsError, load_json, read_file, read_torch
+from qcompile.reading import CodeError, ContentsError, read_file, read_torch
 
 _TENSORS = ("theta", "weights", "bias", "mean", "std")
 _CHECKPOINT_1 = "qcompile-checkpoint-1"
@@ -65,12 +65,6 @@ def read_pt(path: Path) -> dict[str, Any]:
 
 def _resume_hint(path: Path, checkpoint: Mapping[str, Any]) -> list[str]:
     """How to turn a checkpoint into a policy; its values are not yet validated."""
-    try:
-        model = load_json(str(checkpoint.get("settings")))["model"]
-    except (ContentsError, KeyError, TypeError):
-        model = None
-    if model == "mvqc":
-        return ["Its model 'mvqc' is an entangling circuit, which cannot be played yet."]
     environment = checkpoint.get("environment")
     if not isinstance(environment, str) or not _ENVIRONMENT.fullmatch(environment):
         environment = "ENVIRONMENT"

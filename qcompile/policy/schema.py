@@ -22,16 +22,19 @@ from pydantic import (
     Tag,
 )
 
-from qcompile.errors import CircuitError, PolicyError
+from qcompile.errors import PolicyError
 from qcompile.ir import Circuit, Program
-from qcompile.limits import MAX_POLICY_GATES
 from qcompile.policy.arguments import check_arguments
 from qcompile.policy.blocks import (
-    BlockFile,
+    AnyCircuitFile,
+    CircuitFile,
+    FewGates,
     Natural,
     Number,
-    Word,
+    ObservablesFile,
     check_observables,
+    read_circuits,
+    widths_of,
 )
 from qcompile.policy.decision import MOST_HELD
 from qcompile.policy.encoder import Encoder, check_arrays
@@ -43,13 +46,8 @@ FORMAT_1: Literal["qcompile-policy-1"] = "qcompile-policy-1"
 FORMAT_2: Literal["qcompile-policy-2"] = "qcompile-policy-2"
 
 Numbers = Annotated[list[Number], FirstFault()]
-CircuitFile = Annotated[list[Annotated[list[Word | Number], FirstFault()]], FirstFault()]
-"""A list of gates, each a name and an angle."""
-
 FUNCTIONS_1 = {"arctan", "tanh", "identity"}
 """The encoder functions of format 1."""
-
-MOST_OBSERVABLES = 10_000
 
 
 class Part(BaseModel):
@@ -106,13 +104,6 @@ _Encoder = TypeVar("_Encoder", EncoderFile, EncoderFile2)
 _Circuit = TypeVar("_Circuit")
 
 
-def few_gates(circuits: list[Any]) -> list[Any]:
-    """The `circuits`, checked to have at most MAX_POLICY_GATES gates."""
-    if sum(map(len, circuits)) > MAX_POLICY_GATES:
-        raise ValueError(f"more than {MAX_POLICY_GATES:,} gates")
-    return circuits
-
-
 class _File(Part, Generic[_Format, _Encoder, _Circuit]):
     """The parts that both formats have."""
 
@@ -120,9 +111,7 @@ class _File(Part, Generic[_Format, _Encoder, _Circuit]):
     name: Line
     environment: Line
     encoder: _Encoder
-    circuits: Annotated[
-        list[_Circuit], Field(min_length=1), FirstFault(), AfterValidator(few_gates)
-    ]
+    circuits: Annotated[list[_Circuit], Field(min_length=1), FirstFault(), FewGates]
     theta: Numbers
     weights: Annotated[list[Numbers], FirstFault()]
     bias: Annotated[Numbers, Field(min_length=1)]
@@ -152,13 +141,6 @@ class _File(Part, Generic[_Format, _Encoder, _Circuit]):
         return np.array(self.weights, dtype=float)
 
 
-def _circuit(index: int, gates: Sequence[Sequence[object]]) -> Circuit:
-    try:
-        return Circuit.of(gates)
-    except CircuitError as error:
-        raise PolicyError(f"circuits.{index}: {error}") from error
-
-
 class PolicyFile(_File[Literal["qcompile-policy-1"], EncoderFile, CircuitFile]):
     """A policy file of format 1."""
 
@@ -168,24 +150,13 @@ class PolicyFile(_File[Literal["qcompile-policy-1"], EncoderFile, CircuitFile]):
         Raises:
             CircuitError, PolicyError: its parts do not fit each other.
         """
-        circuits = [_circuit(index, gates) for index, gates in enumerate(self.circuits)]
-        return self._policy(self._program(circuits))
+        return self._policy(self._program(read_circuits(self.circuits)))
 
 
-_Circuit2 = Annotated[
-    Annotated[CircuitFile, Tag("gates")] | Annotated[BlockFile, Tag("block")],
-    Discriminator(lambda value: "block" if isinstance(value, dict | BlockFile) else "gates"),
-]
-_Observable = Annotated[list[Natural], Field(min_length=1, max_length=100), FirstFault()]
-
-
-class PolicyFile2(_File[Literal["qcompile-policy-2"], EncoderFile2, _Circuit2]):
+class PolicyFile2(_File[Literal["qcompile-policy-2"], EncoderFile2, AnyCircuitFile]):
     """A policy file of format 2, which extends format 1."""
 
-    observables: (
-        Annotated[list[_Observable], Field(min_length=1, max_length=MOST_OBSERVABLES), FirstFault()]
-        | None
-    ) = None
+    observables: ObservablesFile | None = None
     decision: Literal["softmax", "values", "gaussian", "born"] = "softmax"
     hold: Annotated[int, Field(ge=1, le=MOST_HELD)] = 1
     environment_kwargs: Annotated[dict[str, JsonValue], AfterValidator(check_arguments)] = {}
@@ -198,39 +169,16 @@ class PolicyFile2(_File[Literal["qcompile-policy-2"], EncoderFile2, _Circuit2]):
             UnsupportedPolicyError: they are valid, but this version cannot run them all.
         """
         self.encoder.encoder().check(len(self.encoder.feature))
-        blocks = [part if isinstance(part, BlockFile) else None for part in self.circuits]
-        widths = [1 if block is None else block.qubits for block in blocks]
-        bits = sum(widths)
-        if bits > MAX_POLICY_GATES:
-            raise PolicyError(
-                f"circuits have {bits:,} qubits.", f"At most {MAX_POLICY_GATES:,} are allowed."
-            )
-        observables = self.observables
+        widths, observables = widths_of(self.circuits), self.observables
         if observables is not None:
             check_observables(observables, widths)
-        columns = self.reuse * (bits if observables is None else len(observables))
+        columns = self.reuse * (sum(widths) if observables is None else len(observables))
         check_arrays({"weights": (self._weights(), (len(self.bias), columns))})
-        program = replace(
-            self._program(self._circuits()), observables=tuple(map(tuple, observables or ()))
-        )
+        names = self._program([])
+        circuits = read_circuits(self.circuits, {*names.inputs, *names.parameters})
+        program = replace(self._program(circuits), observables=tuple(map(tuple, observables or ())))
         refuse(other_decision(self.decision))
         return self._policy(program, hold=self.hold, environment_kwargs=self.environment_kwargs)
-
-    def _circuits(self) -> list[Circuit]:
-        """The circuits of lists of gates and of blocks."""
-        names = self._program([])
-        symbols = {*names.inputs, *names.parameters}
-        circuits = []
-        for index, part in enumerate(self.circuits):
-            if not isinstance(part, BlockFile):
-                circuits.append(_circuit(index, part))
-                continue
-            try:
-                part.check(symbols)
-            except PolicyError as error:
-                raise PolicyError(f"circuits.{index}.{error}") from error
-            circuits.append(part.circuit())
-        return circuits
 
 
 AnyPolicyFile = Annotated[PolicyFile | PolicyFile2, Field(discriminator="format")]

@@ -15,17 +15,18 @@ from qcompile.report.tables import print_table
 def print_devices(devices: Mapping[str, Device]) -> None:
     """Print a row for each device: medians of its qubits but those that are left out."""
     print_table(
-        ["backend", "qubits", "T1 us", "sx error", "readout error", "calibrated"],
+        ["backend", "qubits", "T1 us", "sx error", "readout error", "coupling error", "calibrated"],
         [
             [
                 name,
                 len(device.qubits) or "any",
                 *_medians(device),
+                _coupling_error(device),
                 (device.calibrated or "").partition("T")[0],
             ]
             for name, device in devices.items()
         ],
-        "Numbers are medians over the qubits",
+        "Numbers are medians over the qubits, and over the couplings",
     )
 
 
@@ -44,8 +45,16 @@ def _medians(device: Device) -> tuple[str, str, str]:
     )
 
 
+def _coupling_error(device: Device) -> str:
+    """The median error of the couplings, and their gate; - where there are none."""
+    if not device.couplings:
+        return "-"
+    error = statistics.median(coupling.error for coupling in device.couplings)
+    return f"{error:.1e} {'/'.join(device.coupling_gates)}"
+
+
 def print_qubits(device: Device) -> None:
-    """Print the calibration of every qubit, where it is from, and what of it is doubtful."""
+    """Print the calibration of every qubit and coupling, its source, and what is doubtful."""
     used = usable(device)
     gates = sorted({gate for qubit in device.qubits for gate in qubit.gates})
     print_table(
@@ -64,8 +73,23 @@ def print_qubits(device: Device) -> None:
         ],
         f"{device.name}: {' '.join(device.basis_gates)}",
     )
+    if device.couplings:
+        print_table(["control, target", "gate", "error", "length ns"], _coupling_rows(device))
     for line in (device.source, *device.notes):
         click.echo(line)
     for index, qubit in enumerate(device.qubits):
         for doubt in qubit.doubtful:
             click.echo(f"qubit {index}: {doubt}")
+
+
+def _coupling_rows(device: Device) -> list[list[object]]:
+    """A row for each coupling; one for both directions where they are the same."""
+    known, rows = device.coupling_calibrations, []
+    for (gate, first, second), each in sorted(known.items(), key=lambda item: item[0][1:]):
+        back = known.get((gate, second, first))
+        is_same = back is not None and (back.error, back.length_ns) == (each.error, each.length_ns)
+        if not is_same:
+            rows.append([f"{first}, {second}", gate, each.error, each.length_ns])
+        elif first < second:
+            rows.append([f"{first}, {second} both ways", gate, each.error, each.length_ns])
+    return rows

@@ -84,21 +84,25 @@ class Expectations:
     """`<Z>` of every circuit: a bar as measured, and a thin line where it would be without noise.
 
     Bars reach from -1.1 to 1.1: mitigation can lead beyond what circuits can show. Of more circuits
-    than the box has pixels for, the first are shown.
+    than the box has pixels for, the first are shown. Observables that are not each circuit's have
+    `names`.
     """
 
-    def __init__(self, box: Box, circuits: int, measured: str):
+    def __init__(self, box: Box, circuits: int, measured: str, names: Sequence[str] = ()):
         inside = Box(
             box.x + _AXIS, box.y + _TITLE, box.width - _AXIS, box.height - _TITLE - _NUMBERS
         )
         self._box, self._measured = box, measured
         self._circuits, self.shown = circuits, min(circuits, inside.width)
         self.columns = Columns(inside, self.shown, -1.1, 1.1)
+        self._symbol = "⟨O⟩" if names else "⟨Z⟩"
+        fits = all(width_of(name, SMALL) + 6 <= self.columns.slot for name in names)
+        self._labels = [*names] if names and fits else [str(i) for i in range(self.shown)]
 
     def prepare(self, picture: Picture) -> None:
         """Draw what stays the same."""
         x, y, width, _ = self._box
-        title = "⟨Z⟩" if self.shown == self._circuits else f"⟨Z⟩ of {self.shown:,}"
+        title = self._symbol + f" of {self.shown:,}" * (self.shown != self._circuits)
         write(picture, title, x, y, BODY, INK)
         right = x + width
         for word, colour, height in (("ideal", IDEAL, 3), (self._measured, MEASURED, 12)):
@@ -110,9 +114,10 @@ class Expectations:
             self.columns.line(picture, value)
             row = self.columns.row(value) - SMALL // 2 - 2
             write(picture, word, x + _AXIS - 8, row, SMALL, DIM, align=1)
-        every = _every(self.columns.slot, width_of(str(self.shown), SMALL) + 4)
+        widest = max(width_of(str(self.shown), SMALL), *(width_of(w, SMALL) for w in self._labels))
+        every = _every(self.columns.slot, widest + 4)
         for i in range(0, self.shown, every):
-            self.columns.label(picture, i, str(i), DIM)
+            self.columns.label(picture, i, self._labels[i], DIM)
 
     def draw(self, picture: Picture, z: FloatArray, ideal: FloatArray) -> None:
         """Draw the bars and the lines: `z` and `ideal` (circuits,)."""

@@ -12,6 +12,7 @@ import click
 from qcompile.calibration import Calibration
 from qcompile.device import Device
 from qcompile.noise import REFERENCE_SHOTS, USABLE_CONTRAST, unusable
+from qcompile.report.circuit_words import numbers
 from qcompile.report.tables import plural, print_table
 
 
@@ -35,22 +36,33 @@ def print_placement(values: dict[str, Any]) -> None:
     The most important circuits come first; importance is shown for a policy.
     """
     weighed = "policy" in values
+    is_wide = "qubits" in next(iter(values["circuits"]), {})
+    of_circuit = ["qubits", "round", "success"] if is_wide else ["qubit", "round", "error of <Z>"]
     print_table(
-        ["circuit", *(["importance"] if weighed else []), "qubit", "round", "error of <Z>"],
+        ["circuit", *(["importance"] if weighed else []), *of_circuit],
         [
             [
                 row["circuit"],
                 *([f"{100 * row['importance']:5.1f} %"] if weighed else []),
-                row["qubit"],
-                row["round"],
-                "unknown" if row["expected_error"] is None else f"{row['expected_error']:.4f}",
+                *(_wide_cells(row) if is_wide else _cells(row)),
             ]
             for row in sorted(values["circuits"], key=lambda row: -row["importance"])
         ],
         f"Placement on {values['backend']}, in {plural(values['rounds'], 'round')}",
     )
-    for line in _lines(values, weighed):
+    for line in _lines(values, weighed, is_wide):
         click.echo(line)
+
+
+def _cells(row: Mapping[str, Any]) -> list[object]:
+    error = row["expected_error"]
+    return [row["qubit"], row["round"], "unknown" if error is None else f"{error:.4f}"]
+
+
+def _wide_cells(row: Mapping[str, Any]) -> list[object]:
+    qubits, passed = numbers(row["qubits"]), numbers(row["routing_qubits"])
+    success = f"{100 * row['estimated_success']:.1f} %"
+    return [f"{qubits} (routing: {passed})" if passed else qubits, row["round"], success]
 
 
 def left_out_words(reasons: Mapping[int, str]) -> str:
@@ -60,15 +72,16 @@ def left_out_words(reasons: Mapping[int, str]) -> str:
     return textwrap.fill(text, 80, subsequent_indent="  ")
 
 
-def _lines(values: dict[str, Any], weighed: bool) -> Iterator[str]:
+def _lines(values: dict[str, Any], weighed: bool, is_wide: bool) -> Iterator[str]:
     if weighed:
         yield "importance: variance of a circuit's weights over actions, as a share of all"
-    yield textwrap.fill(
-        f"error of <Z>: root mean square at {REFERENCE_SHOTS} shots, readout mitigated "
-        f"({perfect_error():.4f} if perfect)",
-        80,
-        subsequent_indent="  ",
+    words = (
+        "success: the product of 1 - error over the gates, couplings and measurements of a circuit"
+        if is_wide
+        else f"error of <Z>: root mean square at {REFERENCE_SHOTS} shots, readout mitigated "
+        f"({perfect_error():.4f} if perfect)"
     )
+    yield textwrap.fill(words, 80, subsequent_indent="  ")
     if values["left_out"]:
         yield left_out_words({row["qubit"]: row["reason"] for row in values["left_out"]})
     rounds, copies = values["rounds"], values["copies_that_fit"]
@@ -76,5 +89,5 @@ def _lines(values: dict[str, Any], weighed: bool) -> Iterator[str]:
         yield f"the device is too small for all circuits at once: they are run in {rounds} rounds"
     elif copies > 1:
         yield f"{copies} copies of the circuits fit on the device at once (--copies)"
-    else:
+    elif not is_wide:
         yield "one copy of the circuits fits on the device"

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from qcompile.deploy.filming import Frame
 from qcompile.deploy.player import Player
 from qcompile.notebook import reward_text
+from qcompile.passes import Executable
+from qcompile.policy import AnyPolicy, Policy
+from qcompile.report.circuit_words import product_words
 from qcompile.report.lettering import Picture, fitted, write
+from qcompile.report.map_panel import MapPanel
 from qcompile.report.panels import (
     BODY,
     DIM,
@@ -41,7 +47,8 @@ _SHARE = 384
 class Scene:
     """Draws the frames of a film of what a player plays, 640 pixels wide and all of one height.
 
-    Circuits have bars of `<Z>`; a network has the probabilities of its actions alone.
+    Circuits have bars of `<Z>`, and those of several qubits the map of their device, if it has
+    couplings; a network has the probabilities of its actions alone.
     """
 
     def __init__(self, player: Player):
@@ -53,13 +60,16 @@ class Scene:
         self._below = f"{kind_words(player.kind)}, {exact}" if self._circuits else "network"
         mitigated = player.settings.mitigation not in (None, "none")
         self._measured = "mitigated" if mitigated else "exact" if shots is None else "measured"
+        self._observables = _names(player.policy)
+        self._executable = player.executable
         self._layout: _Layout | None = None
 
     def draw(self, frame: Frame) -> Picture:
         """The frame as a picture, (height, 640, 3); its height is even."""
         if self._layout is None:
             bars = len(frame.decision.z) if self._circuits else 0
-            self._layout = _Layout(frame, bars, self._measured)
+            said = self._measured, self._observables
+            self._layout = _Layout(frame, bars, *said, self._executable)
             self._write_titles(self._layout.ground)
         layout, decision = self._layout, frame.decision
         picture = layout.ground.copy()
@@ -84,7 +94,14 @@ class Scene:
 class _Layout:
     """Where everything is, from the first frame: beside each other where there is room for it."""
 
-    def __init__(self, frame: Frame, circuits: int, measured: str):
+    def __init__(
+        self,
+        frame: Frame,
+        circuits: int,
+        measured: str,
+        observables: Sequence[str],
+        executable: Executable | None,
+    ):
         height, width = frame.picture.shape[:2]
         names, count = frame.names, len(frame.names)
         is_beside = width < _WIDE * height and count <= _MOST_BESIDE
@@ -99,10 +116,14 @@ class _Layout:
         if circuits:
             width = _SHARE if is_shared else _INNER
             panel = Box(_MARGIN, y, width, _PANEL)
-            self.expectations = Expectations(panel, circuits, measured)
+            self.expectations = Expectations(panel, circuits, measured, observables)
             x = _MARGIN + width + 2 * _GAP
             if is_shared:
                 self.actions = ActionRows(Box(x, y, WIDTH - _MARGIN - x, _PANEL), names)
+            y += _PANEL + _GAP
+        device_map = None
+        if executable is not None and executable.source.is_wide and executable.device.couplings:
+            device_map = MapPanel(Box(_MARGIN, y, _INNER, _PANEL), executable)
             y += _PANEL + _GAP
         if is_beside:
             x = _MARGIN + _BESIDE + _MARGIN
@@ -111,8 +132,16 @@ class _Layout:
             self.actions = ActionColumns(Box(_MARGIN, y, _INNER, _PANEL), names)
             y += _PANEL + _GAP
         self.ground = np.full((y + y % 2, WIDTH, 3), GROUND, dtype=np.uint8)
-        if self.expectations is not None:
-            self.expectations.prepare(self.ground)
+        for part in (self.expectations, device_map):
+            if part is not None:
+                part.prepare(self.ground)
+
+
+def _names(policy: AnyPolicy) -> list[str]:
+    """What the bars show, where they are not the `<Z>` of each circuit."""
+    if not isinstance(policy, Policy) or not policy.program.has_products:
+        return []
+    return [product_words(bits)[1:-1] for bits in policy.program.measured]
 
 
 def _fitting(width: int, height: int, most_wide: int, most_high: int) -> tuple[int, int]:

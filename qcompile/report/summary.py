@@ -198,10 +198,11 @@ def _step_words(summary: Mapping[str, Any]) -> str:
     if not summary["circuits_per_step"]:
         return "a network, without circuits"
     gates = " + ".join(f"{n} {gate}" for gate, n in summary["gates_per_circuit"].items() if n)
-    return (
-        f"{plural(summary['circuits_per_step'], 'circuit')} of at most {gates or 'no gate'}, "
-        f"{plural(summary['rounds_per_step'], 'round')}"
-    )
+    circuits = summary["circuits_per_step"]
+    parts = [f"{plural(circuits, 'circuit')} of at most {gates or 'no gate'}"]
+    if summary.get("observables_per_step", circuits) != circuits:
+        parts.append(plural(summary["observables_per_step"], "observable"))
+    return ", ".join([*parts, plural(summary["rounds_per_step"], "round")])
 
 
 def _shots(shots: int | str) -> str:

@@ -102,18 +102,18 @@ def print_hold(hold: int) -> None:
 
 def print_grid(objects: Sequence[Mapping[str, Any]]) -> None:
     """Print the results of `qcompile evaluate --json`, a table for each policy."""
-    levels = _has_levels(objects)
+    extra = _extra_columns(objects)
     for policy in dict.fromkeys(values["policy"] for values in objects):
         results = [values for values in objects if values["policy"] == policy]
         played = plural(len(results[0]["episodes"]), "episode")
         title = f"{policy} in {environment_words(results[0])}, {played}"
-        if not levels and results[0]["circuits_per_step"]:
+        if "level" not in extra and results[0]["circuits_per_step"]:
             title += f", level {results[0]['level']}"
         title += ", greedy" * results[0]["greedy"]
         if (hold := results[0].get("hold", 1)) > 1:
             title += f", each decision {hold_text(hold)}"
-        rows = [_grid_row(values, levels) for values in results]
-        print_table(_grid_columns(levels), rows, title, tight=True)
+        rows = [_grid_row(values, extra) for values in results]
+        print_table(_grid_columns(extra), rows, title, tight=True)
         for words in grid_warnings(results):
             wide_console().print(escape(words))
 
@@ -137,7 +137,7 @@ def environment_words(values: Mapping[str, Any]) -> str:
 
 def grid_table(objects: Sequence[Mapping[str, Any]], notes: Sequence[str] = ()) -> Table:
     """The same in one table for all policies."""
-    levels = _has_levels(objects)
+    extra = _extra_columns(objects)
     environments = list(dict.fromkeys(map(environment_words, objects)))
     named = len(environments) > 1 or any(v.get("environment_kwargs") for v in objects)
     holds = any(values.get("hold", 1) > 1 for values in objects)
@@ -148,14 +148,14 @@ def grid_table(objects: Sequence[Mapping[str, Any]], notes: Sequence[str] = ()) 
         Column("backend", right=False, setting=True),
         Column("shots", setting=True),
         Column("mitigation", right=False, setting=True),
-        *[Column("level", setting=True)] * levels,
+        *[Column(name, setting=True) for name in extra],
         *(SCORE, INTERVAL),
         Column("to ideal", parts=("to ideal",)),
         Column("solved", right=False),
     ]
     rows = []
     for values in objects:
-        settings, scores = _grid_row(values, levels)[:-4], _grid_row(values, levels)[-4:]
+        settings, scores = _grid_row(values, extra)[:-4], _grid_row(values, extra)[-4:]
         difference = None if values["reference"] else values["paired_difference"]
         cells = [
             score_cell(values["mean_reward"], values["std_reward"]),
@@ -228,22 +228,28 @@ def interval_cell(summary: Mapping[str, Any], key: str = "ci95") -> Cell:
     return Cell(words, (low, high)) if words else Cell("-", (None, None))
 
 
-def _has_levels(objects: Sequence[Mapping[str, Any]]) -> bool:
-    return len({values["level"] for values in objects}) > 1
+def _extra_columns(objects: Sequence[Mapping[str, Any]]) -> dict[str, str]:
+    """Columns that only some grids need, and the keys of their values."""
+    extra = {}
+    if len({values["level"] for values in objects}) > 1:
+        extra["level"] = "level"
+    if any(values.get("couplings_per_circuit") for values in objects):
+        extra["couplings"] = "couplings_per_circuit"
+    return extra
 
 
-def _grid_columns(levels: bool) -> list[str]:
-    settings = ["backend", "shots", "mitigation", *["level"] * levels]
+def _grid_columns(extra: Iterable[str]) -> list[str]:
+    settings = ["backend", "shots", "mitigation", *extra]
     return [*settings, "mean ± std", "95 % interval", "to ideal", "solved"]
 
 
-def _grid_row(values: Mapping[str, Any], levels: bool) -> list[object]:
+def _grid_row(values: Mapping[str, Any], extra: Mapping[str, str]) -> list[object]:
     difference = values["paired_difference"]
     return [
         values["backend"],
         str(values["shots"]),
         values["mitigation"],
-        *[values["level"]] * levels,
+        *[values[key] for key in extra.values()],
         reward_text(values["mean_reward"], values["std_reward"]),
         interval_words(values) or "-",
         "-"

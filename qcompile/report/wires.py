@@ -7,19 +7,26 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import click
-import numpy as np
 
 from qcompile.arrays import FloatArray
 from qcompile.calibration import Calibration
 from qcompile.ir import Circuit
 from qcompile.noise import expected_error
 from qcompile.passes import LEVELS, Executable
+from qcompile.passes.place import circuit_importance
 from qcompile.policy import Policy
 from qcompile.policy.decision import hold_values
 from qcompile.policy.encoder import BITS
 from qcompile.report.drawing.text import gate_words
 from qcompile.report.placement import left_out, print_placement
 from qcompile.report.tables import plural, print_hold, print_table
+from qcompile.report.wide import (
+    observable_values,
+    print_circuits,
+    print_drawing,
+    print_observables,
+    wide_values,
+)
 
 
 def wire(circuit: Circuit) -> str:
@@ -53,18 +60,19 @@ def executable_values(
 ) -> dict[str, Any]:
     """The plain values of `qcompile show --json`, those of `policy` among them, where there is one.
 
-    `importance` (circuits,) is what the placement followed; left out, it is the same for all.
+    `importance` (observables,) is what the placement followed; left out, it is the same for all.
     `numbers` are what the circuits are called, instead of 0, 1, ... On the twin of a `calibration`
     qubits are left out that it does not hold.
     """
     native, device = executable.native, executable.device
-    importance = np.ones(len(native)) if importance is None else importance
-    shares = importance / (importance.sum() or 1.0)
+    of_circuits = circuit_importance(executable.source, importance)
+    shares = of_circuits / (of_circuits.sum() or 1.0)
     circuits = []
     inputs = {name: index for index, name in enumerate(executable.source.inputs)}
     rows = zip(executable.source.circuits, native.circuits, executable.gate_counts(), strict=True)
     for index, (source, compiled, counts) in enumerate(rows):
-        qubit = int(executable.qubits[index])
+        is_wide = source.width > 1
+        qubit = None if is_wide else int(executable.qubits[native.first_bits[index]])
         circuits.append(
             {
                 "circuit": index if numbers is None else numbers[index],
@@ -73,11 +81,14 @@ def executable_values(
                 "compiled": str(compiled),
                 "gates_before": len(source),
                 "gates": dict(sorted(counts.items())),
-                "depth": len(compiled),
+                "depth": compiled.depth,
                 "qubit": qubit,
                 "round": int(executable.rounds[index]),
                 "importance": float(shares[index]),
-                "expected_error": None if device.is_ideal else expected_error(device, qubit),
+                "expected_error": (
+                    None if device.is_ideal or qubit is None else expected_error(device, qubit)
+                ),
+                **(wide_values(executable, index) if executable.source.is_wide else {}),
             }
         )
     values = {
@@ -94,6 +105,8 @@ def executable_values(
         "circuits": circuits,
         "definitions": [str(late) for late in native.late_angles],
     }
+    if executable.source.has_products:
+        values["observables"] = observable_values(executable, importance)
     if policy is not None:
         values["policy"] = {
             "name": policy.name,
@@ -110,39 +123,49 @@ def print_executable(executable: Executable, values: dict[str, Any]) -> None:
 
     `values` are those of `executable_values`.
     """
-    circuits, level = executable.source.circuits, executable.level
+    source, level = executable.source, executable.level
     if policy := values.get("policy"):
+        qubits = f" on {plural(source.bits, 'qubit')}" if source.is_wide else ""
         click.echo(
-            f"{policy['name']} for {policy['environment']}: {plural(len(circuits), 'circuit')}, "
-            f"{policy['actions']} actions, {policy['parameters']} trained numbers"
+            f"{policy['name']} for {policy['environment']}: {plural(len(source), 'circuit')}"
+            f"{qubits}, {policy['actions']} actions, {policy['parameters']} trained numbers"
         )
         print_hold(policy.get("hold", 1))
     click.echo(f"level {level}: {LEVELS[level]}")
-    if circuits:
-        click.echo(f"  before  {wire(circuits[0])}")
-        click.echo(f"  after   {wire(executable.native.circuits[0])}")
-    print_table(
-        ["circuit", *["reads"] * bool(policy), "before", f"after, for {values['backend']}"],
-        [
-            [
-                row["circuit"],
-                *([_reading_words(row["reads"])] if policy else []),
-                row["source"],
-                row["compiled"],
-            ]
-            for row in values["circuits"]
-        ],
-        tight=True,
-    )
+    reads = [_reading_words(row["reads"]) for row in values["circuits"]] if policy else []
+    if source.is_wide:
+        click.echo()
+        print_drawing(executable, [row["circuit"] for row in values["circuits"]])
+        print_circuits(values, reads)
+    else:
+        _print_narrow(executable, values, reads)
     if policy:
         click.echo(_legend(values["circuits"]))
+    if "observables" in values:
+        print_observables(values)
     if values["definitions"]:
-        click.echo("Angles computed when an observation is bound, such as")
-        click.echo(f"  {values['definitions'][0]}")
+        if not source.is_wide:  # a drawing has them
+            click.echo("Angles computed when an observation is bound, such as")
+            click.echo(f"  {values['definitions'][0]}")
         for line in angle_words(executable):
             click.echo(textwrap.fill(line, 80, subsequent_indent="  "))
     if not executable.device.is_ideal:
         print_placement(values)
+
+
+def _print_narrow(executable: Executable, values: dict[str, Any], reads: Sequence[str]) -> None:
+    """Print circuits of one qubit, each as one line."""
+    if len(executable.source):
+        click.echo(f"  before  {wire(executable.source.circuits[0])}")
+        click.echo(f"  after   {wire(executable.native.circuits[0])}")
+    print_table(
+        ["circuit", *["reads"] * bool(reads), "before", f"after, for {values['backend']}"],
+        [
+            [row["circuit"], *reads[index : index + 1], row["source"], row["compiled"]]
+            for index, row in enumerate(values["circuits"])
+        ],
+        tight=True,
+    )
 
 
 def _reads(circuit: Circuit, policy: Policy, numbers: Mapping[str, int]) -> list[dict[str, Any]]:

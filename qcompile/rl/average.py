@@ -10,6 +10,8 @@ from typing import Any
 
 import torch
 
+from qcompile.rl.models import Model
+
 
 class Average:
     """The running average of a model's trained parameters, kept in `copy`, a model of its shape.
@@ -20,13 +22,13 @@ class Average:
     the training stops. Source: arXiv 1212.1824, polynomial decay.
     """
 
-    def __init__(self, model: torch.nn.Module, copy: torch.nn.Module, share: float):
+    def __init__(self, model: Model, copy: Model, share: float):
         self.model = copy
         self.model.load_state_dict(model.state_dict())
         self._share = share
         self._updates = 0
 
-    def add(self, model: torch.nn.Module) -> None:
+    def add(self, model: Model) -> None:
         """Include the parameters of `model` after an update."""
         rate = 1 / (1 + self._share * self._updates)
         self._updates += 1

@@ -67,20 +67,6 @@ def save_checkpoint(trainer: Trainer, path: Path, state: Mapping[str, Any] | Non
     write_file(path, contents.getvalue())
 
 
-def identity(path: Path) -> tuple[str, Mapping[str, Any], Settings, int]:
-    """Environment, arguments, settings and seed of the training that wrote a checkpoint.
-
-    Raises:
-        TrainingError: the file is not a checkpoint of this version.
-    """
-    saved = read_checkpoint(path)
-    try:
-        arguments = ARGUMENTS.validate_python(load_json(saved.arguments))
-        return saved.environment, arguments, restored(load_json(saved.settings)), saved.seed
-    except (ContentsError, ValidationError) as error:
-        raise TrainingError(f"Checkpoint {path} is damaged.", *explain(error, 1)) from error
-
-
 def load_checkpoint(path: Path) -> tuple[Trainer, list[str]]:
     """The trainer of a checkpoint, ready to resume, and the package versions that differ.
 
@@ -97,6 +83,7 @@ def load_checkpoint(path: Path) -> tuple[Trainer, list[str]]:
         state = PlainState.model_validate(load_json(saved.plain, MAX_HISTORY_VALUES))
         arguments = ARGUMENTS.validate_python(load_json(saved.arguments))
         ansatz = _ansatz(saved.ansatz)
+        _flatten_theta(saved.tensors)
         _check_sizes(settings, saved, state, arguments, ansatz)
         trainer = Trainer(
             saved.environment, settings, saved.seed, arguments=arguments, ansatz=ansatz
@@ -129,6 +116,15 @@ def _ansatz(text: str | None) -> Ansatz | None:
         raise ContentsError(first_line(str(error))) from error
 
 
+def _flatten_theta(tensors: TensorState) -> None:
+    """Make theta a vector: version 0.1.0 had that of an mvqc as (layers + 1, qubits, 2)."""
+    average = tensors.average
+    models = (tensors.actor, tensors.critic, tensors.pause.best, average and average.model)
+    for model in models:
+        if model and "theta" in model:
+            model["theta"] = model["theta"].flatten()
+
+
 def _check_sizes(
     settings: Settings,
     saved: Saved,
@@ -142,6 +138,9 @@ def _check_sizes(
             raise ContentsError(
                 f"It has {count} environments; its settings say {settings.environments}."
             )
+    if (ansatz is None) == (settings.layout == "own"):
+        which = "no circuits" if ansatz is None else "circuits"
+        raise ContentsError(f"It has {which}, but its settings have layout {settings.layout!r}.")
     bits = reads_bits(settings, ansatz)
     (environment,) = training_environments(saved.environment, 1, bits, arguments)
     features, actions = features_and_actions(environment)

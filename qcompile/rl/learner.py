@@ -160,5 +160,5 @@ class Learner:
                 if moments[name].shape != flat.parameter.shape:
                     raise TrainingError("The state of the optimiser does not fit its models.")
         self._scale.restore(state["return_scale"])
-        circuits = None if self._noise is None else self._noise.circuits
-        self._memory.restore(state["memory"], collector, circuits)
+        observables = None if self._noise is None else self._noise.observables
+        self._memory.restore(state["memory"], collector, observables)

@@ -36,7 +36,7 @@ class Memory:
     ) -> tuple[Rollout, list[torch.Tensor]]:
         """The stored rollouts followed by this one, joined, and their residuals.
 
-        `residual` is empty or has one tensor (steps * environments, circuits).
+        `residual` is empty or has one tensor (steps * environments, observables).
         """
         parts = [*self._stored, (rollout, residual)]
         self._stored.append((rollout, residual))
@@ -59,14 +59,14 @@ class Memory:
         self,
         state: Sequence[Mapping[str, torch.Tensor]],
         collector: Collector,
-        circuits: int | None,
+        observables: int | None,
     ) -> None:
-        """Resume from `state`, with residuals of `circuits` circuits, or None without noise.
+        """Resume from `state`, with residuals of `observables`, or None without noise.
 
         Raises:
             TrainingError: the state's rollouts do not belong to this training.
         """
-        like, numbers = _empty(collector.observations, circuits), set(range(collector.actions))
+        like, numbers = _empty(collector.observations, observables), set(range(collector.actions))
         if len(state) > (self._stored.maxlen or 0):
             raise TrainingError("The checkpoint has more rollouts than its settings allow.")
         self._stored.clear()
@@ -79,14 +79,14 @@ class Memory:
             self._stored.append((Rollout(**arrays, finished=[]), residual))
 
 
-def _empty(observations: np.ndarray[Any, Any], circuits: int | None) -> dict[str, torch.Tensor]:
+def _empty(observations: np.ndarray[Any, Any], observables: int | None) -> dict[str, torch.Tensor]:
     """The tensors of an empty rollout."""
     empty = torch.from_numpy(observations[None][:0])
     like = {"observations": empty, "next_observations": empty}
     for name, dtype in _COLUMNS.items():
         like[name] = torch.empty(empty.shape[:2], dtype=dtype)
-    if circuits is not None:
-        like["residual"] = torch.empty(0, circuits)
+    if observables is not None:
+        like["residual"] = torch.empty(0, observables)
     return like
 
 

@@ -20,12 +20,10 @@ from qcompile.rl.average import Average
 from qcompile.rl.draw import draw_actions
 from qcompile.rl.learner import Learner
 from qcompile.rl.models import (
-    SVQC,
-    NetworkModel,
-    SurrogateModel,
+    CircuitModel,
+    Model,
     make_critic,
     make_model,
-    parameter_count,
 )
 from qcompile.rl.models.wiring import reads_bits
 from qcompile.rl.normalise import Normaliser
@@ -73,7 +71,8 @@ class Trainer:
         self.normaliser = Normaliser(self.actor, features) if settings.normalise else None
         self._pause = Pause(settings.pause_at)
         self._noise: ActingNoise | None = None
-        if isinstance(self.actor, SVQC) and (settings.backend, settings.shots) != ("ideal", None):
+        is_exact = (settings.backend, settings.shots) == ("ideal", None)
+        if isinstance(self.actor, CircuitModel) and not is_exact:
             self._noise = ActingNoise(self.actor, settings, seeds[3])
         self._learner = Learner(
             self.actor, self._critic, settings, self._generator, self._model_inputs, self._noise
@@ -85,7 +84,7 @@ class Trainer:
         return f"Trainer({self.environment}, {self.settings.model}, seed {self.seed}, {done})"
 
     @property
-    def model(self) -> torch.nn.Module:
+    def model(self) -> Model:
         """The final model of the training: the actor, or its average."""
         return self.actor if self._average is None else self._average.model
 
@@ -113,11 +112,6 @@ class Trainer:
         """The spent fraction of a budget of steps, episodes or both, in [0, 1]."""
         budgets = ((self.steps, steps), (len(self.history), episodes))
         return min(max(done / budget for done, budget in budgets if budget is not None), 1.0)
-
-    @property
-    def observation_dtype(self) -> np.dtype[Any]:
-        """The models' observation type: float32, or float64 if that would round."""
-        return self._collector.dtype
 
     def train(
         self,
@@ -163,11 +157,9 @@ class Trainer:
         """The result of the training so far."""
         return TrainingResult(self.model, self.policy(), self.history, self.steps, interrupted)
 
-    def policy(self) -> AnyPolicy | None:
-        """The current policy, if the model can be played."""
+    def policy(self) -> AnyPolicy:
+        """The current policy."""
         model = self.model
-        if not isinstance(model, SVQC | SurrogateModel | NetworkModel):
-            return None
         metadata: dict[str, Any] = {
             "seed": self.seed,
             "episodes": len(self.history),
@@ -175,22 +167,18 @@ class Trainer:
             "settings": plain(self.settings),
             "versions": versions(*PACKAGES),
         }
-        if self.ansatz is not None and isinstance(model, SVQC):
+        if self.ansatz is not None and isinstance(model, CircuitModel):
             metadata["circuits"] = model.circuits_metadata()
         if self.arguments:
             metadata["environment_kwargs"] = self.arguments
-        policy = model.policy(trained_name(self.environment), self.environment, metadata)
+        name = trained_name(self.environment)
+        policy: AnyPolicy = model.policy(name, self.environment, metadata)
         policy = replace(policy, environment_kwargs=self.arguments, hold=self.settings.hold)
         if isinstance(policy, Policy):
             temperature = self.settings.temperature
             weights, bias = policy.weights / temperature, policy.bias / temperature
             policy = replace(policy, weights=weights, bias=bias)
         return policy if self.normaliser is None else self.normaliser.deployed(policy)
-
-    @property
-    def parameter_count(self) -> int:
-        """The number of trained parameters of the actor, with copies of output reuse folded."""
-        return parameter_count(self.actor)
 
     def _act(self, observations: NDArray[np.floating]) -> NDArray[np.intp]:
         with torch.no_grad():

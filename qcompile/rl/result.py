@@ -13,13 +13,13 @@ from qcompile.rl.rollout import FinishedEpisode
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TrainingResult:
-    """The trained model and every finished episode; `interrupted` says whether Ctrl-C ended it.
+    """The trained model, its policy and every finished episode.
 
-    `policy` is None if the model is an entangling circuit, which cannot be played.
+    `interrupted` says whether Ctrl-C ended the training.
     """
 
     actor: torch.nn.Module
-    policy: AnyPolicy | None
+    policy: AnyPolicy
     episodes: list[FinishedEpisode]
     steps: int
     interrupted: bool

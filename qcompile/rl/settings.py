@@ -33,20 +33,21 @@ Encodings = Annotated[
     Discriminator(lambda value: "<one>" if isinstance(value, str) else "<each>"),
 ]
 
-_ENCODED = ("svqc", "mvqc", "surrogate")
+_CIRCUITS = ("svqc", "mvqc")
+_ENCODED = (*_CIRCUITS, "surrogate")
 _OF_MODELS: dict[str, tuple[str, ...]] = {
     "layout": ("svqc",),
-    "features": ("svqc",),
-    "encoder": ("svqc",),
-    "trainable_gain": ("svqc",),
-    "temperature": ("svqc", "surrogate"),
-    "reuse": ("svqc", "mvqc", "surrogate"),
+    "features": _CIRCUITS,
+    "encoder": _CIRCUITS,
+    "trainable_gain": _CIRCUITS,
+    "temperature": _ENCODED,
+    "reuse": _ENCODED,
     "scales": _ENCODED,
     "trainable_scale": _ENCODED,
-    "theta_spread_rad": ("svqc", "mvqc"),
-    "backend": ("svqc",),
-    "shots": ("svqc",),
-    "mitigation": ("svqc",),
+    "theta_spread_rad": _CIRCUITS,
+    "backend": _CIRCUITS,
+    "shots": _CIRCUITS,
+    "mitigation": _CIRCUITS,
     "hidden": ("fcn", "cnn"),
     "activation": ("fcn", "cnn"),
 }
@@ -67,7 +68,7 @@ class Settings:
     """The model that is trained."""
     layout: Literal["parallel", "serial", "single", "own"] = "parallel"
     """How features become circuits: a name in `qcompile.policy.layouts.LAYOUTS`, or "own" for given
-    circuits."""
+    circuits. An mvqc without own circuits has "parallel"."""
     scales: Annotated[tuple[Scale, ...], Field(min_length=1)] = (1.0,)
     """Input scale of each copy (or layer) of the features, a number or one per feature; their
     number is the number of copies. For own circuits: one for all inputs or one per input,
@@ -191,6 +192,8 @@ class Settings:
                 "Set rollouts=1, pause_at=none or horizon=none.",
             )
         for name, models in _OF_MODELS.items():
+            if (self.model, name, self.layout) == ("mvqc", "layout", "own"):
+                continue
             if self.model not in models and getattr(self, name) != _DEFAULTS[name]:
                 value = getattr(self, name)
                 raise TrainingError(

@@ -61,7 +61,7 @@ class Watch:
         self._recorded = len(trainer.history)
         self._due = 0 if every is None else (self._recorded // every + 1) * every
         self._update: Update | None = None
-        self._saves = checkpoint is not None or trainer.policy() is None
+        self._saves = checkpoint is not None
         self._state: dict[str, Any] | None = trainer.state() if self._saves else None
         self._written = time.monotonic()
         self.has_learned = trainer.steps > 0

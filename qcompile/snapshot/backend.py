@@ -13,7 +13,11 @@ from qcompile.catalogue import nearest
 from qcompile.device import Device, GateCalibration, Qubit
 from qcompile.errors import DeviceError, MissingExtraError
 from qcompile.native import NativeGates
-from qcompile.snapshot.couplings import couplings_of_properties, couplings_of_target
+from qcompile.snapshot.couplings import (
+    couplings_of_properties,
+    couplings_of_target,
+    positions_of,
+)
 from qcompile.snapshot.doubts import implausible_values, notes_on
 from qcompile.validation import explain
 
@@ -134,6 +138,7 @@ def device_from_backend(backend: Any, name: str | None = None) -> Device:
             qubits=tuple(qubits),
             left_out=tuple(left_out),
             couplings=tuple(couplings),
+            positions=positions_of(backend, len(qubits)) if couplings else (),
         )
     except ValidationError as error:
         raise DeviceError(f"{name} cannot be turned into a device.", *explain(error)) from error

@@ -1,4 +1,4 @@
-"""The couplings of a Qiskit backend, as Couplings of a Device."""
+"""The couplings of a Qiskit backend, as Couplings of a Device, and where its qubits are."""
 
 from __future__ import annotations
 
@@ -37,6 +37,17 @@ def couplings_of_target(target: Any) -> list[Coupling]:
             if found is not None and found.error is not None and found.duration is not None
         )
     ]
+
+
+def positions_of(backend: Any, qubits: int) -> tuple[tuple[float, float], ...]:
+    """Where IBM draws the qubits, to the right and downwards; empty if it does not say."""
+    configuration = getattr(backend, "configuration", None)
+    found = getattr(configuration() if callable(configuration) else None, "coords", None)
+    try:
+        positions = tuple((float(x), float(y)) for x, y in found or ())
+    except (TypeError, ValueError):  # some other backend's idea of them
+        return ()
+    return positions if len(positions) == qubits else ()
 
 
 def _usable(found: Iterable[tuple[str, Sequence[int], dict[str, float]]]) -> Iterator[Coupling]:

@@ -1,7 +1,8 @@
-"""Couplings as signed permutations of Pauli products."""
+"""Couplings as signed permutations of Pauli products, and of amplitudes."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import cache
 from itertools import product
 from typing import Any, NamedTuple
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qcompile.arrays import FloatArray, IntArray
+from qcompile.ir import Gate
 
 _PAULIS = np.array([[[1, 0], [0, 1]], [[0, 1], [1, 0]], [[0, -1j], [1j, 0]], [[1, 0], [0, -1]]])
 
@@ -59,3 +61,20 @@ def on_pauli_vector(gate: str, qubits: tuple[int, int], width: int) -> SignedPer
         return np.moveaxis(spread.reshape((4,) * width), (0, 1), qubits).ravel()
 
     return SignedPermutation(*map(back, (moved[pair.source], pair.sign, pair.is_touched)))
+
+
+def on_amplitudes(gates: Iterable[Gate], width: int) -> tuple[IntArray, IntArray]:
+    """cx and cz one after another: amplitude i becomes `sign[i]` times amplitude `source[i]`.
+
+    The bit of the first of `width` qubits is the highest.
+    """
+    number = np.arange(2**width)
+    source, sign = number, np.ones_like(number)
+    for gate in gates:
+        control, target = (number >> (width - 1 - qubit) & 1 for qubit in gate.qubits)
+        if gate.name == "cx":
+            read = number ^ control << (width - 1 - gate.qubits[1])
+            source, sign = source[read], sign[read]
+        else:
+            sign = sign * (1 - 2 * (control & target))
+    return source, sign

@@ -10,7 +10,7 @@ they meet the state, between permutations.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -20,64 +20,7 @@ from qcompile.ir import Circuit, Gate
 from qcompile.noise.channels import CouplingChannel, channel_after_coupling
 from qcompile.noise.circuits import channel_map, maps_between_slots, readout_row
 from qcompile.states.couplings import on_pauli_vector
-
-_CHUNK = 1 << 18
-"""The numbers of a state computed at a time: many enough that calls cost little beside them."""
-
-
-class _Run(NamedTuple):
-    """A run: its qubit, its slots in the circuit, and its number among the runs."""
-
-    qubit: int
-    slots: tuple[int, ...]
-    number: int
-
-
-class _Coupling(NamedTuple):
-    gate: Gate
-    number: int
-
-
-class _Shape:
-    """The order of runs and couplings in circuits whose gates differ only in their angles.
-
-    Every qubit begins and ends with a run, which may be empty.
-    """
-
-    def __init__(self, circuit: Circuit):
-        self.width = circuit.width
-        self.runs: list[_Run] = []
-        self.gates: list[tuple[Gate, ...]] = []
-        self.couplings: list[_Coupling] = []
-        self.parts: list[_Run | _Coupling] = []
-        waiting: list[list[tuple[Gate, int]]] = [[] for _ in range(circuit.width)]
-        slot = 0
-        for gate in circuit.gates:
-            if gate.is_coupling:
-                for qubit in gate.qubits:
-                    self._end(qubit, waiting[qubit])
-                self.couplings.append(_Coupling(gate, len(self.couplings)))
-                self.parts.append(self.couplings[-1])
-            else:
-                waiting[gate.qubits[0]].append((gate.on(0), slot))
-                slot += gate.angle is not None
-        begun = {run.qubit for run in self.runs}
-        for qubit in sorted(set(range(circuit.width)) - begun):
-            self._end(qubit, waiting[qubit])
-        for qubit in range(circuit.width):
-            self._end(qubit, waiting[qubit])
-        self.first = [next(r for r in self.runs if r.qubit == q) for q in range(self.width)]
-        self.last = self.runs[-self.width :]
-        edges = {*self.first, *self.last}
-        self.middle = [part for part in self.parts if part not in edges]
-
-    def _end(self, qubit: int, waiting: list[tuple[Gate, int]]) -> None:
-        slots = tuple(slot for gate, slot in waiting if gate.angle is not None)
-        run = _Run(qubit, slots, len(self.runs))
-        self.runs.append(run)
-        self.parts.append(run)
-        self.gates.append(tuple(gate for gate, _ in waiting))
-        waiting.clear()
+from qcompile.states.shape import CHUNK, CouplingPlace, Shape
 
 
 class NoisyBlocks:
@@ -93,11 +36,9 @@ class NoisyBlocks:
         qubits: IntArray,
         dtype: Any = np.float64,
     ):
-        self._shape, self._dtype = _Shape(circuits[0]), dtype
+        self._shape, self._dtype = Shape(circuits[0]), dtype
         self._name = f"{len(circuits)} circuits on {self._shape.width} qubits of {device.name}"
-        placed = [
-            [None if device.is_ideal else device.qubits[q] for q in row] for row in qubits.tolist()
-        ]
+        placed = [[device.qubits[q] for q in row] for row in qubits.tolist()]
         channels = [
             [self._channel(part.gate, device, row) for part in self._shape.couplings]
             for row in qubits.tolist()
@@ -119,7 +60,7 @@ class NoisyBlocks:
         number 0 is 1.
         """
         rows, circuits = cos.shape[:2]
-        height = max(1, _CHUNK // (4**self._shape.width * circuits))
+        height = max(1, CHUNK // (4**self._shape.width * circuits))
         result = np.empty((rows, circuits, 2**self._shape.width), dtype=self._dtype)
         for start in range(0, rows, height):
             chunk = slice(start, start + height)
@@ -129,13 +70,11 @@ class NoisyBlocks:
 
     def _channel(self, gate: Gate, device: Device, placed: Sequence[int]) -> CouplingChannel:
         control, target = (placed[qubit] for qubit in gate.qubits)
-        if device.is_ideal:
-            return channel_after_coupling(None, (None, None))
         calibration = device.coupling_calibrations.get((gate.name, control, target))
         return channel_after_coupling(calibration, (device.qubits[control], device.qubits[target]))
 
     def _move(
-        self, part: _Coupling, channels: Sequence[Sequence[CouplingChannel]]
+        self, part: CouplingPlace, channels: Sequence[Sequence[CouplingChannel]]
     ) -> tuple[IntArray, FloatArray]:
         """The entries of the Pauli vector that a coupling takes, and their factors, by circuit."""
         moved = on_pauli_vector(part.gate.name, part.gate.qubits, self._shape.width)
@@ -144,14 +83,14 @@ class NoisyBlocks:
         return moved.source, factors.astype(self._dtype)
 
     def _maps(
-        self, placed: Sequence[Qubit | None], channels: Sequence[CouplingChannel]
+        self, placed: Sequence[Qubit], channels: Sequence[CouplingChannel]
     ) -> list[list[FloatArray]]:
         """The fixed maps of every run of a circuit, as many for each as the run with most slots."""
         most = max(len(run.slots) for run in self._shape.runs) + 1
         waiting = [np.eye(4)] * self._shape.width
         maps: list[list[FloatArray]] = [[]] * len(self._shape.runs)
         for part in self._shape.parts:
-            if isinstance(part, _Coupling):
+            if isinstance(part, CouplingPlace):
                 for qubit, relaxed in zip(
                     part.gate.qubits, channels[part.number].relaxed, strict=True
                 ):
@@ -209,7 +148,7 @@ class NoisyBlocks:
             state = (state[:, None] * columns).reshape(-1, state.shape[-1])
         rows = maps.shape[-1]
         for part in shape.middle:
-            if isinstance(part, _Coupling):
+            if isinstance(part, CouplingPlace):
                 source, factors = self._moves[part.number]
                 state = state.take(source, axis=0)
                 by_circuit = state.reshape(len(state), -1, rows)

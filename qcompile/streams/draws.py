@@ -72,9 +72,14 @@ class Draws:
         return np.concatenate(counts, axis=1).reshape(p.shape)
 
     def outcomes(
-        self, shots: int, p: FloatArray, episode: PlaceArray, decision: PlaceArray, first_index: int
+        self,
+        shots: CircuitShots,
+        p: FloatArray,
+        episode: PlaceArray,
+        decision: PlaceArray,
+        first_index: IntArray,
     ) -> CountArray:
-        """The counts of outcomes of probability `p`, (rows, 2**width), as in `outcome_counts`."""
+        """The counts of outcomes of probability `p`, as in `outcome_counts`."""
         return outcome_counts(self._outcomes, shots, p, episode, decision, first_index)
 
     def rows(self, episode: PlaceArray, decision: PlaceArray) -> RowDraws:
@@ -102,8 +107,13 @@ class RowDraws(NamedTuple):
         """Counts for `p`, (rows, copies * circuits), as in `Draws.binomial`."""
         return self.draws.binomial(shots, p, self.episode, self.decision)
 
-    def outcomes(self, shots: int, p: FloatArray, copy: int, first_index: int) -> CountArray:
-        """Counts for `p`, (rows, 2**width), of a circuit of this copy."""
+    def outcomes(
+        self, shots: CircuitShots, p: FloatArray, copy: IntArray, first_index: IntArray
+    ) -> CountArray:
+        """Counts for `p`, (rows, circuits, 2**width), of circuits in these copies, (circuits,).
+
+        `shots` is one number or (circuits,); `first_index` (circuits,) is as in `outcome_counts`.
+        """
         episode, decision = (a.reshape(len(p), -1)[:, copy] for a in (self.episode, self.decision))
         return self.draws.outcomes(shots, p, episode, decision, first_index)
 

@@ -54,14 +54,14 @@ def calibrate(
     """Measure the readout and the response of a device's qubits, and fit them.
 
     The backend is a name, a file or an object. `qubits` defaults to all usable qubits; with
-    `policy`, the qubits that its circuits are placed on are measured. Each circuit is run for
+    `policy`, the qubits that its circuits measure are measured. Each circuit is run for
     `shots`; None fits exact probabilities. `parts` is "readout", "response" or both, the default.
     The same `seed` draws the same shots.
 
     With `live` the IBM machine of that name is measured, which costs money: see `Live`. `parts`
-    then defaults to "response", and the run is recorded in its journal. `on_note` is called with
-    messages for the user. Counts that cannot be fitted are kept: `unfitted` of the calibration says
-    why.
+    then defaults to "response", or for a policy with circuits of several qubits to "readout", and
+    the run is recorded in its journal. `on_note` is called with messages for the user. Counts that
+    cannot be fitted are kept: `unfitted` of the calibration says why.
 
     Raises:
         OptionError: options contradict each other.
@@ -216,7 +216,7 @@ def _measure(
         device=device,
         qubits=tuple(qubits.tolist()),
         shots=request.shots,
-        parts=parts or ("response",),
+        parts=parts or request.live_parts,
         angles_rad=tuple(map(tuple, angles_rad.tolist())),
         out=None if out is None else str(resolved(out)),
         force=outputs is not None and outputs.force,

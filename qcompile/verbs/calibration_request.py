@@ -76,8 +76,17 @@ class CalibrationRequest:
         parts = [] if self.parts is None else several(self.parts)
         return tuple(sorted(set(parts), key=[*PARTS, *parts].index))
 
+    @property
+    def live_parts(self) -> tuple[Part, ...]:
+        """The parts to measure on a machine by default: those that can mitigate the policy."""
+        if self.policy is not None and load_circuits(self.policy).program.has_products:
+            return ("readout",)
+        return ("response",)
+
     def qubits_on(self, device: Device, old: Calibration | None = None) -> IntArray:
         """The qubits to measure: the requested ones, those of the policy, of `old`, or all usable.
+
+        Those of a policy are the qubits that it measures; routing may pass through others.
 
         Raises:
             CalibrationError: there are none, the device lacks one, or the device has no errors.
@@ -92,7 +101,7 @@ class CalibrationRequest:
         if self.policy is not None:
             policy = load_circuits(self.policy)
             placed = compile(policy.trained_program, device, 2, policy.importance)
-            return check_qubits(device, placed.qubits)
+            return check_qubits(device, placed.bit_qubits)
         if old is not None:
             return np.array(old.qubits)
         if reasons := unusable(device):

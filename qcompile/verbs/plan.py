@@ -232,6 +232,7 @@ def plan(
         "episodes": episodes,
         "copies": task.copies,
         "hold": chosen.hold,
+        **forecasted.player.sizes(),
         "decisions": forecasted.decisions,
         "env_steps": forecasted.env_steps,
         "usd_per_second": usd_per_second,

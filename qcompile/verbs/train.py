@@ -84,6 +84,7 @@ def train(
 
     `circuits` are trained instead of a layout, with a new head: those of a policy, with its encoder
     and its parameters to start from, of an OpenQASM file, a Program, an Ansatz or a Qiskit circuit.
+    The model is then svqc, or mvqc if a circuit has several qubits.
     `init` starts from a policy and keeps its head. Settings of such circuits are `features`,
     `encoder`, `scales`, `trainable_scale` and `trainable_gain`.
 

@@ -71,7 +71,7 @@ def train_one(
             failure, result = error, trainer.result(interrupted=True)
     return Training(
         trainer=trainer,
-        policy=outputs.write(result.policy, watch),
+        policy=outputs.named(result.policy),
         watch=watch,
         outputs=outputs,
         imports=request.imports,
@@ -85,11 +85,10 @@ def _save_learned(trainer: Trainer, outputs: TrainingOutputs, watch: Watch) -> s
     """Write what was learned before a callback failed; a sentence about where it is."""
     if not watch.has_learned:
         return _nothing_learned(outputs)
-    policy = outputs.write(trainer.result(interrupted=True).policy, watch)
+    outputs.named(trainer.result(interrupted=True).policy)
     if outputs.out is None:
         return "With out or checkpoint, what was learned would have been saved."
-    noun = "model" if policy is None else "policy"
-    return f"The {noun} trained so far is in {outputs.out}."
+    return f"The policy trained so far is in {outputs.out}."
 
 
 def _nothing_learned(outputs: TrainingOutputs) -> str:

@@ -18,16 +18,15 @@ from qcompile.verbs.files import check_new
 if TYPE_CHECKING:
     from qcompile.policy import AnyPolicy
     from qcompile.rl.ppo import Trainer
-    from qcompile.rl.watch import Watch
 
 
 @dataclass(frozen=True)
 class TrainingOutputs:
     """The files that a training writes, and the checkpoint that it resumes from, if any.
 
-    `out` is the policy; for mvqc, whose policies cannot be played yet, it is a checkpoint. `out`
-    and `checkpoint` are overwritten only with `force`. A resumed training also updates its own
-    checkpoint and policy. `reads` are other files that the training reads.
+    `out` is the policy. `out` and `checkpoint` are overwritten only with `force`. A resumed
+    training also updates its own checkpoint and policy. `reads` are other files that the training
+    reads.
     """
 
     out: Path | None
@@ -47,13 +46,10 @@ class TrainingOutputs:
             OutputError: a file already exists, or cannot be written.
             PolicyError: the policy is too large for a file.
         """
-        policy = trainer.policy()
-        has_policy = policy is not None
         if self.out is not None:
-            self._check_name(self.out, has_policy, trainer.settings.model)
-            if policy is not None:
-                policy_file(policy)
-        self._check_clashes(has_policy)
+            self._check_name(self.out)
+            policy_file(trainer.policy())
+        self._check_clashes()
         resumable = f"It can be resumed with {option('resume')}"
         for name, path, why in (
             ("checkpoint", self.checkpoint, resumable),
@@ -65,11 +61,9 @@ class TrainingOutputs:
             if path is not None:
                 check_writable(path)
 
-    def _check_clashes(self, has_policy: bool) -> None:
+    def _check_clashes(self) -> None:
         """Check the names: only a trained policy, which `force` protects, may be overwritten."""
         same = [("resume", "checkpoint"), ("init", "out"), ("circuits", "out")]
-        if not has_policy:
-            same += [("resume", "out"), ("checkpoint", "out")]
         names = ("out", "checkpoint", "log", "tensorboard")
         check_clashes(
             {option("resume"): self.resume, **self.reads},
@@ -84,21 +78,17 @@ class TrainingOutputs:
             return False
         if resolved(path) == resolved(self.resume):
             return True
-        from qcompile.rl.checkpoint import identity
         from qcompile.rl.settings import restored
 
         try:
-            if (expected := trainer.policy()) is None:
-                writer = identity(path)
-            else:
-                policy = load_policy(path)
-                settings = restored(policy.metadata["settings"])
-                seed = policy.metadata["seed"]
-                writer = (policy.environment, dict(policy.environment_kwargs), settings, seed)
-                if not _same_circuits(policy.metadata, expected.metadata):
-                    return False
+            policy = load_policy(path)
+            settings = restored(policy.metadata["settings"])
+            seed = policy.metadata["seed"]
         except (QcompileError, LookupError, TypeError, ValueError):  # another kind of file
             return False
+        if not _same_circuits(policy.metadata, trainer.policy().metadata):
+            return False
+        writer = (policy.environment, dict(policy.environment_kwargs), settings, seed)
         training = (trainer.environment, trainer.arguments, trainer.settings, trainer.seed)
         return path == self.out and writer == training
 
@@ -115,26 +105,13 @@ class TrainingOutputs:
         )
 
     @staticmethod
-    def _check_name(out: Path, has_policy: bool, model: str) -> None:
+    def _check_name(out: Path) -> None:
         if out.suffix not in SUFFIXES:
             raise OptionError(f"{out} must end with .pt or .json.")
-        if not has_policy and out.suffix != ".pt":
-            raise OptionError(
-                f"{out} must end with .pt: model {model!r} is an entangling circuit, which cannot "
-                "be played yet and is saved as a checkpoint."
-            )
         if not out.stem.isprintable():
             raise OptionError(
                 f"{str(out)!a} must have printable characters only: the policy is named after it."
             )
-
-    def write(self, policy: AnyPolicy | None, watch: Watch) -> AnyPolicy | None:
-        """Write the policy, or a checkpoint if there is none; the policy with its final name."""
-        if policy is not None:
-            return self.named(policy)
-        if self.out is not None:
-            watch.save(self.out)
-        return None
 
     def named(self, policy: AnyPolicy) -> AnyPolicy:
         """Name the policy after its file and write it; without a file, return it as it is."""

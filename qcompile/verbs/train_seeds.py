@@ -53,16 +53,10 @@ class SeedsRequest:
         """Check the files of all trainings, and return the trainings.
 
         Raises:
-            OptionError: the model cannot be played, or files contradict each other.
+            OptionError: files contradict each other.
             QcompileError: settings or files cannot be used.
         """
         trainer = self.request.trainer()
-        if trainer.policy() is None:
-            raise OptionError(
-                f"Model {trainer.settings.model!r} cannot be played yet, so the best seed cannot "
-                "be found.",
-                f"Train each seed separately, with {option('seed')}.",
-            )
         cells = []
         for seed in range(trainer.seed, trainer.seed + self.seeds):
             outputs = self.outputs.of_seed(seed)
@@ -123,10 +117,9 @@ def train_seeds(
         words = [f"Seed {seed}: {text}" for seed, text in sorted(failures.items())]
         raise QcompileError(f"Interrupted: {finished}" if interrupted else finished, *words)
     ordered = [scored[seed] for seed in sorted(scored)]
-    policy = best_of(ordered).training.policy
     return Trainings(
         ordered,
-        policy=None if policy is None else seeds_request.outputs.named(policy),
+        policy=seeds_request.outputs.named(best_of(ordered).training.policy),
         requested=len(cells),
         failures=dict(sorted(failures.items())),
         out=seeds_request.outputs.out,

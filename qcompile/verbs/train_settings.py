@@ -67,7 +67,7 @@ class TrainingRequest:
 
         check_env(self.env, for_file=True)
         start = None if self.init is None else load_policy(self.init)
-        self._check_start(start)
+        self._check_options()
         ansatz, env = None, self.env
         if self.circuits is not None:
             ansatz = load_ansatz(self.circuits)
@@ -82,29 +82,49 @@ class TrainingRequest:
             trainer.actor.take(start)
         return trainer
 
-    def _check_start(self, start: AnyPolicy | None) -> None:
+    @property
+    def _start_name(self) -> str:
+        return "circuits" if self.circuits is not None else "init"
+
+    def _check_options(self) -> None:
         """Raise OptionError if circuits or init are combined with what they already determine."""
-        start_name = "circuits" if self.circuits is not None else "init"
-        if getattr(self, start_name) is None:
+        if getattr(self, self._start_name) is None:
             return
-        for other in _NOT_WITH[start_name]:
+        for other in _NOT_WITH[self._start_name]:
             if getattr(self, other) is not None or other in self.settings:
                 raise OptionError(
-                    f"{option(start_name)} and {option(other)} cannot be combined.", _WHY[other]
+                    f"{option(self._start_name)} and {option(other)} cannot be combined.",
+                    _WHY[other],
                 )
-        model = start.model if isinstance(start, Network) else MODEL
+
+    def _model(self, ansatz: Ansatz | None, network: Network | None) -> str:
+        """The model's name: that of the circuits or layers, if there are any.
+
+        Raises:
+            OptionError: another one is given.
+        """
+        from qcompile.rl.models import model_of
+
+        if network is not None:
+            model = network.model
+        elif ansatz is not None:
+            model = model_of(ansatz)
+        else:
+            return self.model or MODEL
         if self.model not in (None, model):
             raise OptionError(
-                f"{option(start_name)} and {option('model')} {self.model!r} cannot be combined.",
+                f"{option(self._start_name)} and {option('model')} {self.model!r} cannot be "
+                "combined.",
                 f"These circuits or layers have model {model}.",
             )
+        return model
 
     def _settings(self, ansatz: Ansatz | None, start: AnyPolicy | None) -> Settings:
         from qcompile.rl.models import settings_of
         from qcompile.rl.presets import settings_for
 
         network = start if isinstance(start, Network) else None
-        model = self.model or (MODEL if network is None else network.model)
+        model = self._model(ansatz, network)
         settings = settings_for(
             self.preset or PRESET, self.environment, model, self.layout or LAYOUT
         )

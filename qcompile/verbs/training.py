@@ -27,17 +27,17 @@ if TYPE_CHECKING:
 class Training(Result):
     """The result of a training; `to_dict` is the document of `qcompile train --json`.
 
-    `policy` can be played: it has circuits or a network, and is None for the entangling circuit of
-    mvqc. `save_policy` writes it to a file; `save` writes the document. `model` is the trained
-    torch module. `interrupted` is true if Ctrl-C or an error (`failure`) ended the training,
-    `stopped` if a callback did. `trainings` has this training, or those of all seeds.
+    `policy` can be played: it has circuits or a network. `save_policy` writes it to a file; `save`
+    writes the document. `model` is the trained torch module. `interrupted` is true if Ctrl-C or an
+    error (`failure`) ended the training, `stopped` if a callback did. `trainings` has this
+    training, or those of all seeds.
     """
 
     def __init__(
         self,
         *,
         trainer: Trainer,
-        policy: AnyPolicy | None,
+        policy: AnyPolicy,
         watch: Watch,
         outputs: TrainingOutputs,
         imports: Sequence[str],
@@ -47,7 +47,6 @@ class Training(Result):
     ):
         settings = trainer.settings
         checkpoint, out = outputs.checkpoint, outputs.out
-        count = trainer.parameter_count if policy is None else policy.parameter_count
         super().__init__(
             {
                 "environment": trainer.environment,
@@ -62,7 +61,7 @@ class Training(Result):
                 "episodes": len(trainer.history),
                 "steps": trainer.steps,
                 "decisions": trainer.decisions,
-                "parameters": count,
+                "parameters": policy.parameter_count,
                 "last_20_mean_reward": watch.averages.last,
                 "best_20_mean_reward": watch.averages.best,
                 "evaluations": [vars(evaluation) for evaluation in watch.evaluations],
@@ -154,15 +153,7 @@ class Training(Result):
         if values["evaluations"]:
             words.append(f"evaluation: {reward_text(values['evaluations'][-1]['mean_reward'])}")
         line = f"{', '.join(words)}; {values['parameters']} parameters"
-        if values["out"] is None:
-            return line
-        line += f" in {values['out']}"
-        if self.policy is None:
-            line += (
-                f"\n{values['out']} is a checkpoint: `qcompile train --resume` reads it. Its "
-                "model is an entangling circuit, which cannot be played yet."
-            )
-        return line
+        return line if values["out"] is None else f"{line} in {values['out']}"
 
     def check_complete(self) -> None:
         """Check that the training was finished.
@@ -171,14 +162,13 @@ class Training(Result):
             QcompileError: an environment failed, or Ctrl-C ended it; the message says what is kept.
         """
         values = self.to_dict()
-        out, noun = values["out"], "model" if self.policy is None else "policy"
+        out, state = values["out"], values["checkpoint"]
         if self.failure is not None:
-            hint = f"The {noun} after the last complete update is in {out}."
+            hint = f"The policy after the last complete update is in {out}."
             raise self.failure if out is None else self.failure.with_hints(hint)
         if not self.interrupted:
             return
-        hints = [] if out is None else [f"The {noun} trained so far is in {out}."]
-        state = values["checkpoint"] or (out if self.policy is None else None)
+        hints = [] if out is None else [f"The policy trained so far is in {out}."]
         if state is not None:
             words = ["qcompile", "train", values["environment"]]
             words += [word for module in self._imports for word in ("--import", module)]

@@ -54,7 +54,7 @@ class Trainings(Training):
         self,
         scored: Sequence[Scored],
         *,
-        policy: AnyPolicy | None,
+        policy: AnyPolicy,
         requested: int,
         failures: Mapping[int, str],
         out: Path | None,

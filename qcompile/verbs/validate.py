@@ -105,6 +105,7 @@ def validate(
     environments, `env` are arguments of the policy's environment.
 
     Raises:
+        CircuitError: a circuit of the policy has several qubits.
         OptionError: options contradict each other.
         QcompileError: a file or a combination cannot be compared.
     """
@@ -129,6 +130,8 @@ def validate(
         check_shots(shots)
     import_modules(several(imports))
     loaded = with_arguments(load_circuits(policy), env, for_file=live is not None)
+    hint = f"A twin has the curves of single qubits; name another {option('policy')}."
+    loaded.program.require_narrow("validate", hint)
     least_power = POWER if power is None else power
     rows, shots, reached = choose_check(
         known,

@@ -63,6 +63,7 @@ def run_keys() -> set[str]:
         "calibration_misfits",
         "jobs",
         *("max_steps", "cut_episodes", "mean_reward_completed", "ci95_completed"),
+        *("couplings_per_circuit", "observables_per_step"),
         *("hold", "speculate", "measured_rows", "decisions", "split", "calibration_shots"),
     }
 

@@ -29,6 +29,22 @@ def test_a_device_is_shown(qcompile: Call) -> None:
     assert (found["name"], len(found["qubits"])) == ("ibm_lima", 5)
 
 
+def test_couplings_are_listed(qcompile: Call) -> None:
+    """Both directions in one row where they are alike; errors and lengths are the file's."""
+    lima = qcompile("backends", "show", "fake_lima").out.splitlines()
+    rows = [line.split() for line in lima if " cx " in line]
+    found = qcompile("backends", "show", "fake_lima", "--json").json()["couplings"]
+    assert [row[:3] for row in rows][:2] == [["0,", "1", "cx"], ["1,", "0", "cx"]]
+    assert len(rows) == len(found) == 8
+    assert [float(row[3]) for row in rows[:2]] == pytest.approx([found[0]["error"]] * 2, rel=1e-3)
+    assert [float(row[4]) for row in rows[:2]] == pytest.approx([305.8, 341.3])
+    fez = qcompile("backends", "show", "fake_fez").out
+    assert fez.count(" both ways ") == 169
+    listed = qcompile("backends").out.splitlines()
+    assert "9.1e-03 cx" in next(line for line in listed if "fake_lima" in line)
+    assert " cx" not in next(line for line in listed if "ibm_lima" in line)
+
+
 @pytest.mark.parametrize("contents", ["{}", "[1, 2]", "no JSON", '{"format": "another"}'])
 def test_files_of_others_in_hardware_are_ignored(qcompile: Call, contents: str) -> None:
     before = qcompile("backends", "--json").out

@@ -58,18 +58,6 @@ def test_the_advice_continues_the_log_and_the_scalars(qcompile: Call, ctrl_c: Ca
     assert len([*Path("board").rglob("*tfevents*")]) == 2
 
 
-def test_of_a_model_without_a_policy_it_overwrites_its_own_checkpoint(
-    qcompile: Call, ctrl_c: Call
-) -> None:
-    words = ("train", "CartPole-v1", "--preset", "paper", "--model", "mvqc", "--episodes", 4)
-    ctrl_c(2)
-    assert qcompile(*words, "--out", "m.pt", "--checkpoint", "state").code == 1
-    resumed = ("train", "CartPole-v1", "--resume", "state", "--out")
-    assert qcompile(*resumed, "m.pt").code == 0
-    assert qcompile(*words, "--seed", 1, "--out", "other.pt").code == 0
-    assert "other.pt already exists." in qcompile(*resumed, "other.pt").err
-
-
 @pytest.mark.parametrize(
     "other",
     [

@@ -24,6 +24,7 @@ TRAININGS: dict[str, tuple[object, ...]] = {
     "noise": (*PAPER, "--backend", "ibm_lima", "--shots", 50),
     "shots": (*PAPER, "--shots", 20),
     "Algorithm 2": (*PAPER, "-s", "pause_at=15"),
+    "mvqc": (*PAPER, "--model", "mvqc"),
     "surrogate": (*PAPER, "--model", "surrogate"),
     "fcn": (*PAPER, "--model", "fcn"),
 }
@@ -69,43 +70,7 @@ def test_an_interrupted_training_goes_on_bit_for_bit(
         assert Path(name).read_bytes() == Path("whole", name).read_bytes()
 
 
-def test_a_model_without_a_policy_goes_on_from_its_own_file(qcompile: Call, ctrl_c: Call) -> None:
-    words = ("train", "CartPole-v1", *PAPER, "--model", "mvqc")
-    answer = qcompile(*words, "--out", "whole.pt")
-    assert answer.code == 0
-    assert answer.out.endswith("Its model is an entangling circuit, which cannot be played yet.\n")
-    ctrl_c(4)
-    answer = qcompile(*words, "--out", "net.pt")
-    assert answer.code == 1
-    assert (
-        answer.err
-        == """\
-Error: Interrupted.
-  The model trained so far is in net.pt.
-  Resume with: qcompile train CartPole-v1 --resume net.pt --out net.pt
-"""
-    )
-    assert qcompile("train", "CartPole-v1", "--resume", "net.pt", "--out", "net.pt").code == 0
-    whole, resumed = (torch.load(name, weights_only=True) for name in ("whole.pt", "net.pt"))
-    assert whole["plain"] == resumed["plain"]
-    for part in ("actor", "critic"):
-        numbers = [saved["tensors"][part] for saved in (whole, resumed)]
-        assert numbers[0].keys() == numbers[1].keys()
-        assert all(torch.equal(numbers[0][key], numbers[1][key]) for key in numbers[0])
-
-
-@pytest.mark.parametrize("command", ["run", "show"])
-def test_such_a_file_is_no_policy(qcompile: Call, command: str) -> None:
-    words = ("train", "CartPole-v1", *PAPER, "--model", "mvqc", "--out", "net.pt")
-    assert qcompile(*words).code == 0
-    answer = qcompile(command, "net.pt")
-    assert (answer.code, answer.out) == (1, "")
-    first, second = answer.err.splitlines()
-    assert first.startswith("Error: net.pt is the checkpoint of a training, not a policy")
-    assert second.startswith("  Its model 'mvqc' is an entangling circuit, which cannot be")
-
-
-@pytest.mark.parametrize("what", ["svqc", "fcn"])
+@pytest.mark.parametrize("what", ["svqc", "mvqc", "fcn"])
 def test_the_advice_about_a_checkpoint_makes_its_policy(qcompile: Call, what: str) -> None:
     """The command that is named is typed as it stands."""
     words = ("train", "CartPole-v1", *PAPER, "--model", what)

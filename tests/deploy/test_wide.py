@@ -7,55 +7,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from wide import operator
+from wide_policies import OBSERVATIONS, ideal, policy
 
 import qcompile
 from qcompile.deploy.deployment import Deployment
 from qcompile.deploy.play import play
 from qcompile.deploy.settings import RunSettings
-from qcompile.errors import CircuitError, DeviceError, OptionError
+from qcompile.errors import CircuitError, DeviceError
+from qcompile.execution import Executor, Prepared
 from qcompile.ir import Circuit, Program
-from qcompile.policy import Policy, load_policy
+from qcompile.noise import usable
+from qcompile.passes import Executable
+from qcompile.report.summary import run_facts
 from qcompile.streams import Stream
-
-LAYER = [["ry", "x0", 0], ["ry", "x1", 1], ["ry", "x2", 2], ["cz", 0, 1], ["cz", 1, 2]]
-GATES = [*LAYER, ["ry", "theta0", 0], ["rx", "theta1", 1], ["ry", "x3", 2], *LAYER, ["ry", 1.0, 1]]
-
-
-def policy() -> Policy:
-    """A policy of CartPole that reads products of Z, with a circuit of one qubit beside."""
-    shipped = load_policy("cartpole")
-    assert isinstance(shipped, Policy)
-    circuits = [Circuit.of(GATES, 3), Circuit.parse("ry(x2)")]
-    program = replace(
-        Program.of(circuits, 4, 2), observables=((0, 1), (3,), (2,), (0, 1, 2), (1, 2))
-    )
-    weights = np.array([[1.0, 2.0, -1.0, 0.5, 0.3], [-1.0, -2.0, 1.0, -0.5, -0.3]])
-    encoder = replace(shipped.encoder, feature=np.arange(4), scale=np.ones(4))
-    return replace(
-        shipped, name="ring", program=program, theta=np.array([0.3, -0.8]),
-        weights=weights, bias=np.zeros(2), reuse=1, encoder=encoder,
-    )  # fmt: skip
-
-
-OBSERVATIONS = np.random.default_rng(3).normal(size=(4, 4))
-
-
-def ideal() -> np.ndarray:
-    """<O> of all observables, from Qiskit's unitaries."""
-    chosen, rows = policy(), []
-    program = chosen.program
-    for x in chosen.encode(OBSERVATIONS):
-        values = {f"x{i}": v for i, v in enumerate(x)} | {"theta0": 0.3, "theta1": -0.8}
-        row = []
-        for observable in program.measured:
-            circuit = max(i for i, first in enumerate(program.first_bits) if first <= observable[0])
-            p = np.abs(operator(program.circuits[circuit], values)[:, 0]) ** 2
-            shifts = [bit - program.first_bits[circuit] for bit in observable]
-            ones = (np.arange(len(p))[:, None] >> shifts) & 1
-            row.append(p @ (-1.0) ** ones.sum(axis=1))
-        rows.append(row)
-    return np.array(rows)
 
 
 def test_without_noise_it_decides_by_the_statevector() -> None:
@@ -104,17 +68,13 @@ def test_measuring_ahead_changes_nothing(backend: str) -> None:
 
 def test_a_run_counts_the_couplings() -> None:
     result = qcompile.run(policy(), "fake_lima", episodes=2, shots=32, max_steps=5, progress=False)
-    gates = result.to_dict()["gates_per_circuit"]
-    assert gates["cx"] > 0
-    assert result.to_dict()["circuits_per_step"] == 2
-
-
-def test_a_report_shows_the_circuits_as_text(tmp_path: object) -> None:
-    result = qcompile.run(policy(), "fake_lima", episodes=2, shots=32, max_steps=5, progress=False)
-    result.report("wide.html")
-    page = Path("wide.html").read_text()
-    assert "ry(x0)@0 ry(x1)@1 ry(x2)@2 cz@0,1" in page
-    assert "cx@" in page  # as compiled
+    values = result.to_dict()
+    native = qcompile.compile(policy().trained_program, qcompile.load_device("fake_lima")).native
+    count = sum(gate.is_coupling for gate in native.circuits[0].gates)
+    assert count > 0
+    assert values["gates_per_circuit"]["cx"] == values["couplings_per_circuit"] == count
+    assert (values["circuits_per_step"], values["observables_per_step"]) == (2, 5)
+    assert "5 observables, 1 round" in dict(run_facts(values))["each step"]
 
 
 def test_products_of_circuits_of_one_qubit_are_reported_too() -> None:
@@ -129,7 +89,25 @@ def test_products_of_circuits_of_one_qubit_are_reported_too() -> None:
     )
     result = qcompile.run(other, "ibm_lima", episodes=2, shots=32, max_steps=5, progress=False)
     result.report("narrow.html")
-    assert "observables 1 0" in Path("narrow.html").read_text()
+    assert "observables: &lt;Z1&gt;, &lt;Z0&gt;" in Path("narrow.html").read_text()
+
+
+def test_fewer_bits_than_there_are_may_be_measured() -> None:
+    """The circuit of the observable that matters most is on the best qubit."""
+    program = replace(Program.of([Circuit.parse("ry(x0)")] * 3, 1), observables=((2,), (0,)))
+    device = qcompile.load_device("fake_lima")
+    placed = qcompile.compile(program, device, importance=np.array([1.0, 5.0]))
+    assert placed.qubits.tolist() == [usable(device)[rank] for rank in (0, 2, 1)]
+
+
+def test_fewer_observables_than_circuits() -> None:
+    """The one circuit that is observed gets the best qubit."""
+    circuits = [Circuit.parse("ry(x0)"), Circuit.parse("ry(x1)"), Circuit.parse("ry(x2)")]
+    program = replace(Program.of(circuits, 4, 2), observables=((2,),))
+    one = replace(policy(), program=program, weights=np.array([[2.0], [-1.0]]))
+    deployment = Deployment(one, "ibm_lima", shots=None, mitigation="none")
+    assert deployment.expectation(OBSERVATIONS).shape == (4, 1)
+    assert deployment.executable.qubits[2] == usable(deployment.device)[0]
 
 
 @pytest.fixture(autouse=True)
@@ -138,11 +116,23 @@ def _folder(tmp_path: object, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_what_cannot_be_measured_is_refused() -> None:
-    with pytest.raises(OptionError, match="copies places circuits of one qubit side by side"):
-        Deployment(policy(), "fake_lima", copies=2)
-    with pytest.raises(DeviceError, match="runs circuits of one qubit"):
-        Deployment(policy(), "qiskit:FakeLimaV2")
-    with pytest.raises(CircuitError, match="Response mitigation needs circuits of one qubit"):
-        Deployment(policy(), "fake_lima", mitigation="response")
+    for settings in ({"mitigation": "response"}, {"predistort": True}):
+        executor = Unused("fake_lima")
+        with pytest.raises(CircuitError, match=r"needs circuits of one qubit.*\n.*mitigation re"):
+            Deployment(policy(), executor, **settings)
+    with pytest.raises(CircuitError, match="A twin needs circuits of one qubit"):
+        Deployment(policy(), qcompile.calibrate("fake_lima", seed=0, progress=False))
     with pytest.raises(DeviceError, match="ibm_lima has no couplings"):
         Deployment(policy(), "ibm_lima")
+
+
+class Unused(Executor):
+    """An executor on which nothing may run: it would be paid for."""
+
+    kind = "hardware"
+
+    def __init__(self, name: str):
+        self.device = qcompile.load_device(name)
+
+    def prepare(self, executable: Executable) -> Prepared:
+        raise AssertionError("something was measured")

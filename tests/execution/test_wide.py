@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from wide import ANY, random_circuit
+from wide_aer import by_aer, noisy_simulator
 
 import qcompile
 from qcompile.errors import CircuitError
 from qcompile.execution import OfflineExecutor
 from qcompile.ir import Circuit, Program
-from qcompile.snapshot import find_backend
+from qcompile.policy.layouts import ring
 from qcompile.streams import Draws
 
 LAYER = [["ry", "x0", 0], ["ry", "x1", 1], ["rx", "x0", 2], ["cz", 0, 1], ["cz", 1, 2]]
@@ -28,12 +28,12 @@ def program() -> Program:
     return replace(Program.of(circuits, 2, 2), observables=OBSERVABLES)
 
 
-def ideal(program: Program, x: np.ndarray) -> np.ndarray:
+def ideal(program: Program, x: np.ndarray, theta: np.ndarray = THETA) -> np.ndarray:
     """<O> of all observables for one row, from Qiskit's statevector."""
     from qiskit import QuantumCircuit
     from qiskit.quantum_info import SparsePauliOp, Statevector
 
-    values = {"x0": x[0], "x1": x[1], "theta0": THETA[0], "theta1": THETA[1]}
+    values = dict(zip(program.symbols, [*x, *theta], strict=True))
     built = QuantumCircuit(program.bits)
     for first, circuit in zip(program.first_bits, program.circuits, strict=True):
         for gate in circuit.substitute(values).gates:
@@ -61,38 +61,13 @@ def test_without_noise_it_is_the_statevector(level: int) -> None:
 @pytest.mark.parametrize("level", [0, 1, 2])
 def test_with_noise_it_is_aer(name: str, level: int) -> None:
     """The native circuit, qubits and all, in Aer's density matrix with the backend's noise."""
-    from qiskit_aer import AerSimulator
-    from qiskit_aer.noise import NoiseModel
-
     device = qcompile.load_device(name)
     wide = replace(program(), circuits=(BLOCK,), observables=((0,), (1,), (2,), (0, 1, 2)))
     executable = qcompile.compile(wide, device, level)
     found = OfflineExecutor(device).expectation(executable, X, THETA)
-    noise = NoiseModel.from_backend_properties(find_backend(name).properties())
-    simulator = AerSimulator(method="density_matrix", noise_model=noise)
+    simulator = noisy_simulator(name)
     for row, x in zip(found, X, strict=True):
-        np.testing.assert_allclose(row, by_aer(executable, x, simulator), atol=1e-9)
-
-
-def by_aer(executable: qcompile.Executable, x: np.ndarray, simulator: object) -> np.ndarray:
-    from qiskit import QuantumCircuit
-
-    (native,) = executable.native.circuits
-    angles = iter(executable.bind(x[None], THETA)[0].tolist())
-    placed = executable.qubits.tolist()
-    built = QuantumCircuit(len(executable.device.qubits))
-    for gate in native.gates:
-        angle = () if gate.angle is None else (next(angles),)
-        getattr(built, gate.name)(*angle, *(placed[qubit] for qubit in gate.qubits))
-    built.save_probabilities([placed[2], placed[1], placed[0]])
-    p = simulator.run(built).result().data()["probabilities"].reshape(2, 2, 2)  # type: ignore[attr-defined]
-    for axis in range(3):
-        qubit = executable.device.qubits[placed[axis]]
-        errors = [[1 - qubit.p10, qubit.p01], [qubit.p10, 1 - qubit.p01]]
-        p = np.moveaxis(np.tensordot(errors, p, (1, axis)), 0, axis)
-    outcomes = np.indices((2, 2, 2))
-    observables = executable.source.measured
-    return np.array([(p * (-1) ** outcomes[list(o)].sum(axis=0)).sum() for o in observables])
+        np.testing.assert_allclose(row, by_aer(executable, x, THETA, simulator), atol=1e-9)
 
 
 def test_counts_are_odd_parities_of_joint_shots() -> None:
@@ -131,9 +106,55 @@ def test_keyed_counts_repeat_alone_and_in_any_copy() -> None:
     np.testing.assert_array_equal(beside.reshape(4, -1), alone)
 
 
-def test_a_circuit_too_wide_for_its_noise_is_refused() -> None:
-    rng = np.random.default_rng(0)
-    wide = Program.of([random_circuit(rng, ANY, 9)], 2, 2)
-    executable = qcompile.compile(wide, qcompile.load_device("ideal"))
-    with pytest.raises(CircuitError, match=r"9 qubits on the device.\n.*up to 8 qubits"):
-        OfflineExecutor(executable.device).prepare(executable)
+def chain(width: int) -> Program:
+    """Rotations and a chain of couplings, twice; <Z> of the ends, and their product."""
+    layer = [["ry", "x0", q] for q in range(width)] + [["rz", "x1", q] for q in range(width)]
+    layer += [["cx", q, q + 1] for q in range(width - 1)]
+    layer += [["ry", "theta0", q] for q in range(width)]
+    observables = ((0,), (width - 1,), (0, width - 1), tuple(range(width)))
+    return replace(Program.of([Circuit.of(layer, width)], 2, 2), observables=observables)
+
+
+def test_more_than_8_qubits_go_through_aer() -> None:
+    """9 qubits on a line of 16, with noise, beside Aer with the backend's own model."""
+    device = qcompile.load_device("fake_toronto")
+    executable = qcompile.compile(chain(9), device)
+    assert executable.native.widths == (9,)
+    x, simulator = X[:2], noisy_simulator("fake_toronto")
+    found = OfflineExecutor(device).expectation(executable, x, THETA)
+    for row, of_row in zip(found, x, strict=True):
+        np.testing.assert_allclose(row, by_aer(executable, of_row, THETA, simulator), atol=1e-9)
+    ones = OfflineExecutor(device, seed=0).run(executable, x, THETA, 64)
+    assert ones.shape == (2, 4)
+
+
+def test_single_precision_is_close() -> None:
+    device = qcompile.load_device("fake_lima")
+    executable = qcompile.compile(program(), device)
+    exact = OfflineExecutor(device).expectation(executable, X, THETA)
+    single = OfflineExecutor(device, dtype=np.float32).expectation(executable, X, THETA)
+    assert single.dtype == np.float64
+    assert 0 < np.abs(single - exact).max() < 1e-5
+    with pytest.raises(qcompile.OptionError, match=r"numpy\.float64 or numpy\.float32"):
+        OfflineExecutor(device, dtype=int)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("name", "width", "most"), [("fake_toronto", 13, 12), ("ideal", 17, 16)])
+def test_a_circuit_too_wide_for_its_noise_is_refused(name: str, width: int, most: int) -> None:
+    device = qcompile.load_device(name)
+    executable = qcompile.compile(chain(width), device)
+    words = rf"{width} qubits on {name}.\n.*up to {most} qubits"
+    with pytest.raises(CircuitError, match=words):
+        OfflineExecutor(device).prepare(executable)
+
+
+def test_many_perfect_qubits_are_played() -> None:
+    """Ten qubits in a ring; and an empty batch."""
+    many, _ = ring(10, 1)
+    rng = np.random.default_rng(3)
+    x, theta = rng.uniform(-2, 2, (2, 10)), rng.uniform(-2, 2, 40)
+    executable = qcompile.compile(many, qcompile.load_device("ideal"))
+    executor = OfflineExecutor(executable.device)
+    found = executor.expectation(executable, x, theta)
+    np.testing.assert_allclose(found, [ideal(many, row, theta) for row in x], atol=1e-12)
+    assert executor.expectation(executable, x[:0], theta).shape == (0, 10)

@@ -26,6 +26,7 @@ SESSIONS: dict[str, Sequence[str | Case]] = {
     ),
     "show": (
         Document("show tiny.json --backend fake_lagos --json"),
+        Document("show ring.json --backend fake_lima --json"),
         Document("show in.qasm --json"),
         Document("show tiny.json --surrogate --json"),
         Document("show net.json --json"),

@@ -10,6 +10,8 @@ import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
+from rings import ring_policy
+
 from . import journals
 from .case import Case, Command, Written
 from .inputs import calibration, device, network, policy, setting, write
@@ -41,6 +43,7 @@ def files() -> None:
             "wide.json": policy(
                 circuits=[[["ry", "x0"]]] * 8, weights=[[1.0] * 8, [0.0] * 8], theta=[]
             ),
+            "ring.json": ring_policy(),
             "mine.json": device(left_out=[2, 3]),
             "in.qasm": PROGRAM,
             "rows.csv": "0,0,0,0\n1,2,3,4\n",
@@ -77,6 +80,7 @@ RUN = (
     Command("run cartpole --episodes 100 --max-steps 5 --shots exact --greedy"),
     "run tiny.json --episodes 2 --max-steps 3 --video a.gif",
     "run net.json --episodes 5 --greedy",
+    "run ring.json --backend fake_lima --episodes 2 --shots exact --greedy --max-steps 5",
 )
 FEW = "--shots 16,exact --episodes 5 --workers 1 --out e"
 EVALUATE = (
@@ -95,6 +99,11 @@ EVALUATE = (
     Command(
         "evaluate tiny.json --backend misfit.json --shots 16 --mitigation response --episodes 1 "
         "--workers 1 --out g",
+        masked=True,
+    ),
+    Command(
+        "evaluate ring.json --backend fake_lima --shots 16 --mitigation none --episodes 1 "
+        "--workers 1 --out h",
         masked=True,
     ),
 )
@@ -119,6 +128,8 @@ SHOW = (
     "show in.qasm --backend fake_lima",
     "show tiny.json --surrogate",
     "show net.json",
+    "show ring.json",
+    "show ring.json --backend fake_lima --map ring.svg --draw ring.txt --circuit 0",
 )
 COMPILE = (
     "compile in.qasm",

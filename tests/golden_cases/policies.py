@@ -113,9 +113,6 @@ FILES = {
             "settings": '{"model": "fcn"}',
         }
     ),
-    "checkpoint-of-mvqc.pt": packed(
-        {"format": "qcompile-checkpoint-1", "settings": '{"model": "mvqc"}'}
-    ),
     "checkpoint-of-a-shell.pt": packed(
         {"format": "qcompile-checkpoint-1", "environment": "x; rm -r x", "settings": torch.ones(2)}
     ),
@@ -152,7 +149,7 @@ CASES = (
     Command(
         "show plain.json",
         "with 5 gates at most",
-        setting("qcompile.policy.schema.MAX_POLICY_GATES", 5),
+        setting("qcompile.policy.blocks.MAX_POLICY_GATES", 5),
     ),
     Command(
         "show plain.json",

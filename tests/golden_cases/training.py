@@ -23,6 +23,7 @@ from .inputs import ctrl_c_after, policy, setting, without, write
 
 SMALL = {"format": "qcompile-ansatz-1", "circuits": [[["ry", "x0"]]]}
 """A file of circuits, as short as it can be."""
+PAIR = {"qubits": 2, "gates": [["ry", "x0", 0], ["cz", 0, 1]]}
 
 
 @functools.cache
@@ -127,6 +128,8 @@ def circuits() -> dict[str, str]:
         "reads.json": json.dumps(SMALL | {"reads": [3]}),
         "unknown.json": json.dumps(SMALL | {"gain": 1}),
         "other.json": '{"circuits": []}',
+        "pair.json": json.dumps(SMALL | {"circuits": [PAIR], "observables": [[0], [0, 2]]}),
+        "wide.json": json.dumps(SMALL | {"circuits": [PAIR | {"qubits": 17}]}),
     }
 
 
@@ -163,6 +166,7 @@ OWN = (
     "--init reads.json",
     *("--circuits cartpole --init cartpole", "--circuits cartpole --layout serial"),
     *("--init cartpole --layout serial", "--init cartpole --reuse 2"),
+    *("--circuits cartpole --model mvqc", "--circuits wide.json --model surrogate"),
     *("--circuits cartpole --model fcn", "--circuits five.qasm --set features=0,1"),
     "--circuits five.qasm --set features=0,1,2,3,4",
     "--circuits five.qasm --set features=0,1,2,3,3 --set scales=1,2",
@@ -190,7 +194,11 @@ OPTIONS = (
     *("--evaluate-episodes 3", "--reuse 0", "--steps 0", "--preset magic", "--model gnn"),
     *("--layout ring", "--shots 0", "--mitigation response", "--seed -1", "--evaluate-every 0"),
     *("--backend ibm_lim", "--model fcn --reuse 4", "--model fcn --layout serial"),
-    *("--model mvqc --backend ibm_lima", "--model surrogate --shots 9"),
+    *(
+        "--model mvqc --backend ibm_lima",
+        "--model mvqc --layout serial",
+        "--model surrogate --shots 9",
+    ),
     *("--log file/log.csv", "--log ''", "--log p.pt", "--checkpoint p.pt", "--log p.pt/log.csv"),
     *("--checkpoint b --log b", "--tensorboard file/runs", "--tensorboard file", "--log folder.pt"),
 )
@@ -205,11 +213,10 @@ CASES = (
     ),
     *(f"{TRAIN} --out p.pt --set {assignment}" for assignment in ASSIGNMENTS),
     *(f"{TRAIN} --out p.pt {option}" for option in (*OPTIONS, *OWN)),
-    f"{TRAIN} --model mvqc --out p.json",
     Command(
         "train CartPole-v1 --preset paper --model mvqc --episodes 1 --out p.pt",
         "with 3 qubits at most",
-        setting("qcompile.rl.models.mvqc._MAX_QUBITS", 3),
+        setting("qcompile.rl.models.wiring._MOST_QUBITS", 3),
     ),
     f"{TRAIN} --out 'bell\a.pt'",
     "train CartPole-v1 --preset paper --set steps=none --set episodes=none --out p.pt",
@@ -226,12 +233,6 @@ CASES = (
     ),
     Command(
         "train CartPole-v1 --preset paper --out r.pt --checkpoint kept",
-        "Ctrl-C after the second episode",
-        ctrl_c_after(2),
-        masked=True,
-    ),
-    Command(
-        "train CartPole-v1 --preset paper --model mvqc --out net.pt",
         "Ctrl-C after the second episode",
         ctrl_c_after(2),
         masked=True,
@@ -257,7 +258,6 @@ CASES = (
     "train CartPole-v1 --resume state --out r.pt",
     f"{TRAIN} --out p.pt --seeds 0",
     f"{TRAIN} --out p.pt --seeds 2 --resume state",
-    f"{TRAIN} --out p.pt --seeds 2 --model mvqc",
     f"{TRAIN} --out p.pt --workers 2",
     f"{TRAIN} --out p.pt --evaluation 2",
     f"{TRAIN} --out q.pt --seeds 2",

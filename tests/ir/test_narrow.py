@@ -32,7 +32,6 @@ def known() -> Any:
 CALLS: dict[str, Callable[[], object]] = {
     "An ansatz": lambda: Ansatz.of_program(WIDE),
     "OpenQASM": lambda: write(WIDE),
-    "A drawing": WIDE.draw,
     "A Simulator": lambda: Simulator(WIDE),
     "A twin": lambda: TwinExecutor(known()).prepare(executable()),
     "Readout mitigation": lambda: readout_mitigation(known(), executable()),
@@ -43,7 +42,7 @@ CALLS: dict[str, Callable[[], object]] = {
 
 @pytest.mark.parametrize("purpose", CALLS)
 def test_wide_circuits_are_refused_by_name(purpose: str) -> None:
-    words = rf"{purpose} needs circuits of one qubit: circuit \d has 2.\n.*OfflineExecutor"
+    words = rf"{purpose} needs circuits of one qubit: circuit \d has 2.\n  \w"
     with pytest.raises(CircuitError, match=words):
         CALLS[purpose]()
 

@@ -218,6 +218,14 @@ def test_bits_of_ones_have_those_ones(runs: Runs) -> None:
         np.testing.assert_array_equal(array.sum(axis=1), ones[:, more["circuits"]])
 
 
+def test_ones_of_wide_circuits_are_no_counts_of_it(runs: Runs) -> None:
+    """Version 0.1.0 had none: one column for a register of two bits is damage."""
+    circuit = QuantumCircuit(2, 2, metadata={"circuits": [0], "bits": [0, 1]})
+    (request,) = Call([circuit], 50).requests
+    with pytest.raises(ValueError, match="circuits of several qubits"):
+        bits_of_ones(np.array([[3]]), request)
+
+
 def test_a_run_of_it_goes_on_where_it_stopped(runs: Runs, undisturbed: dict[str, Any]) -> None:
     runs.service.settings.usage_factor = 1.5
     assert runs.run(max_qpu_seconds=9).code == 1  # after two of three jobs

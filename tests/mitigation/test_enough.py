@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from qcompile.device import Device, Qubit
+from qcompile.device import Coupling, Device, Qubit
 from qcompile.execution import OfflineExecutor
 from qcompile.ir import Circuit, Program
-from qcompile.mitigation import calibrate, enough_shots, readout_mitigation
+from qcompile.mitigation import (
+    calibrate,
+    enough_product_shots,
+    enough_shots,
+    readout_mitigation,
+)
 from qcompile.mitigation.enough import MIN_SHOTS, SHARE
+from qcompile.mitigation.products import with_sub_products
 from qcompile.passes import Executable, compile
 
 P = 0.1
@@ -98,3 +106,48 @@ def test_enough_shots_leave_the_stated_share_of_the_error() -> None:
     expected = 2 * P * (1 - P) / preparations / (1 - 2 * P) ** 2
     assert error == pytest.approx(expected, rel=0.2)
     assert error < SHARE * noise
+
+
+def products(copies: int = 1) -> Executable:
+    """<ZZ> of two qubits on 2 `copies` qubits as above, with perfect couplings between all."""
+    qubit = Qubit(t1_us=1e9, t2_us=1e9, p10=P, p01=P)
+    pairs = [(a, b) for a in range(2 * copies) for b in range(2 * copies) if a != b]
+    device = Device(
+        format="qcompile-device-2",
+        name="even",
+        source="made",
+        basis_gates=("rz", "sx", "x"),
+        qubits=(qubit,) * 2 * copies,
+        couplings=tuple(Coupling(gate="cx", qubits=on, error=0, length_ns=0) for on in pairs),
+    )
+    pair = Program.of([Circuit.parse("ry(x0)@0 cx@0,1 ry(x1)@1", 2)], 2, 0)
+    program = with_sub_products(replace(pair, observables=((0, 1),)))
+    return compile(program, device, copies=copies)
+
+
+def products_by_hand(shots: float, qubits: int) -> int:
+    """As above: <ZZ> = z w is measured as c^2 z w, and z^2 has the mean 1/3, as w^2.
+
+    The calibration's variance is 2 v / c^2 (w^2 + (z w)^2) for one bit and the same for the other,
+    of mean 16 v / 9 / c^2; that of the shot noise (1 - c^4 z^2 w^2) / shots / c^4.
+    """
+    c = 1 - 2 * P
+    wanted = shots * 16 / 9 * P * (1 - P) * c**2 / (1 - c**4 / 9) / SHARE
+    return 2 ** int(np.ceil(np.log2(wanted / (1 + np.ceil(np.log2(qubits))))))
+
+
+@pytest.mark.parametrize("shots", [500, 1000, 2000])
+def test_the_shots_for_products_are_those_of_the_closed_form(shots: int) -> None:
+    one = enough_product_shots(products(), 1, np.array([shots]), np.ones(1))
+    assert one == products_by_hand(shots, 2)
+    two = enough_product_shots(products(2), 1, np.full(2, shots), np.ones(2))
+    assert two == products_by_hand(shots, 4)
+    assert MIN_SHOTS < products_by_hand(500, 4) < products_by_hand(2000, 2) < 8192
+
+
+def test_products_of_one_bit_need_what_single_circuits_need() -> None:
+    """The same four circuits, their observables listed in another order."""
+    other = replace(placed().source, observables=((1,), (0,), (2,), (3,)))
+    executable = compile(other, placed().device)
+    found = enough_product_shots(executable, 4, np.array([700]), np.ones(4))
+    assert found == enough_shots(placed(), "readout", 700, np.ones(4))

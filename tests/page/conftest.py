@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from filelock import FileLock
+from rings import ring_gates, ring_policy
 
 import qcompile
 from qcompile.sweep.evaluation.run import Evaluation
@@ -85,12 +86,26 @@ def _plan() -> Reported:
     return qcompile.plan("cartpole", "ibm_toronto", max_steps=15, progress=False)
 
 
+def _wide() -> Reported:
+    """Circuits of several qubits and of one, on a device whose map is cut on a phone."""
+    narrow = [[["h"], ["ry", "x1"]], [["ry", "x2"], ["rz", "theta1"]]]
+    blocks = [{"qubits": 4, "gates": ring_gates(4)}, *narrow]
+    values = ring_policy(circuits=blocks, observables=[[0, 1], [4], [5]], name=HOSTILE)
+    values["weights"] = [[1.0, 2.0, 3.0], [-1.0, -2.0, -3.0]]
+    Path("wide.json").write_text(json.dumps(values))
+    return qcompile.run(
+        qcompile.load_policy("wide.json"), "fake_fez", episodes=3, max_steps=9, shots=64,
+        progress=False,
+    )  # fmt: skip
+
+
 KINDS: dict[str, Callable[[], Reported]] = {
     "run": _run,
     "evaluate": _evaluate,
     "calibrate": _calibrate,
     "study": _study,
     "plan": _plan,
+    "wide": _wide,
 }
 
 

@@ -18,7 +18,7 @@ NAMED = {"image", "figure", "region", "table", "Video", "link", "button", "navig
 pytestmark = needs_chromium
 
 
-@pytest.mark.parametrize("kind", ["run", "evaluate", "calibrate", "study", "plan"])
+@pytest.mark.parametrize("kind", ["run", "evaluate", "calibrate", "study", "plan", "wide"])
 def test_a_report_is_read(kind: str, browser: Any, report: Callable[[str], Path]) -> None:
     """By eye at two widths, by keyboard, by ear, and on a light page and a dark one."""
     with page_of(browser, report(kind)) as page:

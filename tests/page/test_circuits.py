@@ -11,8 +11,9 @@ from page.conftest import hostile_policy
 
 import qcompile
 from qcompile.device import Device, Qubit, load_device
-from qcompile.page.circuits import Compiled, circuits_section, placement_section
+from qcompile.page.circuits import Compiled, circuits_section
 from qcompile.page.document import Heading, Picture, Prose, Qubits
+from qcompile.page.placement import placement_section
 from qcompile.policy import Dense, Network
 from qcompile.report.wires import executable_values
 
@@ -72,7 +73,7 @@ def test_qubits_are_best_only_where_others_are_worse() -> None:
     policy = qcompile.load_policy("cartpole")
     notes = {}
     for name in ("ibm_lima", "fake_lima"):
-        (block,) = placement_section([Compiled(policy, load_device(name), shots=64)]).blocks
+        *_, block = placement_section([Compiled(policy, load_device(name), shots=64)]).blocks
         assert isinstance(block, Qubits)
         notes[name] = block.note
     assert "best" not in notes["ibm_lima"]

@@ -78,6 +78,31 @@ def test_taken_qubits_are_left_alone() -> None:
     assert route(ring(2), device, taken=(1, 3)) is None
 
 
+def test_of_several_routings_the_best_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three rings of four on a map without squares: 12 couplings and swaps, five at best."""
+    device, circuit = load_device("fake_fez"), Circuit(ring(4).gates[:8] * 3, 4)
+    best = route(circuit, device)
+    monkeypatch.setattr("qcompile.passes.route._TRIES", 1)
+    one = route(circuit, device, seed=9)
+    assert best is not None
+    assert one is not None
+    couplings = [sum(g.is_coupling for g in found.circuit.gates) for found in (best, one)]
+    assert couplings == [12 + 5 * 3, 12 + 10 * 3]
+    assert best.coupling_error(device) < 0.75 * one.coupling_error(device)
+    with pytest.raises(ValueError, match="read-only"):
+        best.qubits[0] = 0  # the next one who asks gets the same array
+
+
+@pytest.mark.parametrize("left", [2, 4, 9, 13])
+def test_few_free_qubits_of_a_large_machine(left: int) -> None:
+    """Qiskit 2.6 panics where most qubits of a target have no gates: they are not part of it."""
+    device = load_device("fake_toronto")
+    free = [3, 6, 7, 10, 12, 14, 17, 18, 21, 16, 19, 20, 22][:left]
+    routed = route(ring(4), device, taken=set(range(27)) - {*free})
+    assert (routed is None) == (left < 9)  # 6, 7, 10, 12 are a line
+    assert routed is None or {*routed.qubits.tolist()} <= {*free}
+
+
 @pytest.mark.parametrize(
     ("name", "width", "message"),
     [

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from rings import ring_policy
 
 from qcompile.deploy.filming import Decision, Frame
 from qcompile.deploy.play import play
+from qcompile.policy import load_policy
 from qcompile.report.lettering import fitted, width_of
 from qcompile.report.lettering import write as write_text
 from qcompile.report.scene import Scene
@@ -30,6 +34,7 @@ def scene(circuits: int, shots: int | None = 100, mitigation: str = "none", **na
         kind="noise-model",
         settings=SimpleNamespace(shots=shots, mitigation=mitigation),
         sizes=lambda: {"circuits_per_step": circuits},
+        executable=None,
     )
     return Scene(player)  # type: ignore[arg-type]
 
@@ -237,6 +242,23 @@ def test_a_network_has_no_bars_of_z() -> None:
     assert not where(shown, BLUE).any()
     assert not where(shown, YELLOW).any()
     assert where(shown, ORANGE).any()
+
+
+def test_circuits_of_several_qubits_have_a_map_and_names(deploy: Make, tmp_path: Path) -> None:
+    """Below the bars, where the device has couplings; observables are named where they fit."""
+    path = tmp_path / "ring.json"
+    path.write_text(json.dumps(ring_policy()))
+    policy = load_policy(path)
+    shown = []
+    for backend in ("ideal", "fake_lima"):
+        frames: list[Frame] = []
+        player = deploy(policy, backend, max_steps=1)
+        play(player, 1, on_frame=frames.append)
+        shown.append(Scene(player).draw(frames[0]))
+    plain, mapped = shown
+    assert len(mapped) == len(plain) + 190
+    blue = where(mapped[len(plain) :], BLUE)
+    assert blue.sum() > 2000, "four qubits and their couplings"
 
 
 def test_text_that_is_too_long_is_cut() -> None:

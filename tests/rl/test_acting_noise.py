@@ -11,7 +11,7 @@ import torch
 from qcompile.deploy.deployment import Deployment
 from qcompile.device import load_device
 from qcompile.rl.acting_noise import ActingNoise
-from qcompile.rl.models import SVQC
+from qcompile.rl.models import CircuitModel
 from qcompile.rl.ppo import Trainer
 from qcompile.rl.result import TrainingResult
 from qcompile.rl.settings import Settings
@@ -21,8 +21,8 @@ BASE = Settings(steps=512, environments=4, horizon=32, shots=SHOTS, theta_spread
 LIMA: dict[str, Any] = {"backend": "ibm_lima", "shots": 64, "mitigation": "readout"}
 
 
-def noisy(settings: Settings) -> tuple[SVQC, ActingNoise]:
-    actor = SVQC(4, 2, settings, torch.Generator().manual_seed(0))
+def noisy(settings: Settings) -> tuple[CircuitModel, ActingNoise]:
+    actor = CircuitModel(4, 2, settings, torch.Generator().manual_seed(0))
     return actor, ActingNoise(actor, settings, np.random.SeedSequence(1))
 
 
@@ -30,7 +30,7 @@ def observed(count: int) -> torch.Tensor:
     return torch.randn(count, 4, generator=torch.Generator().manual_seed(2))
 
 
-def closed_form(actor: SVQC, observations: torch.Tensor) -> np.ndarray:
+def closed_form(actor: CircuitModel, observations: torch.Tensor) -> np.ndarray:
     """<Z> = -sin(x) cos(theta) - cos(x)^2 sin(theta), x the arctan of a feature."""
     x, theta = np.arctan(observations.double().numpy()), actor.theta.detach().double().numpy()
     return -np.sin(x) * np.cos(theta) - np.cos(x) ** 2 * np.sin(theta)

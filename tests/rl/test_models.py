@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from qcompile.policy import Policy
-from qcompile.rl.models import SVQC
+from qcompile.rl.models import CircuitModel
 from qcompile.rl.settings import Settings
 from qcompile.simulate import Simulator
 
@@ -24,11 +24,11 @@ VARIANTS = {
 }
 
 
-def make(settings: Settings, features: int = 4, outputs: int = 3, seed: int = 0) -> SVQC:
-    return SVQC(features, outputs, settings, torch.Generator().manual_seed(seed))
+def make(settings: Settings, features: int = 4, outputs: int = 3, seed: int = 0) -> CircuitModel:
+    return CircuitModel(features, outputs, settings, torch.Generator().manual_seed(seed))
 
 
-def perturb(model: SVQC) -> None:
+def perturb(model: CircuitModel) -> None:
     """Change every parameter from its initial value, reproducibly."""
     generator = torch.Generator().manual_seed(1)
     with torch.no_grad():

@@ -22,7 +22,7 @@ from qcompile.policy.ansatz_file import ansatz_text
 from qcompile.policy.files import policy_values
 from qcompile.rl.checkpoint import load_checkpoint, save_checkpoint
 from qcompile.rl.environments import training_environments
-from qcompile.rl.models import SVQC, critic_size, make_critic, make_model, model_size
+from qcompile.rl.models import CircuitModel, critic_size, make_critic, make_model, model_size
 from qcompile.rl.ppo import Trainer
 from qcompile.rl.settings import Settings
 from qcompile.simulate import Simulator
@@ -78,10 +78,10 @@ VARIANTS: dict[str, tuple[Ansatz | None, dict[str, Any]]] = {
 }
 
 
-def model(name: str, outputs: int = 2) -> SVQC:
+def model(name: str, outputs: int = 2) -> CircuitModel:
     ansatz, changes = VARIANTS[name]
     made = make_model(replace(OWN, **changes), 4, outputs, torch.Generator().manual_seed(0), ansatz)
-    assert isinstance(made, SVQC)
+    assert isinstance(made, CircuitModel)
     return made
 
 
@@ -90,7 +90,7 @@ def logits(policy: Policy, observations: np.ndarray) -> np.ndarray:
     return policy.logits(z)
 
 
-def perturb(model: SVQC) -> None:
+def perturb(model: CircuitModel) -> None:
     generator = torch.Generator().manual_seed(1)
     with torch.no_grad():
         for parameter in model.parameters():
@@ -154,7 +154,7 @@ def test_scales_multiply_those_of_a_policy() -> None:
     ansatz = Ansatz.of_policy(policy())
     settings = replace(OWN, scales=(1.0, 2.0, 10.0))
     own = make_model(settings, 4, 2, torch.Generator(), ansatz)
-    assert isinstance(own, SVQC)
+    assert isinstance(own, CircuitModel)
     scale = own.policy("p", "e", {}).encoder.scale
     np.testing.assert_allclose(scale, [-2.0, 0.0, 15.0], rtol=1e-6)
 
@@ -164,7 +164,7 @@ def test_a_policy_starts_as_it_was(reuse: int) -> None:
     own = make_model(
         replace(OWN, reuse=reuse), 4, 2, torch.Generator(), Ansatz.of_policy(policy(), head=True)
     )
-    assert isinstance(own, SVQC)
+    assert isinstance(own, CircuitModel)
     observations = np.random.default_rng(4).normal(size=(50, 4))
     found = logits(own.policy("p", "e", {}), observations)
     np.testing.assert_allclose(found, logits(policy(), observations), rtol=1e-6, atol=1e-6)
@@ -173,7 +173,7 @@ def test_a_policy_starts_as_it_was(reuse: int) -> None:
 def test_the_critic_starts_from_numbers_of_its_own() -> None:
     ansatz = Ansatz.of_policy(policy(), head=True)
     critic = make_critic(OWN, 4, torch.Generator().manual_seed(0), ansatz)
-    assert isinstance(critic, SVQC)
+    assert isinstance(critic, CircuitModel)
     assert not np.isin(critic.theta.detach().numpy(), np.float32(policy().theta)).any()
     assert critic.program == ansatz.program
 
@@ -190,7 +190,7 @@ def test_inputs_read_the_features_in_turn(inputs: int, features: int, read: Any)
             make_model(OWN, features, 2, torch.Generator(), ansatz)
         return
     own = make_model(OWN, features, 2, torch.Generator(), ansatz)
-    assert isinstance(own, SVQC)
+    assert isinstance(own, CircuitModel)
     assert own.policy("p", "e", {}).encoder.feature.tolist() == read
 
 
@@ -204,7 +204,7 @@ def test_inputs_read_the_features_in_turn(inputs: int, features: int, read: Any)
         (SINGLE, {"scales": ((1.0, 2.0),)}, "Own circuits need one number for all inputs"),
         (SINGLE, {"layout": "parallel"}, "Layout 'parallel' with own circuits"),
         (None, {}, "Layout 'own' without own circuits"),
-        (SINGLE, {"model": "mvqc", "layout": "parallel"}, "Model 'mvqc' cannot train own circuits"),
+        (SINGLE, {"model": "mvqc"}, "Model 'mvqc' cannot train a Program.\n  Train it as svqc."),
         (None, {"layout": "parallel", "encoder": ("tanh",)}, "encoder has 1 functions for 4"),
         (None, {"layout": "parallel", "features": (7,)}, "features names feature 7"),
     ],
@@ -273,7 +273,7 @@ def test_the_policy_says_where_its_circuits_are_from() -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda text: None, "numbers; its settings need"),
+        (lambda text: None, "It has no circuits, but its settings have layout 'own'."),
         (lambda text: "{", "not JSON"),
         (lambda text: text.replace("ansatz-1", "ansatz-2"), "format"),
         (lambda text: ansatz_text(SINGLE), "numbers; its settings need"),
@@ -304,7 +304,7 @@ def test_bits_of_a_number_are_read() -> None:
         assert observation.tolist() == [float(bit) for bit in reversed(f"{state:04b}")]
     settings = replace(OWN, layout="parallel", encoder="bits", scales=(0.5,), trainable_scale=True)
     own = make_model(settings, 4, 2, torch.Generator())
-    assert isinstance(own, SVQC)
+    assert isinstance(own, CircuitModel)
     perturb(own)
     trained = own.policy("p", "e", {})
     assert trained.encoder.reads_bits

@@ -141,8 +141,7 @@ def test_a_critic_can_be_a_network_beside_circuits() -> None:
     np.testing.assert_allclose(trainer._critic(seen).detach().numpy(), value, rtol=1e-5, atol=1e-6)
     result = trainer.train()
     assert all((p != q).any() for p, q in zip(first, trainer._critic.parameters(), strict=True))
-    assert result.policy is not None
-    assert trainer.parameter_count == 4 + 2 * 4 + 2
+    assert result.policy.parameter_count == 4 + 2 * 4 + 2
 
 
 def test_input_scales_that_are_not_trained_stay() -> None:
@@ -155,19 +154,17 @@ def test_input_scales_that_are_not_trained_stay() -> None:
 
 @pytest.mark.parametrize("model", ["svqc", "mvqc", "surrogate", "fcn", "cnn"])
 def test_every_model_learns_a_trivial_task(model: str, outputs: Outputs) -> None:
-    """As above, by playing: only entangling circuits cannot be deployed."""
+    """As above, by playing."""
     changes: dict[str, Any] = {} if model in ("svqc", "mvqc") else {"theta_spread_rad": 0.0}
     changes |= {"hidden": (8,)} if model in ("fcn", "cnn") else {}
     result = Trainer("Match-v0", QUICK.changed(model=model, **changes, actor_lr=0.03), 0).train()
     rewards = [episode.reward for episode in result.episodes]
     assert np.mean(rewards[:10]) < 15
     assert np.mean(rewards[-10:]) > 18
-    assert (result.policy is None) == (model == "mvqc")
-    if result.policy is not None:
-        ends = np.array([[-1.0], [1.0]])
-        is_network = isinstance(result.policy, Network)
-        logits = result.policy.logits(ends) if is_network else outputs(result.policy, ends)
-        assert logits.argmax(axis=1).tolist() == [0, 1]
+    ends = np.array([[-1.0], [1.0]])
+    is_network = isinstance(result.policy, Network)
+    logits = result.policy.logits(ends) if is_network else outputs(result.policy, ends)
+    assert logits.argmax(axis=1).tolist() == [0, 1]
 
 
 def test_ctrl_c_keeps_what_was_learned() -> None:

@@ -118,7 +118,7 @@ def test_settings_that_contradict_each_other_are_refused() -> None:
         ("surrogate", "theta_spread_rad", 1.0),
         ("mvqc", "layout", "serial"),
         ("surrogate", "layout", "single"),
-        ("mvqc", "backend", "ibm_lima"),
+        ("surrogate", "backend", "ibm_lima"),
         ("fcn", "shots", 100),
         ("surrogate", "mitigation", "readout"),
         ("svqc", "hidden", (3,)),

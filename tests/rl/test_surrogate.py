@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from qcompile.policy import Policy, load_policy, save_policy
-from qcompile.rl.models import SVQC, SurrogateModel, parameter_count
+from qcompile.rl.models import CircuitModel, SurrogateModel
 from qcompile.rl.settings import Settings
 from qcompile.simulate import Simulator
 
@@ -81,7 +81,7 @@ def test_the_exported_circuits_compute_the_same(name: str, tmp_path: Path) -> No
 def test_a_surrogate_can_be_any_policy_of_the_parallel_layout(reuse: int) -> None:
     """<Z> is -sin(x) cos(theta) - cos(x)^2 sin(theta): weights -cos(theta) W | -sin(theta) W."""
     settings = Settings(steps=1, scales=(0.7, 3.0), reuse=reuse, theta_spread_rad=6.0)
-    circuits = SVQC(4, 3, settings, torch.Generator().manual_seed(0))
+    circuits = CircuitModel(4, 3, settings, torch.Generator().manual_seed(0))
     perturb(circuits)
     changed = settings.changed(model="surrogate", theta_spread_rad=0.0)
     surrogate = SurrogateModel(4, 3, changed, torch.Generator().manual_seed(9))
@@ -102,8 +102,8 @@ def test_a_surrogate_can_be_any_policy_of_the_parallel_layout(reuse: int) -> Non
 @pytest.mark.parametrize(
     ("features", "outputs", "changes", "count"),
     [
-        (4, 2, {"reuse": 16}, 2 * (8 + 1)),
-        (8, 4, {"scales": (1.0, 1.0, 1.0), "reuse": 8}, 4 * (48 + 1)),
+        (4, 2, {"reuse": 16}, 2 * (16 * 8 + 1)),
+        (8, 4, {"scales": (1.0, 1.0, 1.0), "reuse": 8}, 4 * (8 * 48 + 1)),
         (4, 2, {"scales": (0.7, 2.0, 8.0), "trainable_scale": True}, 12 + 2 * (24 + 1)),
     ],
 )
@@ -111,4 +111,5 @@ def test_parameters_are_counted_by_hand(
     features: int, outputs: int, changes: dict[str, object], count: int
 ) -> None:
     settings = replace(BASE, **changes)  # type: ignore[arg-type]
-    assert parameter_count(make(settings, features, outputs)) == count
+    trained = [p for p in make(settings, features, outputs).parameters() if p.requires_grad]
+    assert sum(p.numel() for p in trained) == count

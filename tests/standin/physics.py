@@ -2,8 +2,8 @@
 
 A circuit without entangling gates is a product of qubits. Each qubit is a Bloch vector that the
 affine maps of `qcompile.noise` move, for all parameter values at once; its bits are independent
-from shot to shot. A circuit that entangles may have a few qubits; they are free of noise until they
-are read.
+from shot to shot. Where a circuit entangles, each of its connected parts may have a few qubits; all
+are free of noise until they are read.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from sympy import lambdify
 from qcompile.device import Device
 from qcompile.noise import noise_after, readout_row, rotation_map
 
-from .entangled import MOST_QUBITS, outcomes, reduced, words_of
+from .entangled import MOST_QUBITS, Part, outcomes, parts, words_of
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -51,15 +51,14 @@ class Plan:
     """A circuit ready to run: its gates in order, and the qubit that each bit reads.
 
     `registers` holds the qubits of each classical register, None where a bit is never written. One
-    that entangles has no steps, but the circuit `entangled` of its gates on the qubits `on`.
+    that entangles has no steps, but its connected parts `entangled`.
     """
 
     qubits: int
     parameters: int
     steps: tuple[Step, ...]
     registers: dict[str, tuple[int | None, ...]]
-    entangled: Any = None
-    on: tuple[int, ...] = ()
+    entangled: tuple[Part, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -114,10 +113,11 @@ def plan(circuit: Any, basis_gates: Sequence[str], width: int) -> Plan:
         angles = [_angle(value, parameters) for value in instruction.operation.params]
         steps.append(Step(name, qubits[0], *angles))
     registers = {reg.name: tuple(written.get(bit) for bit in reg) for reg in circuit.cregs}
-    small, on = reduced(circuit) if entangles else (None, ())
-    if len(on) > MOST_QUBITS:
-        raise RefusedError(f"The stand-in entangles {MOST_QUBITS} qubits at most, not {len(on)}.")
-    return Plan(circuit.num_qubits, circuit.num_parameters, tuple(steps), registers, small, on)
+    entangled = parts(circuit) if entangles else ()
+    most = max((len(part.on) for part in entangled), default=0)
+    if most > MOST_QUBITS:
+        raise RefusedError(f"The stand-in entangles {MOST_QUBITS} qubits at most, not {most}.")
+    return Plan(circuit.num_qubits, circuit.num_parameters, tuple(steps), registers, entangled)
 
 
 def _check_entangled(name: str) -> None:
@@ -156,8 +156,9 @@ def draw(items: Sequence[Item], device: Device, seed: int) -> list[dict[str, Boo
     digest = hashlib.sha256(f"{seed} {device.name}".encode())
     for item, turned in zip(items, angles, strict=True):
         gates: list[Any] = [(step.gate, step.qubit) for step in item.plan.steps]
-        if item.plan.entangled is not None:
-            gates = [words_of(item.plan.entangled), item.plan.on, item.values.tobytes()]
+        if item.plan.entangled:
+            words = [(words_of(part.circuit), part.on) for part in item.plan.entangled]
+            gates = [words, item.values.tobytes()]
         what = (item.plan.qubits, item.shape, item.shots, gates, item.plan.registers)
         digest.update(repr(what).encode())
         for angle in turned:
@@ -205,9 +206,10 @@ def _drawn(
     item: Item, angles: Sequence[Any], device: Device, rng: np.random.Generator
 ) -> dict[int, BoolArray]:
     """The bits of the measured qubits, (circuits, shots) each."""
-    if item.plan.entangled is not None:
+    if item.plan.entangled:
         values = item.values.reshape(item.circuits, item.plan.parameters)
-        return outcomes(item.plan.entangled, item.plan.on, values, item.shots, device, rng)
+        drawn = [outcomes(part, values, item.shots, device, rng) for part in item.plan.entangled]
+        return {qubit: bits for part in drawn for qubit, bits in part.items()}
     chances = p_one(item, angles, device)
     return {
         qubit: rng.random((item.circuits, item.shots)) < chances[qubit][:, np.newaxis]

@@ -11,6 +11,7 @@ import pytest
 
 from qcompile.device import IDEAL, Coupling, Device, load_device
 from qcompile.ir import COUPLINGS, Angle, Circuit, Gate
+from qcompile.states.ideal import IdealBlocks
 from qcompile.states.pauli import NoisyBlocks
 
 WIDTH = 5
@@ -85,7 +86,11 @@ def expected(circuit: Circuit, placed: list[int], device: Device, noise: Any) ->
 
 
 def parities(circuits: list[Circuit], device: Device, qubits: list[list[int]]) -> np.ndarray:
-    blocks = NoisyBlocks(circuits, device, np.array(qubits))
+    blocks = (
+        IdealBlocks(circuits)
+        if device.is_ideal
+        else NoisyBlocks(circuits, device, np.array(qubits))
+    )
     angles = np.array([[[angle.constant for angle in c.angles] for c in circuits]])
     return blocks.parities(np.cos(angles), np.sin(angles))[0]
 

@@ -148,7 +148,6 @@ def test_noise_brings_shots_and_mitigation() -> None:
         ({"resume": "state", "preset": "tuned"}, "preset cannot be combined with resume"),
         ({"out": "p.txt"}, "p.txt must end with .pt or .json."),
         ({"out": "p.pt", "log": "x/../p.pt"}, "out and log are the same file, x/../p.pt."),
-        ({"model": "mvqc", "out": "p.json", "preset": "paper"}, "p.json must end with .pt: model"),
     ],
 )
 def test_contradictions_are_refused(options: dict[str, Any], words: str) -> None:

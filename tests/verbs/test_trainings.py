@@ -174,10 +174,6 @@ def test_a_seed_that_fails_leaves_the_others(monkeypatch: pytest.MonkeyPatch) ->
             "resume cannot be combined with seeds: a checkpoint belongs to one training.",
         ),
         ({"callback": print}, "callback cannot be combined with seeds, which are trained in"),
-        (
-            {"model": "mvqc", "preset": "paper"},
-            "Model 'mvqc' cannot be played yet, so the best seed",
-        ),
         ({"seeds": None, "workers": 2}, "workers needs seeds, the number of trainings."),
         ({"seeds": None, "evaluation": 2}, "evaluation needs seeds, the number of trainings."),
         ({"seeds": 0}, "seeds cannot be 0.\n  It must be in [1, 1000]."),

@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from qcompile.ir import Angle, Gate
+
+SIZE, SMALL = 13.0, 9.0
+"""Font sizes in px: of labels and of what is lowered or raised."""
+_LETTER_EM = 0.62
 
 GREEK = {"alpha": "α", "beta": "β", "gamma": "γ", "theta": "θ", "phi": "φ", "lambda": "λ"}
 
@@ -31,6 +36,8 @@ class Run:
 
 def label(gate: Gate) -> list[Run]:
     """The label of a gate: √X, or R_y(x_0 + π/2)."""
+    if gate.is_coupling:
+        return [Run(gate.name.upper())]
     if gate.angle is None:
         words, high = _FIXED.get(gate.name, (gate.name.upper(), ""))
         return [Run(words, high=high)]
@@ -66,3 +73,10 @@ def _symbol(name: str) -> Run:
     found = _INDEXED.fullmatch(name)
     base, index = (found[1], found[2]) if found is not None and found[1] else (name, "")
     return Run(GREEK.get(base, base), index, is_symbol=True)
+
+
+def width_px(runs: Iterable[Run]) -> float:
+    """What a label needs, in px, as letters are wide on average."""
+    return _LETTER_EM * sum(
+        len(run.text) * SIZE + max(len(run.low), len(run.high)) * SMALL for run in runs
+    )

@@ -11,29 +11,29 @@ import torch
 from qcompile.caller import option
 from qcompile.errors import TrainingError
 from qcompile.policy import Ansatz
-from qcompile.rl.models.head import ReusedLinear
-from qcompile.rl.models.mvqc import MVQC
+from qcompile.rl.models.circuits import CircuitModel
 from qcompile.rl.models.networks import NetworkModel, convolutional, fully_connected, settings_of
 from qcompile.rl.models.surrogate import SurrogateModel
-from qcompile.rl.models.svqc import SVQC
 from qcompile.rl.settings import Settings
 
 __all__ = [
-    "MVQC",
-    "SVQC",
+    "CircuitModel",
+    "Model",
     "NetworkModel",
     "SurrogateModel",
     "critic_size",
     "make_critic",
     "make_model",
+    "model_of",
     "model_size",
-    "parameter_count",
     "settings_of",
 ]
 
-_MAKERS: dict[str, Callable[[int, int, Settings, torch.Generator], torch.nn.Module]] = {
-    "svqc": SVQC,
-    "mvqc": MVQC,
+Model = CircuitModel | SurrogateModel | NetworkModel
+
+_MAKERS: dict[str, Callable[[int, int, Settings, torch.Generator], Model]] = {
+    "svqc": CircuitModel,
+    "mvqc": CircuitModel,
     "surrogate": SurrogateModel,
     "fcn": fully_connected,
     "cnn": convolutional,
@@ -48,8 +48,8 @@ def make_model(
     outputs: int,
     generator: torch.Generator,
     ansatz: Ansatz | None = None,
-) -> torch.nn.Module:
-    """The model named in the settings; an svqc of own circuits if there is an `ansatz`.
+) -> Model:
+    """The model named in the settings, with the circuits of `ansatz` if there is one.
 
     Its initial parameters are drawn from `generator`, except those given with the circuits.
 
@@ -58,21 +58,26 @@ def make_model(
     """
     if ansatz is None:
         return _MAKERS[settings.model](features, outputs, settings, generator)
-    if settings.model != "svqc":
+    if settings.model != (own := model_of(ansatz)):
         raise TrainingError(
-            f"Model {settings.model!r} cannot train own circuits.", "Train them as svqc."
+            f"Model {settings.model!r} cannot train {ansatz.origin}.", f"Train it as {own}."
         )
     if ansatz.bias is not None and len(ansatz.bias) != outputs:
         raise TrainingError(
             f"{ansatz.origin} has {len(ansatz.bias)} actions; the environment has {outputs}.",
             f"{option('circuits')} takes only its circuits and their parameters, with a new head.",
         )
-    return SVQC(features, outputs, settings, generator, ansatz)
+    return CircuitModel(features, outputs, settings, generator, ansatz)
+
+
+def model_of(ansatz: Ansatz) -> str:
+    """The name of the model that trains own circuits: mvqc if one has several qubits."""
+    return "mvqc" if ansatz.program.is_wide else "svqc"
 
 
 def make_critic(
     settings: Settings, features: int, generator: torch.Generator, ansatz: Ansatz | None = None
-) -> torch.nn.Module:
+) -> Model:
     """The value model with one output: of the policy's kind, or the network of `critic_hidden`.
 
     The network's last layer starts small, so that its initial values are near 0. With own circuits
@@ -113,14 +118,15 @@ def model_size(
     inputs = 3 * copies if settings.layout == "single" else features * copies
     if ansatz is not None:
         inputs = len(ansatz.inputs)
-    theta, values = {
-        "svqc own": (0, 0) if ansatz is None else (len(ansatz.parameters), len(ansatz.program)),
-        "svqc parallel": (inputs, inputs),
-        "svqc serial": (inputs, features),
-        "svqc single": (copies, copies),
-        "mvqc parallel": (2 * features * (copies + 1), features),
-        "surrogate parallel": (0, 2 * inputs),
-    }[f"{settings.model} {settings.layout}"]
+        theta, values = len(ansatz.parameters), len(ansatz.program.measured)
+    else:
+        theta, values = {
+            "svqc parallel": (inputs, inputs),
+            "svqc serial": (inputs, features),
+            "svqc single": (copies, copies),
+            "mvqc parallel": (2 * features * (copies + 1), features),
+            "surrogate parallel": (0, 2 * inputs),
+        }[f"{settings.model} {settings.layout}"]
     encoder = inputs * (1 + settings.trainable_gain)
     return encoder + theta + (values * settings.reuse + 1) * outputs
 
@@ -130,11 +136,3 @@ def critic_size(settings: Settings, features: int, ansatz: Ansatz | None = None)
     if settings.critic_hidden is None:
         return model_size(settings, features, 1, ansatz)
     return model_size(_critic_settings(settings), features, 1)
-
-
-def parameter_count(model: torch.nn.Module) -> int:
-    """The number of trained parameters, with output reuse folded as in a deployed policy."""
-    trained = sum(p.numel() for p in model.parameters() if p.requires_grad)
-    heads = [part for part in model.modules() if isinstance(part, ReusedLinear)]
-    copies = sum(head.weights.numel() * (head.reuse - 1) // head.reuse for head in heads)
-    return trained - copies

@@ -10,7 +10,7 @@ import torch
 from qcompile.errors import TrainingError
 from qcompile.policy import Convolution, Dense, Network
 from qcompile.policy.network import WIDTH, Layer
-from qcompile.rl.models.svqc import numbers
+from qcompile.rl.models.circuits import numbers
 from qcompile.rl.settings import Settings
 
 _ACTIVATIONS = {"relu": torch.nn.ReLU, "tanh": torch.nn.Tanh}

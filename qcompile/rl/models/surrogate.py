@@ -10,8 +10,8 @@ import torch
 
 from qcompile.policy import Encoder, Policy
 from qcompile.policy.layouts import parallel
+from qcompile.rl.models.circuits import numbers
 from qcompile.rl.models.head import ReusedLinear, input_scale
-from qcompile.rl.models.svqc import numbers
 from qcompile.rl.settings import Settings
 
 

@@ -1,4 +1,4 @@
-"""The parts of an SVQC: circuits, and the encoder of their inputs."""
+"""The parts of a model of circuits: circuits, and the encoder of their inputs."""
 
 from __future__ import annotations
 
@@ -11,11 +11,13 @@ from qcompile.arrays import FloatArray, IntArray
 from qcompile.errors import TrainingError
 from qcompile.policy import Ansatz, Encoder
 from qcompile.policy.encoder import BITS
-from qcompile.policy.layouts import LAYOUTS
+from qcompile.policy.layouts import LAYOUTS, ring
 from qcompile.rl.models.head import log_scales
 from qcompile.rl.settings import Settings
 
 _DEFAULT = "arctan"
+_MOST_QUBITS = 12
+"""The most qubits of an mvqc: a training with more takes days."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +66,13 @@ def wiring(settings: Settings, features: int, ansatz: Ansatz | None) -> Wiring:
 def _of_layout(settings: Settings, features: int) -> Wiring:
     read = range(features) if settings.features is None else settings.features
     copies = len(settings.scales)
-    program, index = LAYOUTS[settings.layout](len(read), copies)
+    if settings.model == "mvqc" and len(read) > _MOST_QUBITS:
+        raise TrainingError(
+            f"Model 'mvqc' needs one qubit per feature; there are {len(read)} features.",
+            f"It can train at most {_MOST_QUBITS} qubits.",
+        )
+    layout = ring if settings.model == "mvqc" else LAYOUTS[settings.layout]
+    program, index = layout(len(read), copies)
     columns = len(index) // copies
     functions = _functions(settings, _DEFAULT, columns)
     encoder = Encoder(

@@ -68,7 +68,9 @@ class _Summary(_Part):
     ci95: Annotated[list[float], Field(min_length=2, max_length=2)] | None
     solved: bool | None
     gates_per_circuit: dict[str, Whole]
+    couplings_per_circuit: Whole = 0
     circuits_per_step: Whole
+    observables_per_step: Whole | None = None
     rounds_per_step: Whole
     max_steps: None = None
     cut_episodes: Literal[0] = 0

@@ -95,8 +95,11 @@ def results(cells: Sequence[Cell], played: Mapping[str, CellResult]) -> list[dic
             continue
         objects.append(
             {
+                # what earlier versions did not write
                 "hold": 1,
-                "decisions": result.summary["env_steps"],  # earlier versions wrote neither
+                "decisions": result.summary["env_steps"],
+                "couplings_per_circuit": 0,
+                "observables_per_step": result.summary["circuits_per_step"],
                 **result.summary,
                 "backend": cell.backend.name,
                 "device": cell.backend.device.name,

@@ -118,7 +118,6 @@ def run_cell(cell: Cell, evaluation: int = EVALUATION_EPISODES) -> CellResult:
         steps = f"its {trainer.steps:,} steps"
         raise TrainingError(f"No episode ended within {steps}.", "Give the row more steps.")
     rewards = score(trainer, evaluation, EVALUATION_SEED)
-    policy = result.policy
     return CellResult(
         row=row.name,
         seed=cell.seed,
@@ -126,7 +125,7 @@ def run_cell(cell: Cell, evaluation: int = EVALUATION_EPISODES) -> CellResult:
         environment_kwargs=dict(row.arguments),
         settings=plain(row.settings),
         versions=versions(*PACKAGES),
-        parameters=trainer.parameter_count if policy is None else policy.parameter_count,
+        parameters=result.policy.parameter_count,
         steps=[episode.steps for episode in result.episodes],
         decisions=None
         if row.settings.hold == 1

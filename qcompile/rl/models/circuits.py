@@ -1,4 +1,4 @@
-"""The model of single-qubit circuits, evaluated by the same code as in numpy."""
+"""The model of circuits and a linear layer; circuits of one qubit are evaluated as in numpy."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from qcompile.policy.encoder import BITS
 from qcompile.rl.models.head import ReusedLinear, first_theta
 from qcompile.rl.models.wiring import wiring
 from qcompile.rl.settings import Settings
-from qcompile.simulate import Simulator
+from qcompile.states.statevector import Statevectors
 
 _FUNCTIONS: dict[str, Callable[[torch.Tensor], torch.Tensor]] = {
     "arctan": torch.arctan,
@@ -29,12 +29,15 @@ _FUNCTIONS: dict[str, Callable[[torch.Tensor], torch.Tensor]] = {
 """`qcompile.policy.ENCODINGS` in torch; bit observations are vectors of bits."""
 
 
-class SVQC(torch.nn.Module):
-    """Single-qubit variational circuits and a linear layer: observations to outputs.
+class CircuitModel(torch.nn.Module):
+    """Variational circuits and a linear layer: observations to outputs.
 
-    The circuits come from a layout, or from `ansatz`, which may set initial parameters.
+    The circuits are those of the settings, of one qubit each (arXiv 2203.14348) or one of a qubit
+    per feature (arXiv 2103.05577), or come from `ansatz`, which may set initial parameters.
 
-    Source: arXiv 2203.14348.
+    Raises:
+        CircuitError, TrainingError: circuits, settings and features do not fit each other, or a
+            circuit has too many qubits.
     """
 
     def __init__(
@@ -51,10 +54,10 @@ class SVQC(torch.nn.Module):
         self.program = self.ansatz.program
         self.feature: torch.Tensor
         self._keep("feature", wired.encoder.feature)
-        self._simulator = Simulator(self.program, torch, torch.float32)
+        self._states = Statevectors(self.program)
         self.log_scale = torch.nn.Parameter(wired.log_scale, settings.trainable_scale)
         self.theta = first_theta(settings, (len(self.program.parameters),), generator)
-        self.head = ReusedLinear(len(self.program), outputs, settings, generator)
+        self.head = ReusedLinear(len(self.program.measured), outputs, settings, generator)
         gain = torch.tensor(wired.encoder.gains, dtype=torch.float32)
         self.gain = torch.nn.Parameter(gain) if settings.trainable_gain else None
         self._start()
@@ -133,9 +136,8 @@ class SVQC(torch.nn.Module):
         return torch.cat(parts, dim=1).index_select(1, self._order)
 
     def expectation(self, observations: torch.Tensor) -> torch.Tensor:
-        """Observations (B, features) to the ideal `<Z>` of every circuit (B, circuits)."""
-        z: torch.Tensor = self._simulator.expectation(self.inputs(observations), self.theta)
-        return z
+        """Observations (B, features) to the ideal `<O>` of every observable (B, observables)."""
+        return self._states(self.inputs(observations), self.theta)
 
     def forward(self, observations: torch.Tensor) -> torch.Tensor:
         """Observations (B, features) to outputs (B, outputs)."""
