@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from qiskit import QuantumCircuit
@@ -57,6 +57,15 @@ def program_operator(program: Program, qubits: Sequence[int], count: int) -> np.
             on = (qubits[first + qubit] for qubit in gate.qubits)
             getattr(built, gate.name)(*angles, *on)
     return Operator(built).data
+
+
+def expectations(program: Program, values: Mapping[str, float]) -> np.ndarray:
+    """<O> of every observable of a program, by Qiskit's statevector."""
+    names = (*program.inputs, *program.parameters)
+    bound = program.substitute({name: values[name] for name in names})
+    matrix = program_operator(bound, range(bound.bits), bound.bits)
+    probabilities = np.abs(matrix[:, 0]) ** 2
+    return np.array([product(probabilities, observable) for observable in program.measured])
 
 
 def difference(first: np.ndarray, second: np.ndarray) -> float:

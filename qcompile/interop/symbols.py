@@ -112,6 +112,6 @@ def unknown(gate: str, where: str) -> CircuitError:
     }.get(gate, "Remove it, or replace it with standard gates.")
     return CircuitError(
         f"{where} is not a gate that qcompile can compile.",
-        "Circuits may contain standard gates, gates defined by them, and measurements at the end.",
+        "Circuits may contain standard gates, gates made of them, and measurements at the end.",
         advice,
     )

@@ -147,17 +147,19 @@ class Program:
 
     @classmethod
     def from_qiskit(cls, circuit: Any, inputs: str | Iterable[Any] | None = None) -> Program:
-        """The program of a Qiskit QuantumCircuit without entangling gates, up to global phase.
+        """The program of a Qiskit QuantumCircuit, up to global phase.
 
-        Qubit i becomes circuit i. If some qubits are measured, only those become circuits, in the
-        order of their bits. Parameters whose names start with x are inputs and all others are
-        parameters, unless `inputs` says otherwise: another prefix, a ParameterVector, or a list of
-        Parameters and names. Both are sorted by name, numbers as numbers; an `inputs` list keeps
+        Qubits that gates connect are one circuit, and every other qubit is one. If some qubits are
+        measured, observable j is the one with the j-th bit, and circuits without a measured qubit
+        are left out; otherwise it is qubit j. Circuits come in the order of their first observable,
+        so that circuit i is observable i where all have one qubit. Parameters whose names start
+        with x are inputs and all others are parameters, unless `inputs` says otherwise: another
+        prefix, a ParameterVector, or a list of Parameters and names. Both are sorted by name, numbers as numbers; an `inputs` list keeps
         its order. The symbol of element x[3] of a vector is x3.
 
         Raises:
-            CircuitError: a gate entangles qubits or is unknown, an angle is not affine, or a qubit
-                is used after its measurement.
+            CircuitError: a gate has no definition, an angle is not affine, or a qubit is used after
+                its measurement.
             MissingExtraError: Qiskit is not installed.
         """
         from qcompile.interop.qiskit import program_of
@@ -172,12 +174,13 @@ class Program:
 
         The function is called once, as function(x, theta), with arrays of symbols of the shapes
         `inputs` and `parameters`; an argument of size 0 is omitted. Their elements are x0, x1, ...
-        and theta0, theta1, ... in C order. Circuit i is the i-th wire measured in Z or, if none is
-        measured, the i-th wire the function uses. A tape contains only numbers.
+        and theta0, theta1, ... in C order. Observable j is the j-th Z or product of Z measured or,
+        if nothing is measured, the Z of the j-th wire the function uses; circuits are as by
+        `from_qiskit`. A tape contains only numbers.
 
         Raises:
-            CircuitError: a gate entangles wires or is unknown, an angle is not affine, or the
-                function needs the value of a symbol.
+            CircuitError: a gate has no decomposition, an angle is not affine, the function needs
+                the value of a symbol, or a product is one of wires that no gates connect.
             MissingExtraError: PennyLane is not installed.
         """
         from qcompile.interop.pennylane import program_of
@@ -191,8 +194,8 @@ class Program:
         """The program of OpenQASM 2 or 3, up to global phase.
 
         A str that contains a line break or starts with OPENQASM is the text itself; any other str
-        or a Path names a file. Circuits are ordered as by `from_qiskit`, and `inputs` means the
-        same; inputs and parameters keep the order in which the file declares them.
+        or a Path names a file. Circuits and observables are as by `from_qiskit`, and `inputs` means
+        the same; inputs and parameters keep the order in which the file declares them.
 
         Raises:
             ProgramFileError: the file cannot be read, or the text cannot be compiled.

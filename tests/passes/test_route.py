@@ -123,3 +123,54 @@ def test_a_coupling_that_is_missing_is_not_used() -> None:
     assert routed is not None
     assert sorted(routed.qubits.tolist()) == [0, 1]
     assert route(ring(3), device) is None
+
+
+def test_a_circuit_on_named_qubits_stays_there_in_the_couplings_of_the_device() -> None:
+    device = load_device("fake_fez")
+    circuit = Circuit.parse("ry(x0)@0 cx@0,1 ry(x1)@1 ecr@1,2 cz@1,0 sx@2", 3)
+    routed = route(circuit, device, on=(2, 1, 0), taken=(1,))
+    assert routed is not None
+    assert routed.qubits.tolist() == [2, 1, 0]
+    names = {gate.name for gate in routed.circuit.gates if gate.is_coupling}
+    assert names == {"cz"}
+    np.testing.assert_allclose(
+        distribution(bound(routed.circuit), 3), distribution(bound(circuit), 3), atol=1e-10
+    )
+
+
+def test_named_qubits_without_their_coupling_are_refused() -> None:
+    with pytest.raises(DeviceError) as caught:
+        route(ring(3), load_device("fake_jakarta"), on=(0, 1, 2))
+    assert str(caught.value).splitlines() == [
+        "fake_jakarta does not couple qubits 2 and 0, which cz connects.",
+        "  It couples 0-1 1-2 1-3 3-5 4-5 5-6.",
+        "  Name coupled qubits, or declare a register: its qubits are placed for you.",
+    ]
+
+
+def test_free_qubits_that_are_not_connected_are_tried_group_by_group() -> None:
+    """A triangle fits on 3 of 4 coupled qubits with a swap; with 2 and 2 there is no way."""
+    triangle = Circuit.parse("cx@0,1 h@1 cx@1,2 h@2 cx@2,0", 3)
+    device = load_device("fake_toronto")
+    every = set(range(len(device.qubits)))
+    assert route(triangle, device, taken=every - {0, 1, 12, 10, 25, 26}) is None
+    routed = route(triangle, device, taken=every - {0, 1, 12, 10, 7, 25, 26})
+    assert routed is not None
+    assert set(routed.qubits.tolist()) <= {12, 10, 7}
+    np.testing.assert_allclose(
+        distribution(routed.circuit, 3), distribution(triangle, 3), atol=1e-10
+    )
+
+
+def test_of_two_groups_the_one_with_the_least_error_is_taken() -> None:
+    """Without its qubit 3 fake_jakarta falls into 0-1-2 and 4-5-6."""
+    device = load_device("fake_jakarta")
+    routed = route(Circuit.parse("h@0 cx@0,1 h@1", 2), device, taken=(3,))
+    assert routed is not None
+    readout = [(qubit.p10 + qubit.p01) / 2 for qubit in device.qubits]
+    least = min(
+        (each.error + sum(readout[qubit] for qubit in each.qubits), max(each.qubits))
+        for each in device.couplings
+        if 3 not in each.qubits
+    )
+    assert (max(routed.qubits) < 3) == (least[1] < 3)
