@@ -154,8 +154,8 @@ class Program:
         are left out; otherwise it is qubit j. Circuits come in the order of their first observable,
         so that circuit i is observable i where all have one qubit. Parameters whose names start
         with x are inputs and all others are parameters, unless `inputs` says otherwise: another
-        prefix, a ParameterVector, or a list of Parameters and names. Both are sorted by name, numbers as numbers; an `inputs` list keeps
-        its order. The symbol of element x[3] of a vector is x3.
+        prefix, a ParameterVector, or a list of Parameters and names. Both are sorted by name,
+        numbers as numbers; an `inputs` list keeps its order. Element x[3] of a vector is x3.
 
         Raises:
             CircuitError: a gate has no definition, an angle is not affine, or a qubit is used after
