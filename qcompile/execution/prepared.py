@@ -14,10 +14,6 @@ from qcompile.limits import MAX_SHOTS
 from qcompile.passes import Executable
 
 
-_ROUNDING = 1e-12
-"""Probabilities that differ by less may be the same before rounding."""
-
-
 class Binomial(Protocol):
     """A source of counts, one draw per row of a batch; rounding may take p beyond [0, 1]."""
 
@@ -87,14 +83,8 @@ class ExactPrepared(Prepared):
 
 
 def draw_ones(rng: np.random.Generator, shots: CircuitShots, p_one: FloatArray) -> CountArray:
-    """The ones in `shots` shots, in the shape of `p_one`: binomial, as nothing is entangled.
-
-    Rounding differs between processors. numpy draws ones up to 1/2 and zeros above, so that
-    probabilities next to 1/2 are 1/2 for everyone: the same seed gives the same counts.
-    """
-    p_one = np.minimum(np.maximum(p_one, 0.0), 1.0)
-    p_one[np.abs(p_one - 0.5) < _ROUNDING] = 0.5
-    return rng.binomial(shots, p_one)
+    """The ones in `shots` shots, in the shape of `p_one`: binomial, as nothing is entangled."""
+    return rng.binomial(shots, np.minimum(np.maximum(p_one, 0.0), 1.0))
 
 
 def require_exact(prepared: Prepared) -> ExactPrepared:

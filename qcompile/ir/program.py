@@ -155,8 +155,7 @@ class Program:
         so that circuit i is observable i where all have one qubit. Parameters whose names start
         with x are inputs and all others are parameters, unless `inputs` says otherwise: another
         prefix, a ParameterVector, or a list of Parameters and names. Both are sorted by name,
-        numbers as numbers; an `inputs` list keeps its order. The symbol of element x[3] of a vector
-        is x3.
+        numbers as numbers; an `inputs` list keeps its order. Element x[3] of a vector is x3.
 
         Raises:
             CircuitError: a gate has no definition, an angle is not affine, or a qubit is used after

@@ -81,6 +81,7 @@ CASES = (
         f"{LIMA} --out a.json --plot a.png --seed 1",
         "Ctrl-C while the picture is drawn",
         ctrl_c_in("qcompile.report.calibration.draw_calibration"),
+        masked=True,
     ),
     *(
         f"calibrate --from lima.json {option}"
