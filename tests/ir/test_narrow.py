@@ -14,8 +14,6 @@ from qcompile.errors import CircuitError
 from qcompile.execution import TwinExecutor
 from qcompile.ir import Circuit, Program
 from qcompile.mitigation import calibrate, predistorted, readout_mitigation, response_mitigation
-from qcompile.policy import Ansatz
-from qcompile.qasm import write
 from qcompile.simulate import Simulator
 
 WIDE = Program.of([Circuit.parse("ry(x0)"), Circuit.parse("ry(x1)@0 cz@0,1", 2)], 2)
@@ -30,8 +28,6 @@ def known() -> Any:
 
 
 CALLS: dict[str, Callable[[], object]] = {
-    "An ansatz": lambda: Ansatz.of_program(WIDE),
-    "OpenQASM": lambda: write(WIDE),
     "A Simulator": lambda: Simulator(WIDE),
     "A twin": lambda: TwinExecutor(known()).prepare(executable()),
     "Readout mitigation": lambda: readout_mitigation(known(), executable()),
