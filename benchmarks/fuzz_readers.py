@@ -17,6 +17,7 @@ import qcompile
 from qcompile.device import IDEAL, Device, load_device
 from qcompile.execution import DeviceBackend, load_backend
 from qcompile.jobs.policy_job import read_observations
+from qcompile.jobs.program_file import compile_source
 from qcompile.live.journal import FILE, Journal
 from qcompile.live.perform import costs, task_of
 from qcompile.live.play import RunTask
@@ -195,20 +196,33 @@ const float b = 2 * pi / 3;
 qubit[3] q;
 bit[3] c;
 gate twice(t) u { rx(t) u; rz(-t / 2) u; }
+gate joined(t) u, v { cx u, v; ctrl @ ry(t) v, u; }
 h q;
 twice(a + b) q[0];
 U(0.1, b, -a) q[1];
 inv @ s q[2];
+joined(a) q[0], q[2];
+negctrl @ pow(2) @ swap q[1], q[2], q[0];
 c = measure q;
 """
 QASM2 = b"""OPENQASM 2.0;
 include "qelib1.inc";
 qreg q[3]; creg c[3];
 gate mine(t) a { u3(t, 0, pi/2) a; u1(t^2) a; }
+gate join(t) a, b { cx a, b; u3(t, 0, 0) b; cx a, b; }
 h q[0]; mine(0.3) q[1]; rz(sin(0.2)) q[2];
+join(0.7) q[0], q[1]; cz q[1], q[2]; ccx q[0],q[1],q[2];
 barrier q;
 measure q -> c;
 """
+
+
+def use_program(path: Path) -> object:
+    """Read, compile at level 0, with the marks in their places, and write."""
+    source = read_file(path)
+    if sum(map(len, source.program.circuits)) < 200 and source.program.bits < 200:
+        compile_source(source, IDEAL, 0, "3")
+    return source
 
 
 @cache
@@ -294,8 +308,8 @@ READERS = {
         "json", "o.json", use_observations, lambda: observations("json"), 2
     ),
     "observations .csv": Reader("text", "o.csv", use_observations, lambda: observations("csv"), 2),
-    "OpenQASM 3": Reader("text", "p.qasm", read_file, lambda: [QASM3], 1),
-    "OpenQASM 2": Reader("text", "p.qasm", read_file, lambda: [QASM2], 1),
+    "OpenQASM 3": Reader("text", "p.qasm", use_program, lambda: [QASM3], 1),
+    "OpenQASM 2": Reader("text", "p.qasm", use_program, lambda: [QASM2], 1),
     "cell of evaluate": Reader(
         "json",
         f"cells/{cell().name}.json",

@@ -19,11 +19,10 @@ _CONTROLS = {"cx": "x", "cz": "z"}
 
 @dataclass(frozen=True)
 class Control:
-    """What a controlled gate controls, on how many qubits, and whether they must be 1 or 0."""
+    """What a controlled gate controls, and of each control whether it must be 1."""
 
     of: Unitary
-    controls: int
-    on_one: bool
+    on_one: tuple[bool, ...]
 
 
 @dataclass(frozen=True)
@@ -61,17 +60,23 @@ class Unitary:
 
         `room` is called with the number of gates so far, to raise an error if there are too many.
         """
-        control, width = Control(self, controls, on_one), controls + self.width
-        if controls == 1 and not self.gates and not on_one:
-            return Unitary([Gate("p", -self.phase)], width, self.phase, control=control)
+        inner = self.control or Control(self, ())
+        return inner.of._under((*(on_one,) * controls, *inner.on_one), room)
+
+    def _under(self, on_one: tuple[bool, ...], room: Callable[[int], None]) -> Unitary:
+        """The unitary under controls, which must be 1 where `on_one` says so, and 0 otherwise."""
+        control, count = Control(self, on_one), len(on_one)
+        if on_one == (False,) and not self.gates:
+            gates = [Gate("p", -self.phase)]
+            return Unitary(gates, 1 + self.width, self.phase, control=control)
         if self.gates or self.phase != _NO_PHASE:
-            room(1 << min(controls - 1, 64))
-        flips = [] if on_one else [Gate("x", None, (qubit,)) for qubit in range(controls)]
+            room(1 << min(count - 1, 64))
+        flips = [Gate("x", None, (qubit,)) for qubit, on in enumerate(on_one) if not on]
         gates = [*flips]
-        for gate in controlled(self.gates, self.phase, controls):
+        for gate in controlled(self.gates, self.phase, count):
             gates.append(gate)
             room(len(gates))
-        return Unitary([*gates, *flips], width, control=control)
+        return Unitary([*gates, *flips], count + self.width, control=control)
 
     def power(self, exponent: float, room: Callable[[int], None] = lambda gates: None) -> Unitary:
         """The unitary to a real power: a rotation's angle multiplied, gates repeated, or a root.
@@ -88,8 +93,7 @@ class Unitary:
         if exponent.is_integer():
             room(len(self.gates) * int(abs(exponent)))
         if self.control is not None:
-            power, control = self.control.of.power(exponent, room), self.control
-            return power.controlled(control.controls, on_one=control.on_one, room=room)
+            return self.control.of.power(exponent, room)._under(self.control.on_one, room)
         if exponent.is_integer():
             count = int(abs(exponent))
             one = self if exponent >= 0 else self.inverse()

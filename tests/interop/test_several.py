@@ -23,6 +23,7 @@ from qcompile.errors import CircuitError
 from qcompile.interop.openqasm import uploads_of as uploads_of_qasm
 from qcompile.interop.qiskit import uploads_of
 from qcompile.ir import Program
+from qcompile.policy import Ansatz
 
 
 def bits_of(program: Program) -> dict[int, int]:
@@ -177,3 +178,16 @@ def test_a_gate_without_a_meaning_is_named() -> None:
         "  Circuits may contain standard gates, gates made of them, and measurements at the end.",
         "  Remove it, or replace it with standard gates.",
     ]
+
+
+def test_circuits_to_train_keep_their_observables() -> None:
+    circuit = QuantumCircuit(3, 3)
+    circuit.compose(uploading(), inplace=True)
+    circuit.measure([2, 0, 1], [0, 1, 2])
+    for ansatz in (Ansatz.from_qiskit(circuit), Ansatz.from_qasm(qasm3.dumps(circuit))):
+        assert ansatz.program.widths == (3,)
+        assert (ansatz.inputs, ansatz.parameters) == (("x0",), ("a", "b"))
+        values = {"x0": 0.7 * -1.2, "x1": 0.7 * 0.4, "theta0": -1.2, "theta1": 0.4}
+        assert ansatz.factors.tolist() == [0, 1]
+        wanted = z_of(circuit.assign_parameters({X: 0.7, A: -1.2, B: 0.4}), [2, 0, 1])
+        np.testing.assert_allclose(expectations(ansatz.program, values), wanted, atol=1e-10)

@@ -240,6 +240,17 @@ def test_modifiers_by_hand(statement: str, same_as: str) -> None:
     assert difference(*operators) < 1e-12
 
 
+def test_controls_of_controls_cost_no_more_than_as_many_at_once() -> None:
+    head = HEAD.replace("qubit[4]", "qubit[5]")
+    statements = (
+        "ctrl(4) @ x {};", "ctrl @ ctrl @ ctrl @ ctrl @ x {};", "ctrl(2) @ ccx {};", "c4x {};",
+        "ctrl @ inv @ ctrl @ ctrl @ cx {};",
+    )  # fmt: skip
+    qubits = ", ".join(f"q[{i}]" for i in range(5))
+    programs = {read(head + s.format(qubits) + "\n").program.circuits for s in statements}
+    assert len(programs) == 1
+
+
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_controls_of_a_definition_are_those_of_its_phase_too() -> None:
     """Qiskit keeps the phase of a definition: without it, the control would be another one."""

@@ -19,6 +19,12 @@ HEAD_3 = 'OPENQASM 3.0;\ninclude "stdgates.inc";\n'
 HEAD_2 = 'OPENQASM 2.0;\ninclude "qelib1.inc";\n'
 
 
+TWO = ("cx", "cz", "swap", "crz", "rzz", "both")
+OTHERS = {"u3": 3, "u2": 2, "u1": 1, "turn": 1, "crz": 1, "rzz": 1, "both": 1}
+OTHERS |= dict.fromkeys(("cx", "cz", "swap", "ccx", "nope"), 0)
+OPERANDS = ["q[0]", "q[1]", "q[2]", "q[02]", "q", "p", "$4", "q[3]", "r", "q[0:1]"]
+
+
 def outcome(text: str, *, fast: bool) -> object:
     reader = Reader(text, fast=fast)
     try:
@@ -39,16 +45,18 @@ def program(rng: random.Random, version: str) -> str:
     numbers = ["0.5", "-1", "1e-3", ".25", "3.", "007", "-0", "12345678901234567890", "1e400"]
     texts = ["pi/2", "-pi", "2*(pi-1)", "sin(0.3)", "-pi/3+0.1", "1/3", "pi//\n/2"]
     texts += ["x", "0.5*x-1", "k"] if version == "3" else ["2^3", "pi^2"]
+    lines.append("gate both(a) b, d { cx b, d; rx(a) d; barrier b, d; h b; }")
     for index in range(rng.randrange(40)):
-        name = rng.choice([*FIXED_GATES, *ROTATION_GATES, "u3", "u2", "u1", "turn", "cx", "nope"])
-        count = {"u3": 3, "u2": 2, "u1": 1, "turn": 1}.get(name, int(name in ROTATION_GATES))
+        name = rng.choice([*FIXED_GATES, *ROTATION_GATES, *OTHERS])
+        count = OTHERS.get(name, int(name in ROTATION_GATES))
         count += rng.random() < 0.02
         angles = [rng.choice(numbers if rng.random() < 0.6 else texts) for _ in range(count)]
         blank = rng.choice(["", "", "", " ", "\n", "  // why\n", "/* ; */"])
         head = f"{name}({blank.join([',']).join(angles)})" if angles else name
-        operand = rng.choice(
-            ["q[0]", "q[1]", "q[2]", "q[02]", "q", "p", "$4", "q[3]", "r", "q[0:1]"]
-        )
+        width = 1 + (rng.random() < (0.9 if name in TWO else 0.02))
+        operands = [rng.choice(OPERANDS if rng.random() < 0.3 else OPERANDS[:3])]
+        operands += rng.sample(OPERANDS[:3], width - 1)
+        operand = f"{blank},{blank}".join(operands)
         lines.append(f"{blank}{head} {blank}{operand}{blank};" if rng.random() > 0.02 else head)
         if version == "3" and rng.random() < 0.1:
             lines.append(rng.choice([f"const float k = {index};", "barrier q;", "inv @ s q[0];"]))
