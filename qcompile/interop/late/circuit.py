@@ -32,7 +32,7 @@ def late(isa_circuit: Any, target: Any = None, keep: Keep = "state") -> LateCirc
     `isa_circuit` is a QuantumCircuit after Qiskit's transpiler, with any gates, bits and control
     flow; what is no gate on one qubit stays where it is. A run is rz sx rz sx rz or shorter, or rz
     rx rz where `target` (a Target or BackendV2) has rx; without a target, where the circuit has rx
-    and no sx. `keep` is what stays the same from |0>, up to global phase: the "state", or the
+    and no sx. `keep` is what stays the same from `|0>`, up to global phase: the "state", or the
     distribution of a measurement in "z" of all qubits, which needs no rz at the end.
 
     Raises:
