@@ -23,9 +23,10 @@ class Source:
 
     `program` has a circuit for the qubits that couplings connect, and for each of the others; they
     come in the order of declaration (physical qubits in the order of first use), a circuit where
-    its first qubit comes. `qubits` has the number of each bit's qubit in that order. The inputs are
-    those that the file declares, followed by the `products` of two of them, if these were asked
-    for. `layout` has the file's registers, and the qubit and bit of every bit of the program.
+    its first qubit comes. `qubits` has the number of each bit's qubit in that order, by default the
+    bit's own. The inputs are those that the file declares, followed by the `products` of two of
+    them, if these were asked for. `layout` has the file's registers, and the qubit and bit of every
+    bit of the program.
     `notes` list what was left out; `marks` are the resets, barriers and delays, which are not part
     of any circuit, in the order of the file. `name` and `lines` are those of the file, for
     messages.
@@ -39,6 +40,10 @@ class Source:
     name: str = field(default="<string>", compare=False)
     lines: int = field(default=1, compare=False)
     products: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not self.qubits:
+            object.__setattr__(self, "qubits", tuple(range(self.program.bits)))
 
 
 def read(text: str, name: str = "<string>", *, products: bool = False) -> Source:
