@@ -137,7 +137,7 @@ def test_another_routing_is_no_replay(runs: Runs, monkeypatch: pytest.MonkeyPatc
     assert first is not None
     avoided = int(first.qubits[0])
 
-    def other(circuit: Circuit, device: Device, *, taken: Collection[int]) -> Any:
+    def other(circuit: Circuit, device: Device, *, taken: Collection[int], **_: Any) -> Any:
         return route(circuit, device, taken={*taken, avoided})
 
     monkeypatch.setattr("qcompile.passes.place_wide.route", other)
